@@ -1,0 +1,1 @@
+"""pointglass's network and everything that trains and judges it.  Never imports ``viewer``."""

@@ -1,0 +1,1 @@
+"""Data sets: what the network learns from and is judged on."""

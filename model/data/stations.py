@@ -1,0 +1,162 @@
+"""Registered rooms: panoramas taken at scanner stations, and true views taken elsewhere in the same room.
+
+A scene folder holds ``scene.json`` with ``stations`` (six cube faces each: colour and z-depth) and ``views`` (and perhaps
+``path``: a slow camera move).  Every pixel of a station face is a possible laser return, so the stations give a
+point cloud, and the views give what the network should make of it.  World frame: the file's, metres, y up; camera
+frames are OpenGL's (x right, y up, -z forward).
+"""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+
+class DataError(Exception):
+    """A data folder that cannot be used; the message names the files."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture with depth and pose.  fl: pixels; the principal point is the centre of the picture."""
+
+    folder: Path
+    rgb_file: str
+    depth_file: str
+    width: int
+    height: int
+    fl: float
+    camera_to_world: np.ndarray
+    depth_scale: float
+
+    def rgb(self) -> np.ndarray:
+        """(H, W, 3) uint8, sRGB."""
+        return np.asarray(Image.open(self.folder / self.rgb_file).convert("RGB"))
+
+    def depth(self) -> np.ndarray:
+        """(H, W) float32 z-depth in metres, +inf where nothing returned."""
+        stored = np.asarray(Image.open(self.folder / self.depth_file)).astype(np.float32)
+        return np.where(stored > 0, stored / np.float32(self.depth_scale), np.float32(np.inf))
+
+
+@dataclass(frozen=True)
+class StationScene:
+    """A scene folder: ``stations`` is a list of six-face lists, ``views`` and ``path`` are lists of shots."""
+
+    name: str
+    stations: list[list[Shot]]
+    views: list[Shot]
+    path: list[Shot] = field(default_factory=list)
+
+
+def load_scene(folder: Path) -> StationScene:
+    """Reads ``scene.json`` and checks that every picture it names is there.  DataError names the first ten missing."""
+    folder = Path(folder)
+    try:
+        data = json.loads((folder / "scene.json").read_text())
+        scale = float(data["depth_scale"])
+
+        def shot(entry: dict) -> Shot:
+            return Shot(
+                folder, entry["rgb"], entry["depth"], int(entry["w"]), int(entry["h"]), float(entry["fl"]),
+                np.asarray(entry["camera_to_world"], np.float64).reshape(4, 4), scale,
+            )
+
+        scene = StationScene(
+            str(data.get("scene", folder.name)),
+            [[shot(face) for face in station["faces"]] for station in data["stations"]],
+            [shot(view) for view in data["views"]],
+            [shot(view) for view in data.get("path", [])],
+        )
+    except FileNotFoundError:
+        raise DataError(f"{folder}: no scene.json in this folder") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{folder / 'scene.json'}: not a scene description ({error!r})") from None
+    shots = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
+    missing = [
+        str(folder / name) for s in shots for name in (s.rgb_file, s.depth_file) if not (folder / name).is_file()
+    ]
+    if missing:
+        raise DataError(f"{folder}: {len(missing)} files named in scene.json are missing: {', '.join(missing[:10])}")
+    return scene
+
+
+def shot_points(shot: Shot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Every pixel of a picture that returned, as points.
+
+    Returns xyz (N, 3) float64 world, rgb (N, 3) uint8, edge (N,) bool: the pixel sits on a depth discontinuity.
+    """
+    depth = shot.depth().astype(np.float64)
+    finite = np.isfinite(depth)
+    j, i = np.nonzero(finite)
+    z = depth[finite]
+    local = np.stack(
+        [(i + 0.5 - shot.width / 2) / shot.fl * z, -(j + 0.5 - shot.height / 2) / shot.fl * z, -z], axis=1
+    )
+    xyz = local @ shot.camera_to_world[:3, :3].T + shot.camera_to_world[:3, 3]
+    inverse = np.pad(np.where(finite, 1.0 / depth, 0.0), 1, mode="edge")
+    mid = inverse[1:-1, 1:-1]
+    bend = [abs(inverse[1:-1, :-2] + inverse[1:-1, 2:] - 2 * mid), abs(inverse[:-2, 1:-1] + inverse[2:, 1:-1] - 2 * mid)]
+    edge = np.maximum(*bend) > 0.03 * mid
+    return xyz, shot.rgb()[finite], edge[finite]
+
+
+@dataclass(frozen=True)
+class ScanModel:
+    """How the stations are turned into a scan, as a real scanner would spoil them.
+
+    exposure: largest gain of a station around 1; the stations' mean gain is 1 (see data/README: a brightness that nothing
+    in the scan could tell would otherwise be judged).  range_noise: metres, plus range_noise_relative x range.
+    mixed: share of the returns at depth edges that hang between the two surfaces.  dropout: share lost at random.
+    """
+
+    exposure: float = 0.12
+    white_balance: float = 0.02
+    range_noise: float = 0.0008
+    range_noise_relative: float = 0.0003
+    mixed: float = 0.15
+    dropout: float = 0.01
+    misregistration: float = 0.001
+    colour_noise: float = 1.5
+
+
+@dataclass(frozen=True)
+class Scan:
+    """A merged, coloured scan.  xyz (N, 3) float64 metres; rgb (N, 3) uint8; station (N,) uint8."""
+
+    xyz: np.ndarray
+    rgb: np.ndarray
+    station: np.ndarray
+
+
+def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:
+    """The merged scan of all stations of a scene, spoiled by ``model`` with the given seed."""
+    model = model or ScanModel()
+    rng = np.random.default_rng(seed)
+    count = len(scene.stations)
+    gains = 1 + model.exposure * rng.uniform(-1, 1, count)
+    gains = gains / gains.mean()
+    parts = []
+    for index, faces in enumerate(scene.stations):
+        balance = gains[index] * (1 + model.white_balance * rng.uniform(-1, 1, 3))
+        shift = rng.normal(0, model.misregistration, 3)
+        for face in faces:
+            xyz, rgb, edge = shot_points(face)
+            keep = rng.random(len(xyz)) >= model.dropout
+            xyz, rgb, edge = xyz[keep], rgb[keep], edge[keep]
+            centre = face.camera_to_world[:3, 3]
+            ray = xyz - centre
+            distance = np.linalg.norm(ray, axis=1)
+            spread = model.range_noise + model.range_noise_relative * distance
+            scale = 1 + rng.normal(0, 1, len(xyz)) * spread / distance
+            hang = edge & (rng.random(len(xyz)) < model.mixed)  # the beam split by an edge returns a range in between
+            scale = np.where(hang, scale * (1 + rng.uniform(-0.08, 0.08, len(xyz))), scale)
+            noisy = rgb * balance + rng.normal(0, model.colour_noise, rgb.shape)
+            parts.append((centre + ray * scale[:, None] + shift, np.clip(np.rint(noisy), 0, 255).astype(np.uint8), index))
+    return Scan(
+        np.concatenate([p[0] for p in parts]),
+        np.concatenate([p[1] for p in parts]),
+        np.concatenate([np.full(len(p[0]), p[2], np.uint8) for p in parts]),
+    )

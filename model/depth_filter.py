@@ -1,0 +1,161 @@
+"""Which pixels show the surface in front: the depth filter in torch, twin of the GLSL passes ``filter_*.comp``.
+
+``auto`` is ours.  It works on inverse depth w = 1/z (0 where empty), in which a plane is affine.  Going down a pyramid of
+nearest values (max of w) it counts how many level-0 pixels support each block's front surface.  At every level a pixel is
+hidden if the eight blocks around its own hold, in every direction, something clearly nearer: for each two
+consecutive blocks of the ring at least one.  "Clearly" allows a relative tolerance and the slope of the surrounding
+surface.  A level only speaks where the surface in front is so sparse that a gap of one finer block could be
+chance; where it is dense, a gap is a real opening and coarser levels keep silent.  At a silhouette the nearer surface lies
+on one side only, so the background beside it stays, however coarse the level.  No threshold carries a unit.
+
+``paper-code`` follows the published program, ``paper-text`` the paper's description (Vanherck et al. 2025, "Depth
+filtering"), ``npbg++`` the visibility test of Rakhimov et al. 2022.
+"""
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from model.pyramid import RING, bilinear, clamped, parents, quads, shifted
+
+LEVELS = {"auto": 5, "paper-code": 4, "paper-text": 4, "npbg++": 3}
+"""Pyramid levels above the picture, by preset."""
+
+TOLERANCE = 0.01  # of inverse depth: nearer than this is "clearly nearer"
+SLOPE = 0.5  # of a block's slope, both axes summed, allowed on top
+SAME_SURFACE = 0.02  # of inverse depth: children this close belong to the block's front surface
+TWIST = 0.015  # of inverse depth: four children this close to a plane may differ by that plane's slope
+SUPPORT = 1.75  # expected points in a finer block above which that block's emptiness is no chance
+
+EMPTY = 1e30  # what the published code reads as depth where there is none
+PARENT_RATIO = 0.025
+EDGE = 0.03
+NPBG_DEPTH = 0.05
+
+
+def keep_mask(depth: Tensor, preset: str = "auto", *, strength: float = 1.0, levels: int | None = None,
+              metre: float = 1.0) -> Tensor:
+    """(H, W) bool: True where the pixel holds a point of the foremost surface.
+
+    depth: (H, W), view-space z in file units, +inf where empty.  strength: multiplies the preset's depth tolerance;
+    smaller keeps fewer points.  metre: file units in a metre, for the presets whose thresholds are metres.
+    Raises KeyError for an unknown preset.
+    """
+    if preset == "off":
+        return torch.isfinite(depth)
+    levels = LEVELS[preset] if levels is None else levels
+    if preset == "auto":
+        return _auto(depth, strength, levels)
+    if preset == "npbg++":
+        return _npbg(depth, strength, levels, metre)
+    return _parents(depth, strength, levels, metre, published=preset == "paper-code")
+
+
+def _near_pyramid(depth: Tensor, levels: int) -> tuple[list[Tensor], list[Tensor]]:
+    """Inverse depth of the nearest point in each block, and how many level-0 pixels lie on its surface."""
+    near = [torch.where(torch.isfinite(depth), 1.0 / depth, torch.zeros_like(depth))]
+    support = [(near[0] > 0).to(depth.dtype)]
+    for _ in range(levels):
+        a, b, c, d = children = quads(near[-1], 0.0)
+        top = torch.maximum(torch.maximum(a, b), torch.maximum(c, d))
+        bottom = torch.minimum(torch.minimum(a, b), torch.minimum(c, d))
+        planar = (bottom > 0) & (((a - b) - (c - d)).abs() <= TWIST * top)
+        slope = torch.minimum((a - b).abs(), (c - d).abs()) + torch.minimum((a - c).abs(), (b - d).abs())
+        limit = top * (1.0 - SAME_SURFACE) - torch.where(planar, slope, torch.zeros_like(slope))
+        counts = quads(support[-1], 0.0)
+        zero = torch.zeros_like(top)
+        support.append(sum((torch.where(w >= limit, n, zero) for w, n in zip(children, counts, strict=True)), zero))
+        near.append(top)
+    return near, support
+
+
+def _hiding_threshold(near: Tensor, support: Tensor, strength: float) -> Tensor:
+    """Inverse depth below which a pixel inside each block is hidden by the blocks around; 0 where none can tell."""
+    ring = [shifted(near, dx, dy, 0.0) for dx, dy in RING]
+    counts = [shifted(support, dx, dy, 0.0) for dx, dy in RING]
+    front = torch.maximum(ring[0], ring[1])
+    for k in range(1, 8):
+        front = torch.minimum(front, torch.maximum(ring[k], ring[(k + 1) % 8]))
+    east, south_east, south, south_west, west, north_west, north, north_east = ring
+    slope = _slope(((east, west), (north_east, north_west), (south_east, south_west)))
+    slope = slope + _slope(((south, north), (south_west, north_west), (south_east, north_east)))
+    limit = front * (1.0 - SAME_SURFACE)
+    count = torch.where(near >= limit, support, torch.zeros_like(support))
+    for w, n in zip(ring, counts, strict=True):
+        count = count + torch.where(w >= limit, n, torch.zeros_like(n))
+    threshold = front * (1.0 - TOLERANCE * strength) - slope * (SLOPE * strength)
+    return torch.where(count < 36.0 * SUPPORT, threshold.clamp_min(0.0), torch.zeros_like(threshold))
+
+
+def _slope(pairs) -> Tensor:
+    """Smallest difference a block among opposite neighbours that are both there; huge where no pair is."""
+    best = torch.full_like(pairs[0][0], EMPTY)
+    for a, b in pairs:
+        best = torch.where((a > 0) & (b > 0), torch.minimum(best, (a - b).abs() * 0.5), best)
+    return best
+
+
+def _auto(depth: Tensor, strength: float, levels: int) -> Tensor:
+    near, support = _near_pyramid(depth, levels)
+    threshold = _hiding_threshold(near[-1], support[-1], strength)
+    for i in range(levels - 1, -1, -1):
+        own = _hiding_threshold(near[i], support[i], strength)
+        threshold = torch.maximum(own, parents(threshold, *own.shape))
+    return (near[0] > 0) & (near[0] >= threshold)
+
+
+def _parents(depth: Tensor, strength: float, levels: int, metre: float, *, published: bool) -> Tensor:
+    """Both presets of the paper: child against parent, from coarse to fine, dropped children refilled."""
+    ratio = 1.0 + PARENT_RATIO * strength
+    nearest = [torch.where(torch.isfinite(depth), depth, torch.full_like(depth, EMPTY))]
+    for _ in range(levels):
+        a, b, c, d = quads(nearest[-1], EMPTY)
+        nearest.append(torch.minimum(torch.minimum(a, b), torch.minimum(c, d)))
+    coarse = nearest[-1]
+    keep = coarse < EMPTY
+    for fine in reversed(nearest[:-1]):
+        edge, farthest = (_edge_published if published else _edge_described)(coarse, metre)
+        reference = torch.where(edge, farthest, coarse)
+        keep = (fine < EMPTY) & (fine <= ratio * parents(reference, *fine.shape))
+        fill = bilinear(coarse, *fine.shape) if published else _bilinear_known(coarse, *fine.shape)
+        coarse = torch.where(keep, fine, fill)
+    return keep
+
+
+def _edge_published(coarse: Tensor, metre: float) -> tuple[Tensor, Tensor]:
+    """As published: absolute threshold, positive side only, empty read as a huge depth."""
+    laplacian = (clamped(coarse, -1, 0) + clamped(coarse, 1, 0)) + (clamped(coarse, 0, -1) + clamped(coarse, 0, 1))
+    padded = F.pad(coarse[None, None], (1, 1, 1, 1), mode="replicate")
+    return laplacian - 4.0 * coarse > EDGE * metre, F.max_pool2d(padded, 3, 1)[0, 0]
+
+
+def _edge_described(coarse: Tensor, metre: float) -> tuple[Tensor, Tensor]:
+    """As described: both sides of an edge, relative to depth, empties left out of everything."""
+    laplacian, farthest = torch.zeros_like(coarse), coarse
+    for dx, dy in RING:
+        neighbour = clamped(coarse, dx, dy)
+        known = neighbour < EMPTY
+        if dx == 0 or dy == 0:
+            laplacian = laplacian + torch.where(known, neighbour - coarse, torch.zeros_like(coarse))
+        farthest = torch.where(known, torch.maximum(farthest, neighbour), farthest)
+    return (coarse < EMPTY) & (laplacian.abs() > EDGE * coarse), farthest
+
+
+def _bilinear_known(coarse: Tensor, height: int, width: int) -> Tensor:
+    known = (coarse < EMPTY).to(coarse.dtype)
+    weight = bilinear(known, height, width)
+    value = bilinear(coarse * known, height, width)
+    return torch.where(weight > 0, value / weight.clamp_min(0.0625), torch.full_like(value, EMPTY))
+
+
+def _npbg(depth: Tensor, strength: float, levels: int, metre: float) -> Tensor:
+    """One level: score exp(zmin - z) with zmin the nearest depth of the pixel's block, kept down to a fixed score."""
+    nearest = torch.where(torch.isfinite(depth), depth, torch.full_like(depth, EMPTY))
+    fine = nearest
+    for _ in range(levels):
+        a, b, c, d = quads(nearest, EMPTY)
+        nearest = torch.minimum(torch.minimum(a, b), torch.minimum(c, d))
+    for _ in range(levels):
+        nearest = nearest.repeat_interleave(2, -2).repeat_interleave(2, -1)
+    nearest = nearest[..., : depth.shape[-2], : depth.shape[-1]]
+    return (fine < EMPTY) & (fine - nearest <= NPBG_DEPTH * strength * metre)

@@ -1,0 +1,84 @@
+"""Perceptual distances: LPIPS where its weights are at hand, else the SqueezeNet distance from files given by path.
+
+``SqueezeDistance`` uses ImageNet SqueezeNet 1.1 features and LPIPS's linear heads for them (Zhang et al. 2018).  It is not
+the published LPIPS, whose backbone was trained elsewhere: every figure made with it is called "SqueezeNet distance".
+Pictures are (B, 3, H, W) in 0..1, sRGB.
+"""
+
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+_FIRES = ("fire2", "fire3", "fire4", "fire5", "fire6", "fire7", "fire8", "fire9")
+_TAPS = ("fire3", "fire5", "fire6", "fire7", "fire8", "fire9")
+_POOL_BEFORE = ("fire2", "fire4", "fire6")
+
+
+class SqueezeDistance(nn.Module):
+    """Mean perceptual distance of two batches of pictures; 0 where they are equal.
+
+    folder: holds ``sqz_notop.mat`` (features) and ``lin_v0.1_squeeze.pth`` (heads).  Raises FileNotFoundError.
+    """
+
+    def __init__(self, folder: Path):
+        super().__init__()
+        from scipy.io import loadmat
+
+        stored = loadmat(str(Path(folder) / "sqz_notop.mat"))
+        heads = torch.load(Path(folder) / "lin_v0.1_squeeze.pth", map_location="cpu", weights_only=True)
+        for name in ("conv1", *(f"{fire}/{part}" for fire in _FIRES for part in ("squeeze1x1", "expand1x1", "expand3x3"))):
+            weight, bias = stored[name][0]
+            key = name.replace("/", "_")
+            self.register_buffer(f"{key}_weight", torch.from_numpy(weight.copy()).float().permute(3, 2, 0, 1).contiguous())
+            self.register_buffer(f"{key}_bias", torch.from_numpy(bias.copy()).float().flatten())
+        for number in range(7):
+            self.register_buffer(f"head{number}", heads[f"lin{number}.model.1.weight"].flatten())
+        self.register_buffer("mean", torch.tensor([104.0, 117.0, 123.0])[None, :, None, None])
+
+    def _convolve(self, x: Tensor, key: str, **options) -> Tensor:
+        return F.relu(F.conv2d(x, self.get_buffer(f"{key}_weight"), self.get_buffer(f"{key}_bias"), **options))
+
+    def features(self, picture: Tensor) -> list[Tensor]:
+        """Seven maps of unit-length feature vectors."""
+        x = self._convolve(picture.flip(1) * 255.0 - self.mean, "conv1", stride=2)
+        maps = [x]
+        for fire in _FIRES:
+            if fire in _POOL_BEFORE:
+                x = F.max_pool2d(x, 3, 2, ceil_mode=True)
+            x = self._convolve(x, f"{fire}_squeeze1x1")
+            x = torch.cat([self._convolve(x, f"{fire}_expand1x1"), self._convolve(x, f"{fire}_expand3x3", padding=1)], 1)
+            if fire in _TAPS:
+                maps.append(x)
+        return [m * torch.rsqrt(m.square().sum(1, keepdim=True) + 1e-10) for m in maps]
+
+    def forward(self, a: Tensor, b: Tensor) -> Tensor:
+        """Scalar: distance averaged over pictures and places, summed over maps."""
+        total = a.new_zeros(())
+        for number, (p, q) in enumerate(zip(self.features(a), self.features(b), strict=True)):
+            head = self.get_buffer(f"head{number}")[None, :, None, None]
+            total = total + ((p - q).square() * head).sum(1).mean()
+        return total
+
+
+def perceptual(path: Path | None) -> tuple[nn.Module | None, str]:
+    """The distance to train and judge with, and its name for tables: LPIPS if installed with weights at hand, else the
+    SqueezeNet distance from ``path``, else (None, "none")."""
+    if path is not None:
+        return SqueezeDistance(path).eval(), "SqueezeNet distance"
+    try:
+        import lpips  # type: ignore[import-not-found]
+
+        return _Lpips(lpips.LPIPS(net="vgg", verbose=False).eval()), "LPIPS (VGG)"
+    except Exception:  # not installed, or its weights cannot be fetched: say so by name, train without
+        return None, "none"
+
+
+class _Lpips(nn.Module):
+    def __init__(self, network: nn.Module):
+        super().__init__()
+        self.network = network
+
+    def forward(self, a: Tensor, b: Tensor) -> Tensor:
+        return self.network(a, b, normalize=True).mean()

@@ -1,0 +1,129 @@
+"""The plain twin of the OpenGL frame in torch: points to picture, on any device, in float32 or float64.
+
+It serves training where there is no OpenGL, is the reference the GL passes are tested against on the same packed
+points, and so leaves no difference between what the network learns from and what it is served.
+
+View frame: x right, y down, z forward, file units.  A pixel spans [i, i + 1] x [j, j + 1], row 0 at the top.  In float32
+the arithmetic, its order included, is that of ``shaders/common_project.glsl``; nothing here is fused or reordered.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from model.depth_filter import keep_mask
+from model.pull_push import pull_push
+
+DEPTH_FEATURE_SCALE = 0.25
+DEPTH_FEATURE_LIMIT = 2.0
+SOFT_RELATIVE = 1.0 / 128.0  # of depth
+SOFT_SPACINGS = 1.0  # of point spacing
+PAPER_SOFT_METRES = 0.02
+
+
+@dataclass(frozen=True)
+class SoftZ:
+    """Depth tolerance of the soft z-buffer: points within max(relative x zmin, absolute) behind the nearest count.
+
+    absolute: file units.  rounded: the published code's pixel, u rounded instead of cut off.
+    """
+
+    relative: float
+    absolute: float
+    rounded: bool = False
+
+    @staticmethod
+    def preset(name: str, spacing: float, metre: float) -> "SoftZ":
+        """``auto``, ``paper-code`` or ``paper-text``.  spacing: file units.  metre: file units in a metre."""
+        if name == "auto":
+            return SoftZ(SOFT_RELATIVE, SOFT_SPACINGS * spacing)
+        return SoftZ(0.0, PAPER_SOFT_METRES * metre, rounded=name == "paper-code")
+
+
+@dataclass(frozen=True)
+class Raster:
+    """colour (3, H, W) float 0..255, whole numbers; depth (H, W) nearest view-space z, +inf where empty; count (H, W)
+    int64, the points averaged."""
+
+    colour: Tensor
+    depth: Tensor
+    count: Tensor
+
+
+def unpack_points(packed: Tensor) -> tuple[Tensor, Tensor]:
+    """(N, 3) int64 words of packed points -> (N, 3) int64 steps in the cell, (N, 3) int64 sRGB 0..255."""
+    w0, w1, w2 = packed.unbind(1)
+    return (
+        torch.stack([w0 & 0xFFFF, w0 >> 16, w1 & 0xFFFF], 1),
+        torch.stack([w2 & 0xFF, (w2 >> 8) & 0xFF, (w2 >> 16) & 0xFF], 1),
+    )
+
+
+def view_points(steps: Tensor, cells: Tensor, cell_view: Tensor, axes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Packed points in the view frame.
+
+    steps: (N, 3) int.  cells: (N,) int64 into cell_view.  cell_view: (C, 3) view-space position of each cell's first
+    step centre.  axes: (3, 3) view rotation times the step, columns are the cell's x, y, z.  Returns x, y, z: (N,) each.
+    """
+    qx, qy, qz = steps.to(axes.dtype).unbind(1)
+    origin = cell_view[cells]
+    x, y, z = (origin[:, k] + ((axes[k, 0] * qx + axes[k, 1] * qy) + axes[k, 2] * qz) for k in range(3))
+    return x, y, z
+
+
+def pixels(x: Tensor, y: Tensor, z: Tensor, camera, *, rounded: bool = False) -> tuple[Tensor, Tensor]:
+    """Which pixel each point falls in.
+
+    camera: anything with width, height, fx, fy, cx, cy (pixels).  Returns index (M,) int64 into row-major pixels and
+    inside (N,) bool; points at or behind the camera plane, or outside the picture, are left out of index.
+    """
+    scalar = torch.tensor((camera.fx, camera.fy, camera.cx, camera.cy), dtype=torch.float64).to(z)
+    inverse = 1.0 / z
+    u = scalar[0] * (x * inverse) + scalar[2]
+    v = scalar[1] * (y * inverse) + scalar[3]
+    if rounded:
+        u, v = u + 0.5, v + 0.5
+    inside = (z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
+    return v[inside].long() * camera.width + u[inside].long(), inside
+
+
+def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, soft: SoftZ) -> Raster:
+    """1x1 points through the soft z-buffer (paper, "Point Cloud Projection").
+
+    index: (N,) int64 pixel.  z: (N,) > 0.  rgb: (N, 3) 0..255.  Colours are the whole-number mean of the points within
+    the tolerance, rounded half up, of sRGB values.
+    """
+    depth = torch.full((height * width,), torch.inf, dtype=z.dtype, device=z.device)
+    depth.scatter_reduce_(0, index, z, "amin")
+    limit = torch.maximum(depth * (1.0 + soft.relative), depth + soft.absolute)
+    counted = z <= limit[index]
+    index, rgb = index[counted], rgb[counted]
+    count = torch.bincount(index, minlength=height * width)
+    sums = torch.stack([torch.bincount(index, rgb[:, c].double(), height * width) for c in range(3)]).long()
+    mean = (2 * sums + count) // (2 * count).clamp_min(1)
+    return Raster(mean.to(z.dtype).reshape(3, height, width), depth.reshape(height, width), count.reshape(height, width))
+
+
+def depth_feature(depth: Tensor, focal: float, spacing: float) -> Tensor:
+    """Scale-free depth for the network: log2(z / (focal x spacing)) x 1/4, clipped to +-2; 0 where empty.
+
+    focal: pixels.  spacing: file units between neighbouring points.  0 where neighbours are one pixel apart, above it
+    where they are closer.
+    """
+    value = torch.log2(depth / (focal * spacing)) * DEPTH_FEATURE_SCALE
+    return torch.where(torch.isfinite(depth), value.clamp(-DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_LIMIT), 0.0)
+
+
+def network_input(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:
+    """(5, H, W): filled RGB 0..1, keep-mask, filled depth feature."""
+    feature = depth_feature(raster.depth, focal, spacing)
+    filled = pull_push(torch.cat([raster.colour / 255.0, feature[None]]), mask)
+    return torch.cat([filled[:3], mask.to(filled.dtype)[None], filled[3:]])
+
+
+def frame(index: Tensor, z: Tensor, rgb: Tensor, camera, soft: SoftZ, *, preset: str = "auto", strength: float = 1.0,
+          levels: int | None = None, metre: float = 1.0) -> tuple[Raster, Tensor]:
+    """Raster and keep-mask of one picture."""
+    raster = rasterise(index, z, rgb, camera.width, camera.height, soft)
+    return raster, keep_mask(raster.depth, preset, strength=strength, levels=levels, metre=metre)

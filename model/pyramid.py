@@ -1,0 +1,62 @@
+"""Image pyramid steps shared by the depth filter and the fill, in torch: the plain twins of the GLSL passes.
+
+Images are (H, W) or (..., H, W) tensors, row 0 at the top.  Level i + 1 has ceil(H / 2) x ceil(W / 2) pixels; what lies
+outside the picture counts as empty.  Any float dtype, any device; float32 here repeats the shaders' arithmetic.
+"""
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+RING = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))
+"""(dx, dy) of the eight neighbours, in circular order."""
+
+
+def half(size: int) -> int:
+    """Pixels along a side of the next coarser level."""
+    return (size + 1) // 2
+
+
+def quads(image: Tensor, empty: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """The four children (top left, top right, bottom left, bottom right) of every pixel of the next coarser level."""
+    h, w = image.shape[-2:]
+    image = F.pad(image, (0, w & 1, 0, h & 1), value=empty)
+    return (
+        image[..., 0::2, 0::2], image[..., 0::2, 1::2], image[..., 1::2, 0::2], image[..., 1::2, 1::2],
+    )
+
+
+def shifted(image: Tensor, dx: int, dy: int, empty: float) -> Tensor:
+    """The image whose pixel (x, y) is the input's (x + dx, y + dy), ``empty`` beyond the border."""
+    h, w = image.shape[-2:]
+    return F.pad(image, (1, 1, 1, 1), value=empty)[..., 1 + dy : 1 + dy + h, 1 + dx : 1 + dx + w]
+
+
+def clamped(image: Tensor, dx: int, dy: int) -> Tensor:
+    """As :func:`shifted`, with the border pixel repeated outward."""
+    h, w = image.shape[-2:]
+    rows = torch.arange(h, device=image.device).add_(dy).clamp_(0, h - 1)
+    columns = torch.arange(w, device=image.device).add_(dx).clamp_(0, w - 1)
+    return image[..., rows[:, None], columns[None, :]]
+
+
+def parents(image: Tensor, height: int, width: int) -> Tensor:
+    """Each pixel of the finer level's own parent, at the finer level's size."""
+    return image.repeat_interleave(2, -2).repeat_interleave(2, -1)[..., :height, :width]
+
+
+def bilinear(image: Tensor, height: int, width: int) -> Tensor:
+    """The coarser level sampled bilinearly at the finer level's pixel centres, borders repeated.
+
+    Weights 9/16, 3/16, 3/16, 1/16, summed rows first: ((9a + 3b) + (3c + d)) / 16, a the parent, b beside it, c above or
+    below it, d across.
+    """
+    columns = []
+    for side in (-1, 1):
+        rows = []
+        for vertical in (-1, 1):
+            a, b = image, clamped(image, side, 0)
+            c, d = clamped(image, 0, vertical), clamped(image, side, vertical)
+            rows.append(((9.0 * a + 3.0 * b) + (3.0 * c + d)) * 0.0625)
+        columns.append(torch.stack(rows, -2).flatten(-3, -2))
+    return torch.stack(columns, -1).flatten(-2)[..., :height, :width]

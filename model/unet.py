@@ -1,0 +1,131 @@
+"""The networks: a compact U-Net that corrects the filled picture, and the paper's, for comparison.
+
+``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGB in 0..1 of the same size:
+the filled picture plus a learned correction.  It works at half resolution on 2x2 pixel blocks (space to depth), so
+every convolution is wide and cheap and no detail is lost, and is fully convolutional: any size is padded and cropped.
+"""
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+INPUT_CHANNELS = 5
+"""Filled red, green, blue; keep-mask; filled scale-free depth."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """Channels of each level and 3x3 convolutions on the way down and up at each."""
+
+    widths: tuple[int, ...]
+    convolutions: int
+
+
+SIZES = {
+    "fast": Size((32, 64, 96, 128), 1),
+    "balanced": Size((64, 128, 192, 256), 1),
+    "best": Size((96, 128, 192, 256), 2),
+}
+
+
+def _convolutions(width: int, count: int) -> nn.Sequential:
+    layers = []
+    for _ in range(count):
+        layers += [nn.Conv2d(width, width, 3, padding=1), nn.ReLU(inplace=True)]
+    return nn.Sequential(*layers)
+
+
+class CompactUNet(nn.Module):
+    """(B, 5, H, W) -> (B, 3, H, W).  Skips are added, not concatenated; no normalisation layers."""
+
+    def __init__(self, size: Size):
+        super().__init__()
+        widths, count = size.widths, size.convolutions
+        self.multiple = 2 ** len(widths)
+        self.stem = nn.Conv2d(4 * INPUT_CHANNELS, widths[0], 3, padding=1)
+        self.down = nn.ModuleList(_convolutions(w, count) for w in widths)
+        self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:], strict=False))
+        self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in zip(widths, widths[1:], strict=False))
+        self.up = nn.ModuleList(_convolutions(w, count) for w in widths[:-1])
+        self.head = nn.Conv2d(widths[0], 12, 3, padding=1)
+        nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture
+        if self.head.bias is not None:
+            nn.init.zeros_(self.head.bias)
+
+    def forward(self, x: Tensor) -> Tensor:
+        height, width = x.shape[-2:]
+        padded = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
+        h = F.relu(self.stem(F.pixel_unshuffle(padded, 2)))
+        skips = []
+        for level, convolutions in enumerate(self.down):
+            h = convolutions(h)
+            if level < len(self.shrink):
+                skips.append(h)
+                h = F.relu(self.shrink[level](h))
+        for level in range(len(skips) - 1, -1, -1):
+            h = F.interpolate(self.grow[level](h), scale_factor=2, mode="nearest")
+            h = self.up[level](F.relu(h + skips[level]))
+        correction = F.pixel_shuffle(self.head(h), 2)[..., :height, :width]
+        return x[:, :3] + correction
+
+
+class PaperUNet(nn.Module):
+    """The paper's U-Net (Vanherck et al. 2025): 64 to 1024 channels, batch normalisation, transposed convolutions.
+
+    (B, 5, H, W) RGB, keep-mask and depth -> (B, 3, H, W).  31 million parameters.
+    """
+
+    def __init__(self, base: int = 64):
+        super().__init__()
+        self.multiple = 16
+        widths = [base * 2**i for i in range(5)]
+
+        def double(a: int, b: int) -> nn.Sequential:
+            layers: list[nn.Module] = []
+            for source in (a, b):
+                layers += [nn.Conv2d(source, b, 3, padding=1, bias=False), nn.BatchNorm2d(b), nn.ReLU(inplace=True)]
+            return nn.Sequential(*layers)
+
+        self.down = nn.ModuleList(double(a, b) for a, b in zip([INPUT_CHANNELS, *widths], widths, strict=False))
+        self.grow = nn.ModuleList(nn.ConvTranspose2d(2 * w, w, 2, stride=2) for w in widths[:-1])
+        self.up = nn.ModuleList(double(2 * w, w) for w in widths[:-1])
+        self.head = nn.Conv2d(base, 3, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        height, width = x.shape[-2:]
+        h = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
+        skips = []
+        for level, block in enumerate(self.down):
+            h = block(h if level == 0 else F.max_pool2d(h, 2))
+            skips.append(h)
+        for level in range(len(self.up) - 1, -1, -1):
+            h = self.up[level](torch.cat([skips[level], self.grow[level](h)], 1))
+        return self.head(h)[..., :height, :width]
+
+
+def make_network(quality: str) -> nn.Module:
+    """An untrained network of the named quality (a key of SIZES, or ``paper``)."""
+    return PaperUNet() if quality == "paper" else CompactUNet(SIZES[quality])
+
+
+def mac_per_pixel(network: nn.Module, side: int = 256) -> float:
+    """Multiply-accumulates of all convolutions for one pixel of a side x side picture (counted by running it)."""
+    total = 0
+
+    def count(module: nn.Module, _inputs, output: Tensor) -> None:
+        nonlocal total
+        if isinstance(module, nn.Conv2d):
+            total += output.numel() * module.weight[0].numel()
+        elif isinstance(module, nn.ConvTranspose2d):
+            total += output.numel() * module.weight.shape[0]
+
+    hooks = [m.register_forward_hook(count) for m in network.modules()]
+    training = network.training
+    with torch.no_grad():
+        network.eval()(torch.zeros(1, INPUT_CHANNELS, side, side))
+    network.train(training)
+    for hook in hooks:
+        hook.remove()
+    return total / side**2

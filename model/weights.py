@@ -1,0 +1,95 @@
+"""Weights on disk: safetensors with what they are in the header, found by quality and input.
+
+``assets/weights/balanced-filtered.safetensors`` is the balanced network trained on filtered pictures;
+``...-unfiltered`` the one for ``--filter off``.  No pickle is ever read.
+"""
+
+import hashlib
+import json
+import os
+from pathlib import Path
+
+import torch
+from torch import nn
+
+from model.unet import INPUT_CHANNELS, SIZES, make_network
+
+FORMAT = "pointglass-weights-1"
+_PACKAGE = Path(__file__).resolve().parent
+
+
+class WeightsError(Exception):
+    """Weights that are missing or do not fit; the message names the file and what to do."""
+
+
+def weights_dir() -> Path:
+    """Folder of the shipped weights, in a checkout or an installed wheel."""
+    bundled = _PACKAGE / "_data" / "weights"
+    return bundled if bundled.is_dir() else _PACKAGE.parent / "assets" / "weights"
+
+
+def weights_name(quality: str, *, filtered: bool) -> str:
+    """Name of a shipped weights file, without its folder and suffix."""
+    return f"{quality}-{'filtered' if filtered else 'unfiltered'}"
+
+
+def shipped() -> list[str]:
+    """Names of the weights that are there."""
+    return sorted(p.stem for p in weights_dir().glob("*.safetensors"))
+
+
+def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool, notes: dict | None = None) -> None:
+    """Writes fp16 weights beside and renames."""
+    from safetensors.torch import save_file
+
+    header = {
+        "format": FORMAT, "quality": quality, "input": "filtered" if filtered else "unfiltered",
+        "channels": str(INPUT_CHANNELS), "notes": json.dumps(notes or {}),
+    }
+    tensors = {k: v.detach().to("cpu", torch.float16).contiguous() for k, v in network.state_dict().items()}
+    beside = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        save_file(tensors, str(beside), header)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:
+    """A network in fp32 on the CPU, in evaluation mode, and the file's header.
+
+    Raises WeightsError naming the file where it is missing, is no weights file of ours or does not fit its network.
+    """
+    from safetensors import SafetensorError, safe_open
+
+    if not path.is_file():
+        raise WeightsError(f"{path}: no such weights; there are: {', '.join(shipped()) or 'none'}")
+    try:
+        with safe_open(str(path), "pt") as file:
+            header = file.metadata() or {}
+            if header.get("format") != FORMAT:
+                raise WeightsError(f"{path}: not pointglass weights (format {header.get('format')!r}, expected {FORMAT!r})")
+            quality = header.get("quality", "")
+            if quality != "paper" and quality not in SIZES:
+                raise WeightsError(f"{path}: made for an unknown network {quality!r}")
+            network = make_network(quality)
+            expected = network.state_dict()
+            names = set(file.keys())
+            if names != set(expected):
+                raise WeightsError(f"{path}: its tensors are not those of the {quality} network; retrain it")
+            for name, value in expected.items():
+                if tuple(file.get_slice(name).get_shape()) != tuple(value.shape):
+                    raise WeightsError(f"{path}: tensor {name} has another shape than the {quality} network's; retrain it")
+            state = {name: file.get_tensor(name).to(expected[name].dtype) for name in names}
+    except (SafetensorError, OSError) as error:
+        raise WeightsError(f"{path}: cannot be read as safetensors ({error})") from None
+    bad = next((n for n, v in state.items() if v.is_floating_point() and not torch.isfinite(v).all()), None)
+    if bad:
+        raise WeightsError(f"{path}: tensor {bad} holds values that are not finite")
+    network.load_state_dict(state)
+    return network.eval().requires_grad_(False), dict(header)
+
+
+def digest(path: Path) -> str:
+    """First 12 hex digits of the file's SHA-256."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:12]

@@ -1,0 +1,43 @@
+// Packed point -> pixel and depth, the same expressions for both rasterisers and model/project.py.
+// View frame: x right, y down, z forward, file units.  Nothing may be fused or reordered: hence precise.
+
+layout(std140, binding = FRAME_BINDING) uniform Frame {
+    vec4 axis_x;   // xyz: view x per step along the cell's x, y, z
+    vec4 axis_y;
+    vec4 axis_z;
+    vec4 lens;     // fx, fy, cx, cy in pixels
+    uvec4 size;    // width, height of the picture; first row and row count of this band
+    vec4 soft;     // 1 + relative tolerance, absolute tolerance, pixel rounding (0 or 0.5), unused
+};
+
+struct Projected {
+    uvec2 pixel;
+    float z;
+    bool inside;
+};
+
+Projected project(uvec2 words, vec3 cell) {
+    vec3 q = vec3(float(words.x & 0xFFFFu), float(words.x >> 16), float(words.y & 0xFFFFu));
+    precise float x = cell.x + ((axis_x.x * q.x + axis_x.y * q.y) + axis_x.z * q.z);
+    precise float y = cell.y + ((axis_y.x * q.x + axis_y.y * q.y) + axis_y.z * q.z);
+    precise float z = cell.z + ((axis_z.x * q.x + axis_z.y * q.y) + axis_z.z * q.z);
+    precise float inverse = 1.0 / z;
+    precise float u = lens.x * (x * inverse) + lens.z;
+    precise float v = lens.y * (y * inverse) + lens.w;
+    u += soft.z;
+    v += soft.z;
+    Projected p;
+    p.z = z;
+    // NaN and infinity fail every comparison, so a point in the camera plane is simply outside.
+    p.inside = z > 0.0 && u >= 0.0 && u < float(size.x) && v >= 0.0 && v < float(size.y);
+    p.pixel = p.inside ? uvec2(u, v) : uvec2(0u);
+    p.inside = p.inside && p.pixel.y >= size.z && p.pixel.y - size.z < size.w;
+    return p;
+}
+
+// A depth limit behind which a point no longer counts towards its pixel's colour.
+float soft_limit(float nearest) {
+    precise float relative = nearest * soft.x;
+    precise float absolute = nearest + soft.y;
+    return max(relative, absolute);
+}

@@ -1,0 +1,17 @@
+// Compute rasteriser, second pass: colour sums and counts of the points within the soft z-buffer's tolerance.
+#include "common_project.glsl"
+#include "common_batches.glsl"
+#include "common_sums.glsl"
+
+layout(local_size_x = BATCH) in;
+layout(std430, binding = KEYS_BINDING) readonly buffer Keys { uint keys[]; };
+
+void main() {
+    uint index;
+    vec3 cell;
+    if (!batch_point(index, cell)) return;
+    Projected p = project(uvec2(points[3u * index], points[3u * index + 1u]), cell);
+    if (!p.inside) return;
+    uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
+    if (p.z <= soft_limit(uintBitsToFloat(~keys[pixel]))) add_colour(pixel, points[3u * index + 2u]);
+}

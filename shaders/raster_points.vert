@@ -1,0 +1,18 @@
+// Point-primitive rasteriser: emits the centre of the pixel that project() names, so that the hardware's own rounding
+// cannot choose another one.
+#include "common_project.glsl"
+
+in uvec3 in_point;
+in vec3 in_cell;
+
+flat out float point_z;
+flat out uint point_colour;
+
+void main() {
+    Projected p = project(in_point.xy, in_cell);
+    vec2 centre = (vec2(p.pixel.x, p.pixel.y - size.z) + 0.5) / vec2(size.x, size.w);
+    gl_Position = p.inside ? vec4(2.0 * centre - 1.0, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
+    gl_PointSize = 1.0;
+    point_z = p.z;
+    point_colour = in_point.z;
+}

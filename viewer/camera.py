@@ -1,0 +1,137 @@
+"""The pinhole camera: where it stands (float64, the file's own coordinates) and how it projects (pixels).
+
+World frame: the scan file's.  Camera frame in ``camera_to_world``: OpenGL axes, x right, y up, -z forward.  View frame,
+used for projection: x right, y down, z forward, so that z is the depth.  A pixel (column i, row j) spans
+[i, i+1] x [j, j+1], row 0 at the top; its centre is at +0.5 (the COLMAP convention).
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from viewer.errors import InputError
+
+_FLIP = np.diag([1.0, -1.0, -1.0])  # OpenGL camera axes -> view axes (y down, z forward)
+MAX_SIDE = 16384
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A pinhole camera without distortion.
+
+    width, height: pixels.  fx, fy, cx, cy: pixels.  camera_to_world: (4, 4) float64; its rotation may carry a uniform
+    scale, which is taken out.  Raises InputError naming the first bad value.
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    camera_to_world: np.ndarray
+    name: str = ""
+    view_rotation: np.ndarray = field(init=False, repr=False)
+    """(3, 3) float64, world -> view axes (x right, y down, z forward)."""
+
+    def __post_init__(self) -> None:
+        label = f"camera {self.name!r}" if self.name else "camera"
+        for side in ("width", "height"):
+            value = getattr(self, side)
+            if int(value) != value or not 1 <= value <= MAX_SIDE:
+                raise InputError(f"{label}: {side} {value!r}: expected a whole number of pixels from 1 to {MAX_SIDE}")
+            object.__setattr__(self, side, int(value))
+        for focal in ("fx", "fy"):
+            value = float(getattr(self, focal))
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"{label}: {focal} {value!r}: expected a focal length in pixels above 0")
+        if not np.isfinite([self.cx, self.cy]).all():
+            raise InputError(f"{label}: principal point ({self.cx!r}, {self.cy!r}) is not finite")
+        matrix = np.array(self.camera_to_world, np.float64)
+        if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
+            raise InputError(f"{label}: camera_to_world must be a finite 4x4 matrix, got shape {matrix.shape}")
+        rotation = matrix[:3, :3]
+        scale = np.cbrt(np.linalg.det(rotation))
+        if not scale > 1e-12:
+            raise InputError(f"{label}: camera_to_world is singular or mirrored (determinant {scale**3:.3g})")
+        u, _, vt = np.linalg.svd(rotation / scale)
+        nearest = u @ vt
+        if np.abs(rotation / scale - nearest).max() > 1e-2:
+            raise InputError(f"{label}: camera_to_world is not a rotation (sheared or scaled unevenly)")
+        if np.abs(rotation - nearest).max() > 1e-12:  # an exact rotation stays as it was written, to the bit
+            matrix[:3, :3] = nearest
+        matrix[3] = (0, 0, 0, 1)
+        matrix.setflags(write=False)
+        object.__setattr__(self, "camera_to_world", matrix)
+        object.__setattr__(self, "view_rotation", _FLIP @ matrix[:3, :3].T)
+
+    @property
+    def position(self) -> np.ndarray:
+        """(3,) float64, file coordinates."""
+        return self.camera_to_world[:3, 3]
+
+    @property
+    def right(self) -> np.ndarray:
+        """(3,) unit vector, world axes."""
+        return self.camera_to_world[:3, 0]
+
+    @property
+    def up(self) -> np.ndarray:
+        """(3,) unit vector, world axes."""
+        return self.camera_to_world[:3, 1]
+
+    @property
+    def forward(self) -> np.ndarray:
+        """(3,) unit vector, world axes."""
+        return -self.camera_to_world[:3, 2]
+
+    @property
+    def world_to_camera(self) -> np.ndarray:
+        """(4, 4) float64, the inverse of camera_to_world (OpenGL camera axes)."""
+        out = np.eye(4)
+        out[:3, :3] = self.camera_to_world[:3, :3].T
+        out[:3, 3] = -out[:3, :3] @ self.position
+        return out
+
+    @property
+    def vertical_fov(self) -> float:
+        """Degrees from the top edge to the bottom edge."""
+        return float(np.degrees(np.arctan(self.cy / self.fy) + np.arctan((self.height - self.cy) / self.fy)))
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The same view at another size.  Where the aspect differs, the vertical field of view is kept and the
+        principal point scales with the picture."""
+        s = height / self.height
+        cx = width / 2 + (self.cx - self.width / 2) * s
+        return replace(
+            self, width=width, height=height, fx=self.fx * s, fy=self.fy * s, cx=cx, cy=self.cy * s,
+        )
+
+    def moved(self, camera_to_world: np.ndarray) -> "Camera":
+        """The same lens at another pose."""
+        return replace(self, camera_to_world=camera_to_world)
+
+
+def look_at(position, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
+    """(4, 4) float64 camera_to_world at ``position`` looking at ``target`` with ``up`` (world axes) upward.
+
+    Looking straight along ``up`` falls back to the next axis, so that the result is always a rotation.
+    """
+    position, target, up = (np.asarray(v, np.float64) for v in (position, target, up))
+    back = position - target
+    back = back / max(np.linalg.norm(back), 1e-300) if np.any(back) else np.array([0.0, -1.0, 0.0])
+    right = np.cross(up, back)
+    if np.linalg.norm(right) < 1e-9:
+        right = np.cross(np.roll(up, 1), back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, position
+    return matrix
+
+
+def from_fov(width: int, height: int, vertical_fov: float, camera_to_world: np.ndarray, name: str = "") -> Camera:
+    """A centred camera with square pixels.  vertical_fov: degrees, above 0 and below 180."""
+    if not 0 < vertical_fov < 180:
+        raise InputError(f"field of view {vertical_fov!r}: expected degrees above 0 and below 180")
+    focal = 0.5 * height / np.tan(np.radians(vertical_fov) / 2)
+    return Camera(width, height, focal, focal, width / 2, height / 2, camera_to_world, name)

@@ -1,0 +1,58 @@
+"""OpenGL contexts: a headless one through EGL, and what the rest needs to know about the device behind any of them."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from viewer.errors import DeviceError
+
+if TYPE_CHECKING:
+    import moderngl
+
+REQUIRED = 430
+_SOFTWARE = ("llvmpipe", "softpipe", "swr")
+
+
+@dataclass(frozen=True)
+class Device:
+    """renderer, vendor, version: the driver's strings.  software: it runs on the CPU.  storage_limit: bytes in one
+    shader storage block.  texture_limit: pixels along a side."""
+
+    renderer: str
+    vendor: str
+    version: str
+    software: bool
+    storage_limit: int
+    texture_limit: int
+
+
+def create_context(*, headless: bool = True) -> "moderngl.Context":
+    """An OpenGL 4.3 context: standalone through EGL, or that of the current window.  Raises DeviceError (exit code 3)."""
+    import moderngl
+
+    try:
+        if headless:
+            context = moderngl.create_context(standalone=True, backend="egl", require=REQUIRED)  # type: ignore[call-arg]
+        else:
+            context = moderngl.create_context(require=REQUIRED)
+    except Exception as error:  # moderngl and glcontext raise plain Exception for every cause
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise DeviceError(
+            f"OpenGL 4.3 is needed and could not be had ({reason}); install a driver, or Mesa's software one "
+            "(apt install libegl1 libgl1-mesa-dri), and see `pointglass doctor`"
+        ) from None
+    context.gc_mode = None  # every resource here has an owner that releases it
+    return context
+
+
+def describe_device(context: "moderngl.Context") -> Device:
+    """What runs the shaders, for choices that depend on it and for every figure that is shown."""
+    info = context.info
+    renderer = str(info["GL_RENDERER"])
+    return Device(
+        renderer=renderer,
+        vendor=str(info["GL_VENDOR"]),
+        version=str(info["GL_VERSION"]),
+        software=any(name in renderer.lower() for name in _SOFTWARE),
+        storage_limit=int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]),
+        texture_limit=int(info["GL_MAX_TEXTURE_SIZE"]),
+    )

@@ -1,0 +1,85 @@
+"""GLSL from files: includes with line numbers kept, and constants that host and shader share written once.
+
+``#include "common_x.glsl"`` is resolved here, with ``#line`` so that a driver's message names a line of a file; the file
+numbers it uses are listed in the error raised.  Binding points and workgroup sizes live in this module and reach every
+shader as ``#define``s.
+"""
+
+import re
+from functools import cache
+from typing import TYPE_CHECKING
+
+from viewer.errors import DeviceError
+from viewer.paths import shaders_dir
+
+if TYPE_CHECKING:
+    import moderngl
+
+TILE = (16, 8)
+"""Pixels a workgroup of an image pass covers."""
+BATCH = 256
+"""Points a workgroup of the compute rasteriser draws; all of one cell."""
+
+BINDINGS = {"FRAME": 0, "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5}
+"""Uniform block FRAME; storage blocks the rest."""
+
+_INCLUDE = re.compile(r'^\s*#include\s+"([\w.]+)"\s*$')
+
+
+@cache
+def _lines(name: str) -> tuple[str, ...]:
+    return tuple((shaders_dir() / name).read_text(encoding="ascii").splitlines())
+
+
+def _expand(name: str, files: list[str]) -> list[str]:
+    """The lines of a file with its includes in place, each file once."""
+    number = len(files)
+    files.append(name)
+    out = [f"#line 1 {number}"]
+    for index, line in enumerate(_lines(name)):
+        if match := _INCLUDE.match(line):
+            if match[1] not in files:
+                out += _expand(match[1], files)
+            out.append(f"#line {index + 2} {number}")
+        else:
+            out.append(line)
+    return out
+
+
+def source(name: str, defines: dict[str, object] | None = None) -> tuple[str, list[str]]:
+    """Full text of a shader and the names behind its file numbers.  Floats among the defines keep all their digits."""
+    constants: dict[str, object] = {f"{key}_BINDING": value for key, value in BINDINGS.items()}
+    constants |= {"TILE_X": TILE[0], "TILE_Y": TILE[1], "BATCH": BATCH, **(defines or {})}
+    files: list[str] = []
+    body = _expand(name, files)
+    head = ["#version 430 core", *(f"#define {key} {value!r}" for key, value in constants.items() if value is not None)]
+    return "\n".join([*head, *body]) + "\n", files
+
+
+def _explain(error: Exception, names: list[list[str]]) -> DeviceError:
+    listing = "; ".join(", ".join(f"{i} = shaders/{name}" for i, name in enumerate(files)) for files in names)
+    return DeviceError(f"a shader does not compile on this driver (files {listing}): {' '.join(str(error).split())}")
+
+
+def compute(context: "moderngl.Context", name: str, **defines: object) -> "moderngl.ComputeShader":
+    """A compute program from ``shaders/name``.  Raises DeviceError naming file and line."""
+    text, files = source(name, defines)
+    try:
+        return context.compute_shader(text)
+    except Exception as error:
+        raise _explain(error, [files]) from None
+
+
+def program(context: "moderngl.Context", vertex: str, fragment: str, **defines: object) -> "moderngl.Program":
+    """A vertex and fragment program.  Raises DeviceError naming file and line."""
+    vertex_text, vertex_files = source(vertex, defines)
+    fragment_text, fragment_files = source(fragment, defines)
+    try:
+        return context.program(vertex_shader=vertex_text, fragment_shader=fragment_text)
+    except Exception as error:
+        raise _explain(error, [vertex_files, fragment_files]) from None
+
+
+def groups(width: int, height: int) -> tuple[int, int, int]:
+    """Workgroups that cover a picture with TILE."""
+    return -(-width // TILE[0]), -(-height // TILE[1]), 1

@@ -1,0 +1,86 @@
+"""What a picture is made with: one frozen record, and the tables of its choices.
+
+The command line, the window's panel and the README all read these tables, so a choice exists once.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from viewer.errors import InputError
+
+View = Literal["raw", "filtered", "filled", "neural"]
+VIEWS: dict[str, str] = {
+    "raw": "every point that lands in a pixel, background showing through",
+    "filtered": "points hidden behind a nearer surface removed",
+    "filled": "filtered, holes filled smoothly (pull-push), no network",
+    "neural": "filtered, filled and repainted by the network",
+}
+RASTERS: dict[str, str] = {
+    "auto": "whichever measured faster on this device, fixed for the run",
+    "points": "OpenGL point primitives",
+    "compute": "compute shader with integer atomics",
+}
+FILTERS: dict[str, str] = {
+    "auto": "inverse-depth pyramid, scale-free, adapts to the density of the surface in front",
+    "paper-code": "the paper's published code: 4 levels, 1.025, edges over 0.03 m",
+    "paper-text": "the paper's text: both edge cases compared as described, no absolute thresholds",
+    "npbg++": "NPBG++'s single-level test exp(zmin - z)",
+    "off": "nothing removed",
+}
+QUALITIES: dict[str, str] = {
+    "fast": "smallest network",
+    "balanced": "the default network",
+    "best": "largest of the compact networks",
+    "paper": "the paper's 31M-parameter U-Net",
+}
+SOFT_Z: dict[str, str] = {
+    "auto": "tolerance relative to depth, with a floor from point spacing",
+    "paper-code": "rounded pixel, 0.02 m",
+    "paper-text": "truncated pixel, 0.02 m",
+}
+DEVICES: dict[str, str] = {
+    "auto": "CUDA where it works, else CPU",
+    "cuda": "CUDA or an error",
+    "cpu": "CPU",
+}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Everything but the camera that decides a picture.  The same scene, camera and settings give the same bytes.
+
+    filter_strength: multiplies the filter's depth tolerance; 1 is the preset's own, smaller keeps fewer points.
+    filter_levels: pyramid levels, None = the preset's own.
+    lod: level of detail, the points drawn per pixel a cell covers; None draws every point.
+    """
+
+    view: str = "neural"
+    raster: str = "auto"
+    filter: str = "auto"
+    filter_strength: float = 1.0
+    filter_levels: int | None = None
+    lod: float | None = None
+    quality: str = "balanced"
+    device: str = "auto"
+    soft_z: str = "auto"
+
+    def __post_init__(self) -> None:
+        for name, table in CHOICES.items():
+            if (value := getattr(self, name)) not in table:
+                raise InputError(f"{name} {value!r}: expected one of {', '.join(table)}")
+        if not 0 < self.filter_strength <= 1000:
+            raise InputError(f"filter strength {self.filter_strength!r}: expected a number above 0, at most 1000")
+        if self.filter_levels is not None and not 1 <= self.filter_levels <= 12:
+            raise InputError(f"filter levels {self.filter_levels!r}: expected a whole number from 1 to 12")
+        if self.lod is not None and not self.lod > 0:
+            raise InputError(f"level of detail {self.lod!r}: expected points per pixel above 0")
+
+
+CHOICES: dict[str, dict[str, str]] = {
+    "view": VIEWS,
+    "raster": RASTERS,
+    "filter": FILTERS,
+    "quality": QUALITIES,
+    "device": DEVICES,
+    "soft_z": SOFT_Z,
+}
