@@ -61,23 +61,41 @@ def _explain(error: Exception, names: list[list[str]]) -> DeviceError:
     return DeviceError(f"a shader does not compile on this driver (files {listing}): {' '.join(str(error).split())}")
 
 
-def compute(context: "moderngl.Context", name: str, **defines: object) -> "moderngl.ComputeShader":
-    """A compute program from ``shaders/name``.  Raises DeviceError naming file and line."""
-    text, files = source(name, defines)
-    try:
-        return context.compute_shader(text)
-    except Exception as error:
-        raise _explain(error, [files]) from None
+class Programs:
+    """Owns the programs of a context; each is compiled once, whatever sizes come and go."""
 
+    def __init__(self, context: "moderngl.Context"):
+        self.context = context
+        self._made: dict[tuple, moderngl.ComputeShader | moderngl.Program] = {}
 
-def program(context: "moderngl.Context", vertex: str, fragment: str, **defines: object) -> "moderngl.Program":
-    """A vertex and fragment program.  Raises DeviceError naming file and line."""
-    vertex_text, vertex_files = source(vertex, defines)
-    fragment_text, fragment_files = source(fragment, defines)
-    try:
-        return context.program(vertex_shader=vertex_text, fragment_shader=fragment_text)
-    except Exception as error:
-        raise _explain(error, [vertex_files, fragment_files]) from None
+    def compute(self, name: str, **defines: object) -> "moderngl.ComputeShader":
+        """A compute program from ``shaders/name``.  Raises DeviceError naming file and line."""
+        key = (name, *sorted(defines.items(), key=str))
+        if key not in self._made:
+            text, files = source(name, defines)
+            try:
+                self._made[key] = self.context.compute_shader(text)
+            except Exception as error:
+                raise _explain(error, [files]) from None
+        return self._made[key]  # type: ignore[return-value]
+
+    def drawing(self, vertex: str, fragment: str, **defines: object) -> "moderngl.Program":
+        """A vertex and fragment program.  Raises DeviceError naming file and line."""
+        key = (vertex, fragment, *sorted(defines.items(), key=str))
+        if key not in self._made:
+            (vertex_text, vertex_files), (fragment_text, fragment_files) = (
+                source(name, defines) for name in (vertex, fragment)
+            )
+            try:
+                self._made[key] = self.context.program(vertex_shader=vertex_text, fragment_shader=fragment_text)
+            except Exception as error:
+                raise _explain(error, [vertex_files, fragment_files]) from None
+        return self._made[key]  # type: ignore[return-value]
+
+    def release(self) -> None:
+        for made in self._made.values():
+            made.release()
+        self._made.clear()
 
 
 def groups(width: int, height: int) -> tuple[int, int, int]:

@@ -1,0 +1,70 @@
+"""Inference: the network on packed pixels, on CPU or CUDA, in the precision that is fastest there and still right.
+
+Pixels come as (H, W, 8) half floats, channels last (the five channels of :func:`model.project.network_input` and three
+zeros) and leave as (H, W, 4) half floats, RGB 0..1 and one unused: the layout the renderer's buffers have.
+"""
+
+import os
+from pathlib import Path
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from model.unet import INPUT_CHANNELS
+from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
+
+PACKED_IN, PACKED_OUT = 8, 4
+PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
+
+
+def cuda_problem() -> str | None:
+    """Why CUDA cannot be used, or None where a kernel ran on it.  Probed by use, not by asking."""
+    if not torch.cuda.is_available():
+        return "torch sees no CUDA device" if torch.version.cuda else "this torch build has no CUDA"
+    try:
+        torch.ones(8, device="cuda").sum().item()
+    except Exception as error:
+        return f"a first CUDA kernel failed: {str(error).splitlines()[0]}"
+    return None
+
+
+def fast_precision(device: str) -> str:
+    """fp16 on CUDA; bf16 on CPUs that multiply it in hardware, else fp32."""
+    if device == "cuda":
+        return "fp16"
+    probe = getattr(torch.cpu, "_is_avx512_bf16_supported", None) or getattr(torch.cpu, "_is_amx_tile_supported", None)
+    return "bf16" if probe is not None and probe() else "fp32"
+
+
+class Reconstructor:
+    """A network ready to run.  ``name`` says what runs and on what, for every place that shows it.
+
+    quality: fast, balanced, best or paper.  filtered: trained for filtered input.  device: "cuda" or "cpu".
+    precision: a key of PRECISIONS, None = the fast one.  Raises WeightsError where there are no such weights.
+    """
+
+    def __init__(self, quality: str, *, filtered: bool, device: str, precision: str | None = None,
+                 weights: Path | None = None):
+        path = weights or weights_dir() / f"{weights_name(quality, filtered=filtered)}.safetensors"
+        if weights is None and not path.is_file():
+            kind = "filtered" if filtered else "unfiltered"
+            raise WeightsError(
+                f"no weights are shipped for quality {quality!r} on {kind} input ({path}); choose another --quality, or "
+                "train them with `pointglass train`"
+            )
+        network, self.header = load_weights(path)
+        self.device = device
+        self.precision = precision or fast_precision(device)
+        self.dtype = PRECISIONS[self.precision]
+        self.network = network.to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.name = f"{path.stem} {digest(path)} {self.precision} on {device}"
+        if device == "cpu":
+            torch.set_num_threads(max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1))
+
+    @torch.inference_mode()
+    def __call__(self, packed: Tensor) -> Tensor:
+        """(H, W, 8) half -> (H, W, 4) half on the same device; never NaN, within 0..1."""
+        x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].to(self.dtype, memory_format=torch.channels_last)
+        rgb = torch.nan_to_num(self.network(x)[0].float().clamp_(0.0, 1.0), nan=0.0)
+        return F.pad(rgb.permute(1, 2, 0), (0, PACKED_OUT - 3)).half().contiguous()

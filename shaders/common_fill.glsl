@@ -1,0 +1,17 @@
+// What the fill starts from: the measured pixels of the filtered picture.
+
+#ifdef BASE
+uniform sampler2D raw;
+uniform sampler2D depth;
+uniform sampler2D mask;
+uniform float feature_scale;  // 1 / (focal length in pixels x point spacing)
+
+// 1 where the pixel is measured, v its colour 0..1 and depth feature.
+float measured(ivec2 at, out vec4 v) {
+    v = vec4(0.0);
+    if (texelFetch(mask, at, 0).x < 0.5) return 0.0;
+    float feature = log2(texelFetch(depth, at, 0).x * feature_scale) * FEATURE_SCALE;
+    v = vec4(texelFetch(raw, at, 0).xyz, clamp(feature, -FEATURE_LIMIT, FEATURE_LIMIT));
+    return 1.0;
+}
+#endif

@@ -1,0 +1,48 @@
+// Pull-push fill, push: what a pixel's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
+// At level 0 (BASE) it writes the filled picture and, with NETWORK, the network's input: eight half-precision channels
+// a pixel (channels last), filled RGB, keep-mask, filled depth feature, three zeros.
+#include "common_pyramid.glsl"
+#include "common_fill.glsl"
+
+layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
+uniform sampler2D coarse;         // already filled
+uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
+uniform sampler2D coarse_weight;
+#ifdef BASE
+layout(rgba8, binding = 0) uniform writeonly image2D filled;
+#ifdef NETWORK
+layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[]; };
+#endif
+#else
+uniform sampler2D value;
+uniform sampler2D weight;
+layout(rgba32f, binding = 0) uniform writeonly image2D out_value;
+#endif
+
+vec4 from_coarse(ivec2 at) {
+    vec4 v = bilinear(coarse, at);
+    if (coarse_is_sum == 1) v = v / max(texelFetch(coarse_weight, ivec2(0), 0).x, 1e-20);
+    return v;
+}
+
+void main() {
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+#ifdef BASE
+    ivec2 extent = textureSize(mask, 0);
+    if (any(greaterThanEqual(at, extent))) return;
+    vec4 v;
+    float w = measured(at, v);
+    if (w < 0.5) v = from_coarse(at);
+    // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
+    imageStore(filled, at, vec4(v.xyz, texelFetch(coarse_weight, ivec2(0), 0).x > 0.0 ? 1.0 : 0.0));
+#ifdef NETWORK
+    pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, 0.0)), 0u);
+#endif
+#else
+    if (any(greaterThanEqual(at, imageSize(out_value)))) return;
+    float w = texelFetch(weight, at, 0).x;
+    precise vec4 v = texelFetch(value, at, 0) + (1.0 - w) * from_coarse(at);
+    imageStore(out_value, at, v);
+#endif
+}

@@ -1,0 +1,35 @@
+// Depth filter, going down: nearest inverse depth of each block and how many level-0 pixels lie on its surface.
+// Twin: model/depth_filter.py, _near_pyramid.
+#include "common_pyramid.glsl"
+
+layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
+layout(rg32f, binding = 0) uniform writeonly image2D coarse;
+uniform sampler2D fine;  // BASE: view-space z, +inf where empty; else near (x) and support (y)
+
+vec2 child(ivec2 at, ivec2 extent) {
+    if (any(greaterThanEqual(at, extent))) return vec2(0.0);
+#ifdef BASE
+    float z = texelFetch(fine, at, 0).x;
+    return isinf(z) ? vec2(0.0) : vec2(1.0 / z, 1.0);
+#else
+    return texelFetch(fine, at, 0).xy;
+#endif
+}
+
+void main() {
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(at, imageSize(coarse)))) return;
+    ivec2 extent = textureSize(fine, 0);
+    vec2 a = child(2 * at, extent), b = child(2 * at + ivec2(1, 0), extent);
+    vec2 c = child(2 * at + ivec2(0, 1), extent), d = child(2 * at + ivec2(1, 1), extent);
+    float top = max(max(a.x, b.x), max(c.x, d.x)), bottom = min(min(a.x, b.x), min(c.x, d.x));
+    precise float twist = (a.x - b.x) - (c.x - d.x);
+    precise float twist_limit = TWIST * top;
+    precise float slope = min(abs(a.x - b.x), abs(c.x - d.x)) + min(abs(a.x - c.x), abs(b.x - d.x));
+    bool planar = bottom > 0.0 && abs(twist) <= twist_limit;
+    precise float same = top * SAME_SURFACE_FACTOR;
+    precise float limit = same - (planar ? slope : 0.0);
+    float support = (a.x >= limit ? a.y : 0.0) + (b.x >= limit ? b.y : 0.0) + (c.x >= limit ? c.y : 0.0)
+        + (d.x >= limit ? d.y : 0.0);
+    imageStore(coarse, at, vec4(top, support, 0.0, 0.0));
+}

@@ -1,0 +1,16 @@
+// The network's picture, from the buffer it was written to, into the texture that is shown: four half-precision channels a
+// pixel, RGB 0..1 and one unused, with the filled picture's alpha: void stays void.
+
+layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
+layout(std430, binding = NETWORK_BINDING) readonly buffer Output { uvec2 pixels[]; };
+layout(rgba8, binding = 0) uniform writeonly image2D neural;
+uniform sampler2D filled;
+
+void main() {
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy), extent = imageSize(neural);
+    if (any(greaterThanEqual(at, extent))) return;
+    uvec2 words = pixels[uint(at.y) * uint(extent.x) + uint(at.x)];
+    vec3 rgb = vec3(unpackHalf2x16(words.x), unpackHalf2x16(words.y).x);
+    float alpha = texelFetch(filled, at, 0).w;
+    imageStore(neural, at, vec4(clamp(rgb, 0.0, 1.0) * alpha, alpha));
+}

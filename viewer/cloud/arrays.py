@@ -1,0 +1,42 @@
+"""Points already in memory, offered the way a file is.  Frame and units: the caller's."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source
+from viewer.errors import InputError
+
+
+class ArraySource(Source):
+    """xyz (N, 3), rgb (N, 3) uint8, intensity (N,) uint16 or None, scan (N,) uint8 or None.
+
+    Raises InputError naming the first array whose shape or type does not fit.
+    """
+
+    def __init__(self, xyz, rgb, intensity=None, scan=None):
+        self._xyz = np.asarray(xyz)
+        n = len(self._xyz)
+        if self._xyz.ndim != 2 or self._xyz.shape[1] != 3 or self._xyz.dtype.kind not in "fiu":
+            raise InputError(f"xyz: expected (N, 3) numbers, got shape {self._xyz.shape} of {self._xyz.dtype}")
+        self._rgb = _checked("rgb", rgb, (n, 3), np.uint8)
+        self._intensity = None if intensity is None else _checked("intensity", intensity, (n,), np.uint16)
+        self._scan = None if scan is None else _checked("scan", scan, (n,), np.uint8)
+        numbers = 0 if self._scan is None or n == 0 else int(self._scan.max())
+        infos = [ScanInfo(f"scan {i}") for i in range(numbers + 1)]
+        super().__init__(Path("arrays"), "arrays", count=n, scans=infos)
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yields slices of the arrays, without copying where they are float64."""
+        for start in range(0, len(self._xyz), CHUNK):
+            rows = slice(start, start + CHUNK)
+            intensity = None if self._intensity is None else self._intensity[rows]
+            yield Chunk(self._xyz[rows], self._rgb[rows], intensity, 0 if self._scan is None else self._scan[rows])
+
+
+def _checked(name: str, array, shape: tuple[int, ...], dtype) -> np.ndarray:
+    array = np.asarray(array)
+    if array.shape != shape or array.dtype != dtype:
+        raise InputError(f"{name}: expected {shape} {np.dtype(dtype).name}, got {array.shape} {array.dtype}")
+    return np.ascontiguousarray(array)

@@ -1,0 +1,114 @@
+"""Opening scans: cache first, else read, build and keep.  The two ways a Scene comes to be.
+
+Frame: file coordinates throughout; several files are taken to share one frame.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from viewer.cloud.scene import Scene
+from viewer.errors import InputError
+
+_IN_MEMORY = 32_000_000  # points; larger scans are built in a file
+
+
+def open_scene(paths: Sequence[Path | str] | Path | str, *, cache: bool = True, rebuild: bool = False) -> Scene:
+    """One scene from one or several scan files, or from a folder made by ``convert``.
+
+    cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.  rebuild: build it anew.
+    Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled where progress says so.
+    """
+    from viewer.cloud import cache as store
+
+    files = _as_paths(paths)
+    if len(files) == 1 and files[0].is_dir():
+        return store.load_folder(files[0])
+    from viewer.cloud.source import check_file
+
+    for file in files:
+        check_file(file)
+    if not cache:
+        return build_scene(files, in_memory)
+    folder = store.folder_of(files)
+    if not rebuild and (scene := store.load(folder, files)) is not None:
+        return scene
+    return store.build_into(folder, files, build_scene, keep_old=False)
+
+
+def build_scene(files: list[Path], allocate) -> Scene:
+    """Reads the files and builds their grid; ``allocate`` gives room for the packed points (see grid.Allocate)."""
+    from viewer.cloud.colour import Colours
+    from viewer.cloud.grid import build_grid
+    from viewer.cloud.source import open_source
+
+    sources = [open_source(file) for file in files]
+    meta = {
+        "sources": [str(file.absolute()) for file in files],
+        "format": ", ".join(dict.fromkeys(source.format for source in sources)),
+        "units": _common([source.units for source in sources], "mixed"),
+        "metres_per_unit": _common([source.metres_per_unit for source in sources], None),
+        "crs": _common([source.crs for source in sources], "mixed"),
+        "warnings": [],
+    }
+    if len({source.metres_per_unit for source in sources}) > 1:
+        meta["warnings"].append("the files differ in their units of length; they are shown as if they agreed")
+    elif len({source.crs for source in sources}) > 1:
+        meta["warnings"].append("the files differ in their coordinate reference system; they are shown as if they agreed")
+    scene = build_grid(sources, colours=Colours(sources), allocate=allocate, meta=meta)
+    meta["warnings"][:0] = [warning for source in sources for warning in source.warnings]
+    return scene
+
+
+def scene_from_arrays(
+    xyz: np.ndarray,
+    rgb: np.ndarray,
+    *,
+    intensity: np.ndarray | None = None,
+    scan: np.ndarray | None = None,
+    meta: dict | None = None,
+) -> Scene:
+    """A scene in memory from points in memory.
+
+    xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.  meta: copied
+    over what is known.  Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
+    """
+    from viewer.cloud.arrays import ArraySource
+    from viewer.cloud.grid import build_grid
+
+    source = ArraySource(xyz, rgb, intensity, scan)
+    known = {
+        "sources": [], "format": "arrays", "units": "unknown", "metres_per_unit": None, "crs": None,
+        "colour": {"source": "rgb", "bits": 8, "note": "8-bit colour"}, "warnings": [],
+    } | (meta or {})  # fmt: skip
+    known["warnings"] = list(known["warnings"])
+    return build_grid([source], colours=None, allocate=in_memory, meta=known)
+
+
+def in_memory(count: int) -> np.ndarray:
+    """Room for packed points that vanishes with the scene: memory, or for large scans a nameless file."""
+    if count <= _IN_MEMORY:
+        return np.empty((count, 3), np.uint32)
+    import tempfile
+
+    try:
+        with tempfile.TemporaryFile(prefix="pointglass-") as file:
+            return np.memmap(file, np.uint32, "w+", shape=(count, 3))
+    except OSError as error:
+        raise InputError(
+            f"{tempfile.gettempdir()}: no room for {count * 12 / 1e9:.1f} GB of points ({error.strerror}); "
+            "set TMPDIR to a folder with more space"
+        ) from None
+
+
+def _as_paths(paths) -> list[Path]:
+    given = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    if not given:
+        raise InputError("no scan given; name at least one file")
+    files = [Path(path) for path in given]
+    return list(dict.fromkeys(files))
+
+
+def _common(values: list, otherwise):
+    return values[0] if len(set(values)) == 1 else otherwise

@@ -1,0 +1,226 @@
+"""Built grids on disk: a folder of plain .npy files and a meta.json, memory-mapped when opened.
+
+A grid is written into a sibling folder and renamed in one step, so that it is there whole or not at all.  What is torn,
+stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.
+"""
+
+import errno
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from viewer.cloud.scene import Scene
+from viewer.errors import InputError
+from viewer.paths import cache_dir
+
+MAGIC, VERSION = "pointglass grid", 1
+_META = "meta.json"
+_ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8")}
+_SPARE = 64 << 20  # bytes left free on the disk
+
+
+class CacheError(InputError):
+    """The cache folder cannot be used; the scan itself may be fine."""
+
+
+def folder_of(files: list[Path]) -> Path:
+    """Where the grid of these files belongs in the cache; another place once a file has changed."""
+    key = json.dumps([VERSION, _identity(files)]).encode()
+    return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
+
+
+def _identity(files: list[Path]) -> list:
+    facts = []
+    for file in files:
+        stat = file.stat()
+        facts.append([str(file.absolute()), stat.st_size, stat.st_mtime_ns])
+    return facts
+
+
+def load(folder: Path, files: list[Path]) -> Scene | None:
+    """The grid of ``files`` kept in ``folder``, or None where there is none that can be trusted."""
+    try:
+        return _read(folder, _identity(files))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def is_grid(folder: Path) -> bool:
+    """True where ``folder`` holds a pointglass grid, whole or torn."""
+    try:
+        return json.loads((folder / _META).read_text("utf-8")).get("magic") == MAGIC
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def load_folder(folder: Path) -> Scene:
+    """The grid in a folder made by ``convert``.  Raises InputError where it is not one, or torn."""
+    if not is_grid(folder):
+        raise InputError(f"{folder}: is a folder, but not one made by convert; give a PLY, LAS, LAZ, COPC or E57 file")
+    try:
+        return _read(folder, None)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{folder}: damaged grid ({_first_line(error)}); convert the scan again") from None
+
+
+def _read(folder: Path, identity: list | None) -> Scene:
+    head = json.loads((folder / _META).read_text("utf-8"))
+    if head["magic"] != MAGIC or head["version"] != VERSION:
+        raise ValueError(f"version {head['version']!r} where {VERSION} is expected")
+    if identity is not None and head["identity"] != identity:
+        raise ValueError("made from other files")
+    arrays = {}
+    for name, dtype in _ARRAYS.items():
+        arrays[name] = np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)  # too short: ValueError
+        if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
+            raise ValueError(f"{name}.npy is not what meta.json says")
+    points, cells = arrays["points"], arrays["cell_coords"]
+    offsets = np.array(arrays["offsets"])
+    layers, count = int(head["layers"]), int(head["count"])
+    fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
+    if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
+        raise ValueError("its arrays do not fit together")
+    origin, bounds = np.array(head["origin"], np.float64), np.array(head["bounds"], np.float64)
+    numbers = [head["cell_size"], head["spacing"], *origin, *bounds.reshape(-1)]
+    if origin.shape != (3,) or bounds.shape != (2, 3) or not np.isfinite(numbers).all() or not min(numbers[:2]) > 0:
+        raise ValueError("its numbers are not usable")
+    return Scene(
+        points, np.array(cells), offsets, origin, head["cell_size"], layers, count, head["spacing"], bounds, head["meta"]
+    )  # fmt: skip
+
+
+def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, keep_old: bool) -> Scene:
+    """Builds the grid of ``files`` into ``folder`` and opens it from there.
+
+    build: called with the files and a function that gives room for n packed points (see grid.Allocate).
+    keep_old: refuse to replace a folder that is there.  Raises CacheError where the folder cannot be written.
+    Nothing is left behind on failure or cancellation.
+    """
+    identity = _identity(files)
+    with _scratch(folder) as work:
+        # the points go straight to their file: pages are written back as the system sees fit, memory stays bounded
+        scene = build(files, lambda count: _points_file(work, count, folder))
+        _write(work, scene, identity)
+        if identity != _identity(files):
+            raise InputError(f"{files[0]}: changed while it was read; try again")
+        _release(scene.points)
+        del scene
+        _move(work, folder, keep_old)
+    return _read(folder, identity)
+
+
+def _points_file(work: Path, count: int, folder: Path) -> np.ndarray:
+    needed = count * 12
+    free = shutil.disk_usage(work).free
+    if free < needed + _SPARE:
+        raise _no_room(folder, needed)
+    points = np.lib.format.open_memmap(work / "points.npy", "w+", _ARRAYS["points"], (count, 3))
+    if hasattr(os, "posix_fallocate"):  # a full disk must fail here, not as a bus error in the middle of a memory map
+        with (work / "points.npy").open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, os.fstat(file.fileno()).st_size)
+    return points
+
+
+def _write(work: Path, scene: Scene, identity: list) -> None:
+    np.save(work / "cell_coords.npy", scene.cell_coords.astype("<i4"), allow_pickle=False)
+    np.save(work / "offsets.npy", scene.offsets.astype("<i8"), allow_pickle=False)
+    head = {
+        "magic": MAGIC,
+        "version": VERSION,
+        "identity": identity,
+        "shapes": {name: list(getattr(scene, name).shape) for name in _ARRAYS},
+        "origin": scene.origin.tolist(),
+        "cell_size": float(scene.cell_size),
+        "layers": scene.layers,
+        "count": scene.count,
+        "spacing": float(scene.spacing),
+        "bounds": scene.bounds.tolist(),
+        "meta": scene.meta,
+    }
+    (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")
+
+
+def _release(points: np.ndarray) -> None:
+    if isinstance(points, np.memmap):
+        points.flush()
+
+
+@contextmanager
+def _scratch(folder: Path) -> Iterator[Path]:
+    """A fresh folder beside ``folder``, removed at the end whatever happens; failures to write become CacheError."""
+    work = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        _sweep(folder.parent)
+        shutil.rmtree(work, ignore_errors=True)
+        work.mkdir()
+    except OSError as error:
+        raise _unusable(folder, error) from None
+    try:
+        yield work
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise _no_room(folder, None) from None
+        raise _unusable(folder, error) from None
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _sweep(parent: Path) -> None:
+    """Removes what a process that was killed left behind."""
+    for left in parent.glob(".*.tmp"):
+        owner = left.name.split(".")[-2]
+        if owner.isdigit() and not _alive(int(owner)):
+            shutil.rmtree(left, ignore_errors=True)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def _move(work: Path, folder: Path, keep_old: bool) -> None:
+    """Renames ``work`` to ``folder``; an older grid there is put aside first, so that no reader sees half of each."""
+    aside = work.with_name(f".{folder.name}.old.{os.getpid()}.tmp")
+    shutil.rmtree(aside, ignore_errors=True)
+    if folder.exists():
+        if keep_old and not is_grid(folder) and any(folder.iterdir()):
+            raise InputError(f"{folder}: holds other files; give a new or empty folder")
+        folder.rename(aside)
+    try:
+        work.rename(folder)
+    except OSError:
+        if aside.exists():
+            aside.rename(folder)
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _unusable(folder: Path, error: OSError) -> CacheError:
+    return CacheError(
+        f"{folder.parent}: cannot be written ({error.strerror or error}); "
+        "set POINTGLASS_CACHE to a writable folder, or use --no-cache"
+    )
+
+
+def _no_room(folder: Path, needed: int | None) -> CacheError:
+    amount = f" for {needed / 1e6:,.0f} MB of points" if needed else ""
+    return CacheError(
+        f"{folder.parent}: no space left{amount}; free some, set POINTGLASS_CACHE to a folder on another disk, "
+        "or use --no-cache"
+    )
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:120]

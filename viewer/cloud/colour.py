@@ -1,0 +1,132 @@
+"""The colour a point is shown in: decided over whole files in pass 1, applied to each chunk in pass 2.
+
+Colour fields 16 bits wide hold 8-bit values in many files: a file whose largest value is at most 255 is read as 8-bit.  A
+scan without colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; both are said in the
+notes.  Frame: height is the file's third axis.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from viewer.cloud.source import Chunk, Source
+
+_RAMP = np.array([
+    (68, 1, 84), (72, 40, 120), (62, 73, 137), (49, 104, 142), (38, 130, 142),
+    (31, 158, 137), (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
+], np.float64)  # fmt: skip
+"""Even steps of the perceptually uniform ramp viridis (van der Walt and Smith, CC0)."""
+
+
+@dataclass
+class _Scan:
+    has_rgb: bool = False
+    points: int = 0
+
+
+@dataclass
+class _File:
+    """What pass 1 saw of one file."""
+
+    name: str
+    scans: dict[int, _Scan] = field(default_factory=dict)
+    largest: int = 0
+    wide: bool = False
+    intensity: np.ndarray = field(default_factory=lambda: np.zeros(65536, np.int64))
+    mode: str = "height"
+    grey: np.ndarray | None = None
+    ramp: tuple[float, float] = (0.0, 1.0)
+
+    @property
+    def shift(self) -> int:
+        return 8 if self.wide and self.largest > 255 else 0
+
+    @property
+    def colourless(self) -> list[int]:
+        return [i for i, scan in self.scans.items() if not scan.has_rgb]
+
+
+class Colours:
+    """Learns from every chunk (``add``), decides (``decide``), then gives each chunk its 8-bit colours (``apply``)."""
+
+    def __init__(self, sources: list[Source]):
+        self._files = [_File(source.path.name) for source in sources]
+
+    def add(self, source: int, chunk: Chunk) -> None:
+        """Takes note of a chunk of source number ``source``."""
+        if len(chunk.xyz) == 0:
+            return
+        file = self._files[source]
+        scan = file.scans.setdefault(int(np.max(chunk.scan)), _Scan())
+        scan.points += len(chunk.xyz)
+        largest = int(chunk.rgb.max()) if chunk.rgb is not None else 0
+        if chunk.rgb is not None and largest > 0:
+            scan.has_rgb = True
+            file.largest = max(file.largest, largest)
+            file.wide |= chunk.rgb.dtype == np.uint16
+        elif chunk.intensity is not None:
+            file.intensity += np.bincount(chunk.intensity, minlength=65536)
+
+    def decide(self, heights: tuple[float, float]) -> tuple[dict, list[str]]:
+        """Ends pass 1.  heights: the range of the third axis a height ramp should span.
+
+        Returns meta["colour"] and the warnings a person should see.
+        """
+        warnings, kinds, bits = [], set(), 8
+        for file in self._files:
+            if len(file.colourless) < len(file.scans):
+                kinds.add("rgb")
+            if file.wide and file.shift == 0:
+                warnings.append(
+                    f"{file.name}: 8-bit colour in 16-bit fields (largest value {file.largest}), read as 8-bit"
+                )
+            bits = max(bits, 16 if file.shift else 8)
+            if not file.colourless:
+                continue
+            low, high = _percentiles(file.intensity)
+            file.ramp = heights
+            if high > low:
+                file.mode = "intensity"
+                file.grey = np.clip((np.arange(65536.0) - low) / (high - low) * 255 + 0.5, 0, 255).astype(np.uint8)
+            kinds.add(file.mode)
+            some = "" if len(file.colourless) == len(file.scans) else f" in {len(file.colourless)} of {len(file.scans)} scans"
+            warnings.append(f"{file.name}: no colour{some}, shown by {file.mode}")
+        source = next((kind for kind in ("rgb", "intensity", "height") if kind in kinds), "height")
+        note = {
+            "rgb": f"{bits}-bit colour from the file",
+            "intensity": "no colour in the file: intensity as grey, 1st to 99th percentile",
+            "height": "no colour in the file: coloured by height",
+        }[source]
+        if len(kinds) > 1:
+            note += f"; parts without colour shown by {' and '.join(sorted(kinds - {'rgb'}))}"
+        return {"source": source, "bits": bits, "note": note}, warnings
+
+    def apply(self, source: int, chunk: Chunk) -> np.ndarray:
+        """(n, 3) uint8 colours of a chunk."""
+        file = self._files[source]
+        scan = file.scans.get(int(np.max(chunk.scan)), _Scan()) if len(chunk.xyz) else _Scan()
+        if scan.has_rgb and chunk.rgb is not None:
+            return (chunk.rgb >> file.shift).astype(np.uint8)
+        if file.grey is not None and chunk.intensity is not None:
+            return np.repeat(file.grey[chunk.intensity][:, None], 3, axis=1)
+        return height_colours(chunk.xyz[:, 2], *file.ramp)
+
+
+def height_colours(z: np.ndarray, low: float, high: float) -> np.ndarray:
+    """(n, 3) uint8: the ramp's colour for heights (n,) between ``low`` and ``high``, its ends outside."""
+    with np.errstate(invalid="ignore", over="ignore"):  # not finite: dropped later
+        place = np.nan_to_num((z - low) / (high - low) if high > low else np.full(len(z), 0.5))
+    place = np.clip(place, 0, 1) * (len(_RAMP) - 1)
+    knots = np.arange(len(_RAMP))
+    return np.stack([np.interp(place, knots, _RAMP[:, c]) + 0.5 for c in range(3)], axis=1).astype(np.uint8)
+
+
+def _percentiles(histogram: np.ndarray) -> tuple[int, int]:
+    """1st and 99th percentile of a histogram; its ends where these agree."""
+    total = histogram.cumsum()
+    if total[-1] == 0:
+        return 0, 0
+    low, high = np.searchsorted(total, (0.01 * total[-1], 0.99 * total[-1]))
+    if low == high:
+        low, high = np.flatnonzero(histogram)[[0, -1]]
+    return int(low), int(high)

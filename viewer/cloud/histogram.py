@@ -1,0 +1,155 @@
+"""Pass 1: which cells are occupied, and by how many points of each geometric value; bounds; what was dropped.
+
+Cells start small and are merged two by two along each axis whenever too many are occupied.  Cells are aligned to
+multiples of their size, so merging is exact, and memory is bounded whatever the number of points.  Frame: file coordinates.
+"""
+
+from concurrent.futures import Executor
+
+import numpy as np
+
+from viewer.cloud import kernels
+
+SLICES = 2
+"""Tables filled side by side.  Fixed, not the number of processors, so that every machine builds the same grid."""
+MAX_CELLS = 1 << 18
+_REACH = 1 << 30  # cells either side of the middle of the scan
+_LOST = 0.01  # share of a chunk out of reach that is taken for a part of the scan and not for stray points
+
+
+class OutOfReach(Exception):
+    """The scan is wider than its beginning suggested: count again from the start with ``cell_size``."""
+
+    def __init__(self, cell_size: float):
+        super().__init__(cell_size)
+        self.cell_size = cell_size
+
+
+def power_of_two(value: float) -> float:
+    """The largest power of two that is at most ``value`` (> 0, finite)."""
+    mantissa, exponent = np.frexp(value)
+    return float(np.ldexp(1.0, exponent - 1)) if mantissa else 1.0
+
+
+class Histogram:
+    """Occupied cells of ``cell_size`` file units (a power of two, growing as needed) and their point counts.
+
+    Begin with the first chunk's points, (n, 3) float64, to learn where the scan lies; then ``add`` every chunk.
+    reach: (2, 3) float64 file coordinates; points outside are stray: dropped and counted.
+    """
+
+    def __init__(self, sample: np.ndarray, cell_size: float | None = None, max_cells: int = MAX_CELLS):
+        sample = sample[:: max(1, len(sample) // 65536)]
+        sample = sample[np.isfinite(sample).all(axis=1)]
+        if len(sample) == 0:
+            sample = np.zeros((1, 3))
+        low, middle, high = np.quantile(sample, (0.02, 0.5, 0.98), axis=0, method="nearest")
+        self.max_cells = max_cells
+        self.cell_size = cell_size or _first_cell_size(sample, float((high - low).max()), float(np.abs(middle).max()))
+        self.base = np.floor(middle / self.cell_size)
+        self.reach = np.stack([self.base - _REACH, self.base + _REACH]) * self.cell_size
+        self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
+        self.seen = 0
+        self._limit = min(4096, max_cells)
+        self._tables = [_table(self._limit) for _ in range(SLICES)]
+        self._counts = [np.zeros((self._limit, kernels.GEOMETRIC), np.int64) for _ in range(SLICES)]
+        self._tallies = [np.zeros(3, np.int64) for _ in range(SLICES)]
+        self._bounds = [self.bounds.copy() for _ in range(SLICES)]
+
+    @property
+    def dropped(self) -> tuple[int, int]:
+        """Points that were not finite, and points out of reach."""
+        return sum(int(t[1]) for t in self._tallies), sum(int(t[2]) for t in self._tallies)
+
+    def add(self, xyz: np.ndarray, pool: Executor) -> None:
+        """Counts a chunk, (n, 3) float64.  Raises OutOfReach where more than stray points are out of reach."""
+        stray_before = self.dropped[1]
+        edges = [len(xyz) * i // SLICES for i in range(SLICES + 1)]
+        done = edges[:-1]
+        while True:
+            jobs = [
+                pool.submit(
+                    kernels.count_points, xyz[: edges[i + 1]], done[i], self.seen, 1 / self.cell_size, self.base,
+                    self.reach, self._tables[i], self._counts[i], self._limit, self._tallies[i], self._bounds[i],
+                )
+                for i in range(SLICES)
+            ]  # fmt: skip
+            done = [job.result() for job in jobs]
+            if done == edges[1:]:
+                break
+            self._make_room()
+        self.seen += len(xyz)
+        if self.dropped[1] - stray_before > _LOST * len(xyz):
+            raise OutOfReach(self._wide_enough(xyz))
+
+    def _wide_enough(self, xyz: np.ndarray) -> float:
+        finite = xyz[np.isfinite(xyz).all(axis=1)]
+        middle = self.reach.mean(axis=0)
+        # halved, so that no far coordinate overflows; the furthest tolerated share stays stray
+        distance = np.quantile(np.abs(finite / 2 - middle / 2).max(axis=1), 1 - _LOST, method="higher")
+        return 4 * power_of_two(float(distance) / _REACH * 2)
+
+    def _make_room(self) -> None:
+        """Twice the cells, up to what the number of points so far can justify; beyond that, coarser cells."""
+        if self._limit < min(self.max_cells, max(4096, self.seen // 256)):
+            self._limit = min(2 * self._limit, self.max_cells)
+            merged = [(self._cells(i), self._used_counts(i)) for i in range(SLICES)]
+        else:
+            base = np.floor(self.base / 2)
+            merged = []
+            for i in range(SLICES):
+                cells = np.floor((self._cells(i) + self.base) / 2) - base
+                merged.append(merge(cells.astype(np.int32), self._used_counts(i)))
+            self.base, self.cell_size = base, 2 * self.cell_size
+        for i, (cells, counts) in enumerate(merged):
+            self._tables[i] = _table(self._limit)
+            kernels.fill_table(self._tables[i], cells)
+            self._counts[i] = np.zeros((self._limit, kernels.GEOMETRIC), np.int64)
+            self._counts[i][: len(cells)] = counts
+            self._tallies[i][0] = len(cells)
+
+    def _cells(self, i: int) -> np.ndarray:
+        taken = self._tables[i][self._tables[i][:, 3] >= 0]
+        cells = np.empty((len(taken), 3), np.int32)
+        cells[taken[:, 3]] = taken[:, :3]
+        return cells
+
+    def _used_counts(self, i: int) -> np.ndarray:
+        return self._counts[i][: self._tallies[i][0]]
+
+    def result(self) -> tuple[np.ndarray, np.ndarray]:
+        """(C, 3) int32 cells relative to ``base`` and (C, GEOMETRIC) int64 counts; sets ``bounds``."""
+        lows, highs = zip(*self._bounds, strict=True)
+        self.bounds = np.stack([np.min(lows, axis=0), np.max(highs, axis=0)])
+        cells = np.concatenate([self._cells(i) for i in range(SLICES)])
+        return merge(cells, np.concatenate([self._used_counts(i) for i in range(SLICES)]))
+
+
+def _first_cell_size(sample: np.ndarray, extent: float, magnitude: float) -> float:
+    """A 512th of the extent of the scan's beginning, without the outermost points; never finer than float64 can tell."""
+    if not extent > 0:
+        extent = float(np.ptp(sample, axis=0).max())
+    finest = magnitude * 2.0**-36  # 2**16 positions of at least 2**-52 of the coordinate itself
+    return power_of_two(max(extent / 512, finest) if extent > 0 else max(1.0, finest))
+
+
+def _table(limit: int) -> np.ndarray:
+    table = np.empty((4 * (1 << (limit - 1).bit_length()), 4), np.int32)
+    table[:, 3] = -1
+    return table
+
+
+def merge(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Adds up the counts of equal cells: (n, 3) int32, (n, G) int64 -> (C, 3) int32, (C, G) int64."""
+    order = np.lexsort(cells.T)
+    cells, counts = cells[order], counts[order]
+    new = np.ones(len(cells), bool)
+    new[1:] = (cells[1:] != cells[:-1]).any(axis=1)
+    return cells[new], np.add.reduceat(counts, np.flatnonzero(new), axis=0) if len(cells) else counts
+
+
+def table_of(cells: np.ndarray) -> np.ndarray:
+    """A look-up table for cells (C, 3) int32 that gives each its row number."""
+    table = _table(max(len(cells), 1))
+    kernels.fill_table(table, cells)
+    return table

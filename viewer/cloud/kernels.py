@@ -1,0 +1,162 @@
+"""The compiled inner loops: find a point's cell, draw its layer, pack it, put it in its place.
+
+Serial and free of the interpreter's lock: callers run them on slices in a thread pool, which costs no parallel
+compilation and, unlike numba's own threads, is safe from any thread.  Every result is independent of the number of threads.
+
+Cells are numbered from an integer base: cell = floor(p / cell_size) - base, with p / cell_size exact, because the
+cell size is a power of two.
+"""
+
+import numpy as np
+from numba import njit
+
+GEOMETRIC = 16
+"""Number of values the seeded geometric variable takes: 0..15."""
+_SEED = np.uint64(0x706F696E74676C61)  # any constant would do; fixed, so that a scan always gives the same layers
+
+
+@njit(cache=True, inline="always")
+def geometric(index):
+    """Trailing zeros of a seeded hash (splitmix64) of a point's running number: 0 for half of all points, 1 for a
+    quarter, ..., at most GEOMETRIC - 1."""
+    z = np.uint64(index) * np.uint64(0x9E3779B97F4A7C15) + _SEED
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z = z ^ (z >> np.uint64(31))
+    zeros = 0
+    while zeros < GEOMETRIC - 1 and (z >> np.uint64(zeros)) & np.uint64(1) == 0:
+        zeros += 1
+    return zeros
+
+
+@njit(cache=True, inline="always")
+def _slot(table, x, y, z):
+    """Where cell (x, y, z) is, or belongs, in the open-addressing table (2**k, 4) int32 of x, y, z, number (-1: free)."""
+    mask = np.uint64(table.shape[0] - 1)
+    h = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15)
+    h = (h ^ np.uint64(y)) * np.uint64(0xC2B2AE3D27D4EB4F)
+    h = (h ^ np.uint64(z)) * np.uint64(0x165667B19E3779F9)
+    slot = (h ^ (h >> np.uint64(32))) & mask
+    while table[slot, 3] >= 0 and (table[slot, 0] != x or table[slot, 1] != y or table[slot, 2] != z):
+        slot = (slot + np.uint64(1)) & mask
+    return slot
+
+
+@njit(cache=True, nogil=True)
+def fill_table(table, cells):
+    """Enters cells (C, 3) int32, all different, under their row numbers into an empty table."""
+    for i in range(cells.shape[0]):
+        slot = _slot(table, cells[i, 0], cells[i, 1], cells[i, 2])
+        table[slot, 0], table[slot, 1], table[slot, 2] = cells[i, 0], cells[i, 1], cells[i, 2]
+        table[slot, 3] = i
+
+
+@njit(cache=True, nogil=True)
+def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, tally, bounds):
+    """Counts points by cell and geometric value, entering new cells, until ``limit`` cells are exceeded.
+
+    xyz: (n, 3) float64.  start: point to begin with.  first: running number of xyz[0].  inverse: 1 / cell size.
+    base: (3,) float64 whole numbers.  reach: (2, 3) float64 box outside which a point is not counted.
+    counts: (limit, GEOMETRIC) int64.  tally: [cells used, not finite, out of reach], updated.  bounds: (2, 3), updated.
+    Returns the number of points dealt with; less than n means that the next point needs a cell beyond the limit.
+    """
+    used = tally[0]
+    inside = True
+    px, py, pz, cell = 0, 0, 0, -1
+    for i in range(start, xyz.shape[0]):
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        inside = (x >= reach[0, 0]) & (x <= reach[1, 0]) & (y >= reach[0, 1]) & (y <= reach[1, 1])
+        inside &= (z >= reach[0, 2]) & (z <= reach[1, 2])
+        if not inside:
+            tally[2 if np.isfinite(x) and np.isfinite(y) and np.isfinite(z) else 1] += 1
+            continue
+        cx = np.int32(np.floor(x * inverse) - base[0])
+        cy = np.int32(np.floor(y * inverse) - base[1])
+        cz = np.int32(np.floor(z * inverse) - base[2])
+        if cell < 0 or cx != px or cy != py or cz != pz:
+            slot = _slot(table, cx, cy, cz)
+            if table[slot, 3] < 0:
+                if used == limit:
+                    tally[0] = used
+                    return i
+                table[slot, 0], table[slot, 1], table[slot, 2], table[slot, 3] = cx, cy, cz, used
+                used += 1
+            px, py, pz, cell = cx, cy, cz, table[slot, 3]
+        counts[cell, geometric(first + i)] += 1
+        bounds[0, 0], bounds[1, 0] = min(bounds[0, 0], x), max(bounds[1, 0], x)
+        bounds[0, 1], bounds[1, 1] = min(bounds[0, 1], y), max(bounds[1, 1], y)
+        bounds[0, 2], bounds[1, 2] = min(bounds[0, 2], z), max(bounds[1, 2], z)
+    tally[0] = used
+    return xyz.shape[0]
+
+
+@njit(cache=True, nogil=True)
+def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, table, cells, layers, buckets, words):
+    """Packs a slice of points and names each one's bucket, layer * cells + cell.
+
+    rgb: (n, 3) uint8.  intensity: (n,) uint16.  scan: (n,) uint8.  base: of ``table``.  Others as in count_points.
+    Writes buckets (n,) int32 and words (n, 3) uint32: points of the finest layer, one half of all, from the front in
+    their order, the others from the back in reverse, so that two threads can place them.
+    Returns (points at the front, points at the back); points out of reach are left out.
+    """
+    n = xyz.shape[0]
+    front, back = 0, n - 1
+    finest = layers - 1
+    px, py, pz, cell = 0, 0, 0, -1
+    for i in range(n):
+        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
+        inside = (x >= reach[0, 0]) & (x <= reach[1, 0]) & (y >= reach[0, 1]) & (y <= reach[1, 1])
+        inside &= (z >= reach[0, 2]) & (z <= reach[1, 2])
+        if not inside:
+            continue
+        x, y, z = x * inverse, y * inverse, z * inverse
+        fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
+        cx, cy, cz = np.int32(fx - base[0]), np.int32(fy - base[1]), np.int32(fz - base[2])
+        if cell < 0 or cx != px or cy != py or cz != pz:
+            px, py, pz, cell = cx, cy, cz, table[_slot(table, cx, cy, cz), 3]
+        # the fraction of a tiny negative coordinate rounds up to 1, hence the clip
+        qx = np.uint32(min(np.int64((x - fx) * 65536.0), 65535))
+        qy = np.uint32(min(np.int64((y - fy) * 65536.0), 65535))
+        qz = np.uint32(min(np.int64((z - fz) * 65536.0), 65535))
+        layer = max(finest - geometric(first + i), 0)
+        top = layer == finest
+        place = front if top else back
+        front += top
+        back -= not top
+        buckets[place] = layer * cells + cell
+        words[place, 0] = qx | qy << np.uint32(16)
+        words[place, 1] = qz | np.uint32(intensity[i]) << np.uint32(16)
+        colour = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
+        words[place, 2] = colour | np.uint32(scan[i]) << np.uint32(24)
+    return front, n - 1 - back
+
+
+@njit(cache=True, nogil=True)
+def place_points(buckets, words, start, stop, stride, cursor, points):
+    """Moves packed points start, start + stride, ... before ``stop`` to the next free place of their buckets."""
+    for i in range(start, stop, stride):
+        place = cursor[buckets[i]]
+        cursor[buckets[i]] = place + 1
+        points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
+
+
+@njit(cache=True, nogil=True)
+def neighbour_distances(xyz, queries, k, out):
+    """Squared distance from each query (a row number of xyz) to its k-th nearest other point of xyz, by full search.
+
+    xyz: (n, 3) float64, n > k.  queries: (m,) int64.  out: (m,) float64.
+    """
+    nearest = np.empty(k)
+    for j in range(queries.shape[0]):
+        nearest[:] = np.inf
+        q = queries[j]
+        x, y, z = xyz[q, 0], xyz[q, 1], xyz[q, 2]
+        for i in range(xyz.shape[0]):
+            d = (xyz[i, 0] - x) ** 2 + (xyz[i, 1] - y) ** 2 + (xyz[i, 2] - z) ** 2
+            if d < nearest[k - 1] and i != q:
+                at = k - 1
+                while at > 0 and nearest[at - 1] > d:
+                    nearest[at] = nearest[at - 1]
+                    at -= 1
+                nearest[at] = d
+        out[j] = nearest[k - 1]

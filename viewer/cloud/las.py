@@ -1,0 +1,130 @@
+"""LAS, LAZ and COPC through laspy and lazrs, a chunk at a time.
+
+The header is checked here before laspy sees it: a bogus record count would otherwise be believed and memory reserved
+for it.  Colour is reported 16 bits wide, as the format has it; whether 8-bit values sit in it is decided over the
+whole file by the grid's builder.
+"""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from viewer.cloud import crs
+from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source
+from viewer.errors import InputError
+
+
+class LasSource(Source):
+    """One .las, .laz or .copc.laz file.  Raises InputError where the header cannot be right."""
+
+    def __init__(self, path: Path):
+        super().__init__(path, "LAS", scans=[ScanInfo(path.stem)])
+        _check_header(path)
+        with self._open() as reader:
+            header = reader.header
+            self.count = int(header.point_count)
+            compressed = header.are_points_compressed
+            records = list(header.vlrs) + list(header.evlrs or [])
+        copc = any(record.user_id == "copc" for record in records)
+        self.format = "COPC" if copc else "LAZ" if compressed else "LAS"
+        if not (np.isfinite(header.scales).all() and np.isfinite(header.offsets).all() and np.all(header.scales != 0)):
+            raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
+        self.crs, self.units, self.metres_per_unit = _reference(records)
+        if self.units == "degree":
+            self.warnings.append(f"{path.name}: coordinates are in degrees, shapes are distorted; reproject it to metres")
+
+    def _open(self):
+        import laspy
+
+        try:
+            return laspy.open(self.path)
+        except InputError:
+            raise
+        except Exception as error:  # laspy raises many kinds, lazrs its own: all mean the file cannot be read
+            raise InputError(f"{self.path}: cannot be read as LAS/LAZ: {_line(error)}; copy or export it again") from None
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yields xyz, rgb (uint16) and intensity as stored."""
+        done = 0
+        with self._open() as reader:
+            names = set(reader.header.point_format.dimension_names)
+            iterator = reader.chunk_iterator(CHUNK)
+            while done < (self.count or 0):
+                try:
+                    points = next(iterator)
+                except StopIteration:
+                    raise self._truncated(done) from None
+                except Exception as error:
+                    raise self._truncated(done, _line(error)) from None
+                n = len(points)
+                if n == 0:
+                    raise self._truncated(done)
+                done += n
+                xyz = np.empty((n, 3))
+                for axis, name in enumerate("XYZ"):
+                    np.multiply(points[name], points.scales[axis], out=xyz[:, axis])
+                    xyz[:, axis] += points.offsets[axis]
+                rgb = np.stack([points[c] for c in ("red", "green", "blue")], axis=1) if "red" in names else None
+                intensity = np.array(points["intensity"], np.uint16) if "intensity" in names else None
+                yield Chunk(xyz, rgb, intensity)
+
+    def _truncated(self, done: int, why: str = "") -> InputError:
+        reason = f" ({why})" if why else ""
+        return InputError(
+            f"{self.path}: truncated or damaged: {done:,} of {self.count:,} points could be read{reason}; copy or export it again"
+        )
+
+
+def _check_header(path: Path) -> None:
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(375)
+    if len(head) < 227:
+        raise InputError(f"{path}: truncated in its header ({size} bytes); copy or export it again")
+    major, minor = head[24], head[25]
+    header_size, offset, records, point_format, length, count = struct.unpack_from("<HIIBHI", head, 94)
+    compressed = bool(point_format & 0xC0)
+    if (major, minor) >= (1, 4) and len(head) >= 255:
+        count = struct.unpack_from("<Q", head, 247)[0] or count
+    if major != 1 or minor > 4:
+        raise InputError(f"{path}: LAS version {major}.{minor} is not known; versions 1.0 to 1.4 are read")
+    if header_size < 227 or offset < header_size or records * 54 > offset - header_size:
+        raise InputError(f"{path}: its header is damaged (header {header_size} bytes, {records} records before byte {offset})")
+    if count == 0:
+        raise InputError(f"{path}: holds no points (its header says 0); export it again")
+    if offset >= size:
+        raise InputError(f"{path}: truncated: 0 of {count:,} points could be read; copy or export it again")
+    if length == 0:
+        raise InputError(f"{path}: its header is damaged (point record of 0 bytes)")
+    readable = (size - offset) // length
+    if not compressed and readable < count:
+        raise InputError(f"{path}: truncated: {readable:,} of {count:,} points could be read; copy or export it again")
+
+
+def _reference(records) -> crs.Reference:
+    keys: dict[int, int] = {}
+    spans: dict[int, tuple[int, int]] = {}
+    text, best = "", (None, "unknown", None)
+    for record in records:
+        if record.user_id.strip("\0 ") != "LASF_Projection":
+            continue
+        data = record.record_data_bytes()
+        if record.record_id == 2112:
+            best = crs.from_wkt(data.decode("utf-8", "replace"))
+        elif record.record_id == 34735:
+            for key, location, length, value in struct.iter_unpack("<4H", data[8 : len(data) // 8 * 8]):
+                if location == 0:
+                    keys[key] = value
+                elif location == 34737:
+                    spans[key] = (value, length)
+        elif record.record_id == 34737:
+            text = data.decode("latin-1")
+    if best[0] is None and (keys or spans):
+        best = crs.from_geokeys(keys, text, spans)
+    return best
+
+
+def _line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:120]

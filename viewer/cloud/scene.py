@@ -1,0 +1,80 @@
+"""A scan as the renderer sees it: packed points in a uniform grid, in density layers.
+
+Frame: file coordinates (float64) are ``origin + cell_coords * cell_size`` for a cell's lower corner, plus 16-bit
+fractions of the cell for a point.  The cell size is a power of two, so every one of these products is exact.
+
+Packed point, 12 bytes: word 0 = qx | qy << 16;  word 1 = qz | intensity << 16;  word 2 = r | g << 8 | b << 16 | scan << 24.
+A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most half a step from where it was measured.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+STEPS = 65536
+"""Positions a coordinate can take inside a cell."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Points by density layer, then by cell.
+
+    points: (N, 3) uint32 packed points, C-contiguous, possibly a memory map.
+    cell_coords: (C, 3) int32, cells in Morton order, relative to ``origin``.
+    offsets: (L*C + 1,) int64; layer k of cell c is ``points[offsets[k*C + c]:offsets[k*C + c + 1]]``.  Layer 0 is the
+        coarsest.  Each further layer doubles the density of all before it, so that the layers 0..k together are a
+        uniform random subsample for every k.
+    origin: (3,) float64 file coordinates, a whole multiple of ``cell_size``.
+    cell_size: 2**n file units.
+    layers: L.  count: N.
+    spacing: file units, 1/sqrt(points per surface area), the median over the scan.
+    bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
+    meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, dropped, warnings.
+    """
+
+    points: np.ndarray
+    cell_coords: np.ndarray
+    offsets: np.ndarray
+    origin: np.ndarray
+    cell_size: float
+    layers: int
+    count: int
+    spacing: float
+    bounds: np.ndarray
+    meta: dict = field(default_factory=dict)
+
+    @property
+    def step(self) -> float:
+        """File units between two neighbouring positions of a packed coordinate."""
+        return self.cell_size / STEPS
+
+    @property
+    def cell_min(self) -> np.ndarray:
+        """(C, 3) float64 file coordinates of each cell's lower corner."""
+        return self.origin + self.cell_coords * self.cell_size
+
+    def cell_of_points(self, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """(stop - start,) int32: the cell each point of the run lies in (all points by default)."""
+        edges = np.clip(self.offsets, start, self.count if stop is None else stop)
+        cells = np.tile(np.arange(len(self.cell_coords), dtype=np.int32), self.layers)
+        return np.repeat(cells, np.diff(edges))
+
+
+def unpack(scene: Scene, index=slice(None)) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points as numbers.  ``index``: anything that indexes a one-dimensional array of N points.
+
+    Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8.
+    """
+    words = np.atleast_2d(np.asarray(scene.points[index]))
+    if isinstance(index, slice) and index.indices(scene.count)[2] == 1:
+        start, stop, _ = index.indices(scene.count)
+        cells = scene.cell_of_points(start, max(start, stop))
+    else:
+        places = np.atleast_1d(np.arange(scene.count)[index])
+        cells = (np.searchsorted(scene.offsets, places, side="right") - 1) % len(scene.cell_coords)
+    low = (words & 0xFFFF).astype(np.float64)
+    high = words >> 16
+    q = np.stack([low[:, 0], high[:, 0], low[:, 1]], axis=1)
+    xyz = scene.cell_min[cells] + (q + 0.5) * scene.step
+    rgb = np.stack([words[:, 2] >> shift & 0xFF for shift in (0, 8, 16)], axis=1).astype(np.uint8)
+    return xyz, rgb, high[:, 1].astype(np.uint16), (words[:, 2] >> 24).astype(np.uint8)

@@ -1,0 +1,104 @@
+"""The depth filter as compute passes: raw picture and depth in, keep-mask and filtered picture out.
+
+One class for each family of presets; ``model/depth_filter.py`` is the twin and holds the constants.  Textures have row 0
+at the top; mask is R8, 1 where kept; filtered is RGBA8, all zero where not.
+"""
+
+import moderngl
+
+from model import depth_filter as twin
+from viewer.render import shader
+
+_SHARED = {
+    "EMPTY": twin.EMPTY,
+    "TWIST": twin.TWIST,
+    "SAME_SURFACE_FACTOR": 1.0 - twin.SAME_SURFACE,
+    "SUPPORT_LIMIT": 36.0 * twin.SUPPORT,
+}
+
+
+def level_sizes(size: tuple[int, int], levels: int) -> list[tuple[int, int]]:
+    """Sizes of the levels above the picture, each half of the one below, rounded up."""
+    out = []
+    for _ in range(levels):
+        size = ((size[0] + 1) // 2, (size[1] + 1) // 2)
+        out.append(size)
+    return out
+
+
+def _programs(programs: shader.Programs, preset: str) -> dict[str, moderngl.ComputeShader]:
+    if preset == "off":
+        return {"base": programs.compute("filter_off.comp")}
+    if preset == "auto":
+        return {
+            "down_base": programs.compute("filter_down.comp", BASE=1, **_SHARED),
+            "down": programs.compute("filter_down.comp", **_SHARED),
+            "top": programs.compute("filter_up.comp", TOP=1, **_SHARED),
+            "up": programs.compute("filter_up.comp", **_SHARED),
+            "base": programs.compute("filter_up.comp", BASE=1, **_SHARED),
+        }
+    flavour = {"paper-code": {"PUBLISHED": 1}, "npbg++": {"NPBG": 1}}.get(preset, {})
+    made = {
+        "down": programs.compute("filter_parents_down.comp", **_SHARED),
+        "base": programs.compute("filter_parents_up.comp", BASE=1, **flavour, **_SHARED),
+    }
+    if preset != "npbg++":
+        made["up"] = programs.compute("filter_parents_up.comp", **flavour, **_SHARED)
+    return made
+
+
+class DepthFilter:
+    """Keeps the pixels whose depth belongs to the foremost surface."""
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], preset: str, levels: int | None = None):
+        context = programs.context
+        self.context, self.size, self.preset, self.wanted_levels = context, size, preset, levels
+        self.levels = 0 if preset == "off" else (twin.LEVELS[preset] if levels is None else levels)
+        self.mask = context.texture(size, 1, dtype="f1")
+        self.filtered = context.texture(size, 4, dtype="f1")
+        sizes = level_sizes(size, self.levels)
+        pair = 2 if preset == "auto" else 1
+        self._down = [context.texture(s, pair, dtype="f4") for s in sizes]
+        self._up = [context.texture(s, 1, dtype="f4") for s in sizes] if preset != "npbg++" else []
+        self._programs = _programs(programs, preset)
+
+    def run(self, raw: moderngl.Texture, depth: moderngl.Texture, *, strength: float = 1.0, metre: float = 1.0) -> None:
+        """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance.  metre: file units in a metre."""
+        if self.preset == "auto":
+            tolerance = (1.0 - twin.TOLERANCE * strength, twin.SLOPE * strength, 0.0)
+        else:
+            edge = twin.EDGE * (metre if self.preset == "paper-code" else 1.0)
+            tolerance = (1.0 + twin.PARENT_RATIO * strength, edge, twin.NPBG_DEPTH * strength * metre)
+        for index, coarse in enumerate(self._down):
+            self._pass("down_base" if index == 0 and "down_base" in self._programs else "down",
+                       coarse.size, [coarse], fine=self._down[index - 1] if index else depth)
+        top = self._down[-1] if self._down else depth
+        if self.preset == "auto":
+            self._pass("top", self._up[-1].size, [self._up[-1]], tolerance, level=top)
+            top = self._up[-1]
+        if self.preset in ("auto", "paper-code", "paper-text"):
+            for index in range(self.levels - 2, -1, -1):
+                self._pass("up", self._up[index].size, [self._up[index]], tolerance,
+                           level=self._down[index], coarse=top)
+                top = self._up[index]
+        self._pass("base", self.size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
+
+    def _pass(self, name: str, size: tuple[int, int], outputs: list[moderngl.Texture],
+              tolerance: tuple[float, float, float] | None = None, **inputs: moderngl.Texture) -> None:
+        program = self._programs[name]
+        for unit, (sampler, texture) in enumerate(inputs.items()):
+            if sampler in program:
+                texture.use(unit)
+                program[sampler] = unit
+        for unit, texture in enumerate(outputs):
+            texture.bind_to_image(unit, read=False, write=True)
+        if tolerance is not None and "tolerance" in program:
+            program["tolerance"] = tolerance
+        if "shift_by" in program:
+            program["shift_by"] = self.levels
+        program.run(*shader.groups(*size))
+        self.context.memory_barrier()
+
+    def release(self) -> None:
+        for resource in (self.mask, self.filtered, *self._down, *self._up):
+            resource.release()

@@ -1,0 +1,68 @@
+"""The neural view: filled pixels through the bridge and the network into a picture.  torch is imported here, at first use."""
+
+from model.reconstruct import Reconstructor, cuda_problem
+from model.weights import WeightsError
+from viewer.errors import DeviceError, InputError
+from viewer.render import shader
+from viewer.render.bridge import make_bridge
+
+_networks: dict[tuple[str, bool, str], Reconstructor] = {}
+
+
+def load_network(quality: str, filtered: bool, device: str) -> Reconstructor:
+    """A network, loaded once a process.  Raises InputError where there are no such weights."""
+    key = (quality, filtered, device)
+    if key not in _networks:
+        try:
+            _networks[key] = Reconstructor(quality, filtered=filtered, device=device)
+        except WeightsError as error:
+            raise InputError(str(error)) from None
+    return _networks[key]
+
+
+class NeuralStage:
+    """Owns the bridge and the picture for one size, quality and device.
+
+    filtered: whether a depth filter ran, which decides the weights.  device: auto, cuda or cpu; ``cuda`` where CUDA does
+    not work raises DeviceError, ``auto`` falls back and says so in ``approximations``' neighbour ``device``.
+    """
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, device: str):
+        self.key = (quality, filtered, device)
+        problem = None if device == "cpu" else cuda_problem()
+        if device == "cuda" and problem:
+            raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
+        self.device = "cuda" if device != "cpu" and problem is None else "cpu"
+        self.network = load_network(quality, filtered, self.device)
+        self.context = programs.context
+        self.bridge, self.bridge_problem = make_bridge(self.context, size, self.device)
+        self.picture = self.context.texture(size, 4, dtype="f1")
+        self._unpack = programs.compute("network_output.comp")
+
+    @property
+    def name(self) -> str:
+        """Weights, their hash, precision and device."""
+        return self.network.name
+
+    @property
+    def approximations(self) -> list[str]:
+        """What is not exact about this stage."""
+        precision = self.network.precision
+        return [] if precision == "fp32" else [f"network in {precision}"]
+
+    def infer(self) -> None:
+        """Runs the network on what the fill pass wrote."""
+        self.bridge.run(self.network)
+
+    def present(self, filled) -> None:
+        """Writes the network's pixels into ``picture``, with the filled picture's alpha."""
+        self.bridge.output.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
+        filled.use(0)
+        self._unpack["filled"] = 0
+        self.picture.bind_to_image(0, read=False, write=True)
+        self._unpack.run(*shader.groups(*self.picture.size))
+        self.context.memory_barrier()
+
+    def release(self) -> None:
+        self.bridge.release()
+        self.picture.release()

@@ -1,0 +1,172 @@
+"""``render(scene, camera, settings) -> Frame``: pure, the same arguments give the same bytes.
+
+No history and no timing decides anything here; what a window adds (adaptive quality, refinement) lives around it.  A
+Renderer owns the scene's points on the GPU and the passes for the last picture size used.
+"""
+
+from typing import TYPE_CHECKING
+
+from model.project import SoftZ
+from viewer.errors import DeviceError, InputError
+from viewer.render.context import describe_device
+from viewer.render.cull import Culler, DrawList
+from viewer.render.fill import Fill
+from viewer.render.filter import DepthFilter
+from viewer.render.frame import Frame, Stages
+from viewer.render.points import PointPages
+from viewer.render.raster import RASTERISERS, Rasteriser
+from viewer.render.shader import Programs
+from viewer.settings import VIEWS, Settings
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.camera import Camera
+    from viewer.cloud.scene import Scene
+    from viewer.render.neural import NeuralStage
+
+_CALIBRATION_POINTS = 2_000_000
+
+
+class Renderer:
+    """Draws one scene.  raster, device: defaults for settings that say ``auto``."""
+
+    def __init__(self, context: "moderngl.Context", scene: "Scene", *, raster: str = "auto", device: str = "auto"):
+        self.context, self.scene = context, scene
+        self.device = describe_device(context)
+        self._raster, self._device = raster, device
+        self._programs = Programs(context)
+        self._culler = Culler(scene)
+        self._pages = PointPages(context, scene, self.device.storage_limit)
+        self._stages = Stages(context, software=self.device.software)
+        self._rasterisers: dict[str, Rasteriser] = {}
+        self._filter: DepthFilter | None = None
+        self._fill: Fill | None = None
+        self._neural: NeuralStage | None = None
+        self._size = (0, 0)
+
+    @property
+    def metre(self) -> float:
+        """File units in a metre; 1 where the file does not say."""
+        metres = self.scene.meta.get("metres_per_unit")
+        return 1.0 / metres if metres else 1.0
+
+    def render(self, camera: "Camera", settings: Settings, views: tuple[str, ...] | None = None) -> Frame:
+        """Makes the given views (default: that of the settings) of one camera."""
+        views = (settings.view,) if views is None else views
+        for view in views:
+            if view not in VIEWS:
+                raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
+        self._resize((camera.width, camera.height))
+        stages = self._stages
+        stages.begin()
+        draws: list[DrawList] = []
+        stages.run("cull", lambda: draws.append(self._culler.select(camera, settings.lod)))
+        draw = draws[0]
+        soft = SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre)
+        rasteriser = self._choose(settings, draw, camera, soft)
+        stages.run("raster", lambda: rasteriser.run(self._pages, draw, camera, soft))
+        textures = {"raw": rasteriser.colour}
+        facts: dict = {
+            "raster": rasteriser.kind,
+            "points_drawn": draw.points,
+            "points_total": self.scene.count,
+            "cells_drawn": len(draw.cells),
+            "cells_total": len(self.scene.cell_coords),
+            "opengl": self.device.renderer,
+            "device": None,
+            "network": None,
+            "approximations": self._approximations(settings),
+        }
+        mask = None
+        if set(views) - {"raw"}:
+            step = self._filter_for(settings)
+            stages.run("filter", lambda: step.run(
+                rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre))
+            textures["filtered"], mask = step.filtered, step.mask
+            if {"filled", "neural"} & set(views):
+                neural = self._neural_for(settings) if "neural" in views else None
+                fill = self._fill = self._fill or Fill(self._programs, self._size)
+                stages.run("fill", lambda: fill.run(
+                    rasteriser.colour, rasteriser.depth, step.mask,
+                    feature_scale=1.0 / (camera.fx * self.scene.spacing),
+                    network=neural.bridge.input if neural else None))
+                textures["filled"] = fill.filled
+                if neural:
+                    stages.run("network", neural.infer)
+                    stages.run("present", lambda: neural.present(fill.filled))
+                    textures["neural"] = neural.picture
+                    facts |= {"device": neural.device, "network": neural.name, "bridge": neural.bridge.kind}
+                    facts["approximations"] = [*facts["approximations"], *neural.approximations]
+        stages.end()
+        return Frame({v: textures[v] for v in views}, rasteriser.depth, mask, facts, stages)
+
+    def _approximations(self, settings: Settings) -> list[str]:
+        return [] if settings.lod is None else [f"level of detail: {settings.lod:g} points per pixel"]
+
+    def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ) -> Rasteriser:
+        """The rasteriser asked for; ``auto`` is the one that measured faster here, fixed for this renderer's life."""
+        wanted = settings.raster if settings.raster != "auto" else self._raster
+        if wanted == "auto":
+            wanted = self._raster = "compute" if self.device.software else self._faster(draw, camera, soft)
+        if wanted not in self._rasterisers:
+            self._rasterisers[wanted] = RASTERISERS[wanted](self._programs, self._size, self.device.storage_limit)
+        return self._rasterisers[wanted]
+
+    def _faster(self, draw: DrawList, camera: "Camera", soft: SoftZ) -> str:
+        from time import perf_counter
+
+        times = {}
+        for kind, make in RASTERISERS.items():
+            rasteriser = make(self._programs, self._size, self.device.storage_limit)
+            for _ in range(3):  # the last of three counts: the first compiles, the second warms up
+                self.context.finish()
+                start = perf_counter()
+                rasteriser.run(self._pages, draw, camera, soft)
+                self.context.finish()
+                times[kind] = perf_counter() - start
+            rasteriser.release()
+        return min(times, key=lambda kind: times[kind])
+
+    def _filter_for(self, settings: Settings) -> DepthFilter:
+        current = self._filter
+        if current is None or (current.preset, current.wanted_levels) != (settings.filter, settings.filter_levels):
+            if current is not None:
+                current.release()
+            current = self._filter = DepthFilter(self._programs, self._size, settings.filter, settings.filter_levels)
+        return current
+
+    def _neural_for(self, settings: Settings) -> "NeuralStage":
+        from viewer.render.neural import NeuralStage
+
+        device = settings.device if settings.device != "auto" else self._device
+        key = (settings.quality, settings.filter != "off", device)
+        if self._neural is None or self._neural.key != key:
+            if self._neural is not None:
+                self._neural.release()
+                self._neural = None
+            self._neural = NeuralStage(self._programs, self._size, *key)
+        return self._neural
+
+    def _resize(self, size: tuple[int, int]) -> None:
+        if size == self._size:
+            return
+        if max(size) > self.device.texture_limit:
+            raise DeviceError(
+                f"a picture of {size[0]}x{size[1]} is larger than this device's textures ({self.device.texture_limit} "
+                "pixels a side); choose a smaller --size"
+            )
+        self._release_passes()
+        self._size = size
+
+    def _release_passes(self) -> None:
+        for made in (*self._rasterisers.values(), self._filter, self._fill, self._neural):
+            if made is not None:
+                made.release()
+        self._rasterisers, self._filter, self._fill, self._neural = {}, None, None, None
+
+    def release(self) -> None:
+        """Frees everything on the GPU."""
+        self._release_passes()
+        self._pages.release()
+        self._programs.release()
