@@ -7,7 +7,7 @@
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
-uniform sampler2D coarse_weight;
+uniform sampler2D whole_weight;
 #ifdef BASE
 layout(rgba8, binding = 0) uniform writeonly image2D filled;
 #ifdef NETWORK
@@ -21,7 +21,7 @@ layout(rgba32f, binding = 0) uniform writeonly image2D out_value;
 
 vec4 from_coarse(ivec2 at) {
     vec4 v = bilinear(coarse, at);
-    if (coarse_is_sum == 1) v = v / max(texelFetch(coarse_weight, ivec2(0), 0).x, 1e-20);
+    if (coarse_is_sum == 1) v = v / max(texelFetch(whole_weight, ivec2(0), 0).x, 1e-20);
     return v;
 }
 
@@ -34,7 +34,7 @@ void main() {
     float w = measured(at, v);
     if (w < 0.5) v = from_coarse(at);
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    imageStore(filled, at, vec4(v.xyz, texelFetch(coarse_weight, ivec2(0), 0).x > 0.0 ? 1.0 : 0.0));
+    imageStore(filled, at, vec4(v.xyz, texelFetch(whole_weight, ivec2(0), 0).x > 0.0 ? 1.0 : 0.0));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
         uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, 0.0)), 0u);

@@ -54,7 +54,7 @@ class Fill:
 
     def _pass(self, program: moderngl.ComputeShader, size: tuple[int, int], outputs: list[moderngl.Texture],
               inputs: dict[str, moderngl.Texture], feature_scale: float, is_sum: int = 0) -> None:
-        for unit, (name, texture) in enumerate({**inputs, "coarse_weight": self._weights[-1]}.items()):
+        for unit, (name, texture) in enumerate({**inputs, "whole_weight": self._weights[-1]}.items()):
             if name in program:
                 texture.use(unit)
                 program[name] = unit

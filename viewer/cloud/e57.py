@@ -1,0 +1,242 @@
+"""E57 through libe57: every scan of the file with its pose, read through buffers and never whole.
+
+Units are metres by the standard.  Coordinates are yielded in the file's common frame: each scan's own points turned by
+its rotation and moved by its translation; a scan without a pose is taken to be in the common frame already.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from viewer.cloud import crs
+from viewer.cloud.source import Chunk, ScanInfo, Source, stretch
+from viewer.errors import InputError
+
+_CHUNK = 1 << 19  # buffers are float64 for every field
+_CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
+_SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
+_RGB = ("colorRed", "colorGreen", "colorBlue")
+
+
+@dataclass(frozen=True, eq=False)
+class _Scan:
+    """rotation: (3, 3), translation: (3,), scan -> file.  full: the value of a full colour channel; its low end ``zero``.
+    narrow: colour is 8 bits wide.  intensity: range, or None where the values themselves must tell."""
+
+    count: int
+    fields: frozenset[str]
+    rotation: np.ndarray
+    translation: np.ndarray
+    zero: float = 0.0
+    full: float = 255.0
+    narrow: bool = True
+    intensity: tuple[float, float] | None = None
+
+
+class E57Source(Source):
+    """One .e57 file.  Raises InputError where libe57 refuses it (checksum, length, XML) or it holds no points."""
+
+    def __init__(self, path: Path):
+        super().__init__(path, "E57", units="metre", metres_per_unit=1.0)
+        self._scans: list[_Scan] = []
+        with self._open() as file:
+            root = file.root()
+            self.crs = _crs(root)
+            data = root["data3D"] if root.isDefined("data3D") else ()
+            for i in range(len(data)):
+                self._add(i, data[i])
+        self.count = sum(scan.count for scan in self._scans)
+        if not self.scans:
+            raise InputError(f"{path}: holds no scans (an E57 without data3D entries); export it with points")
+        if self.count == 0:
+            raise InputError(f"{path}: holds no points ({len(self.scans)} empty scan(s)); export it again")
+        self._ranges: dict[int, tuple[float, float]] = {}
+
+    @contextmanager
+    def _open(self):
+        from pye57 import libe57
+
+        file = None
+        try:
+            file = libe57.ImageFile(str(self.path), "r")
+            yield file
+        except libe57.E57Exception as error:
+            raise InputError(f"{self.path}: {_line(error)}; copy or export it again") from None
+        except RuntimeError as error:
+            raise InputError(f"{self.path}: cannot be read as E57: {_line(error)}; copy or export it again") from None
+        finally:
+            if file is not None and file.isOpen():
+                file.close()
+
+    def _add(self, number: int, node) -> None:
+        from pye57 import libe57
+
+        name = node["name"].value() if node.isDefined("name") else ""
+        name = name or f"scan {number + 1}"
+        rotation, translation, position = np.eye(3), np.zeros(3), None
+        if node.isDefined("pose"):
+            pose = node["pose"]
+            quaternion = _vector(pose, "rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
+            translation = _vector(pose, "translation", "xyz", (0.0, 0.0, 0.0))
+            length = np.linalg.norm(quaternion)
+            if np.isfinite(translation).all() and np.isfinite(length) and length > 1e-6:
+                rotation, position = _rotation(quaternion / length), tuple(translation.tolist())
+            else:
+                translation = np.zeros(3)
+                self.warnings.append(f"{self.path.name}: pose of {name!r} is not usable; its points are left where they are")
+        self.scans.append(ScanInfo(name, position))
+        points = node["points"] if node.isDefined("points") else None
+        count = int(points.childCount()) if points is not None else 0
+        if points is None or count == 0:
+            self._scans.append(_Scan(0, frozenset(), rotation, translation))
+            return
+        prototype = libe57.StructureNode(points.prototype())
+        nodes = {prototype[i].elementName(): prototype[i] for i in range(prototype.childCount())}
+        if not (set(_CARTESIAN) <= set(nodes) or set(_SPHERICAL) <= set(nodes)):
+            raise InputError(f"{self.path}: {name!r} has neither cartesian nor spherical coordinates; export it again")
+        colour = _colour_range(node, nodes) if set(_RGB) <= set(nodes) else (0.0, 255.0, True)
+        intensity = _intensity_range(node, nodes) if "intensity" in nodes else None
+        self._scans.append(_Scan(count, frozenset(nodes), rotation, translation, *colour, intensity))
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yields the valid points of scan after scan."""
+        for number, scan in enumerate(self._scans):
+            coordinates = _CARTESIAN if set(_CARTESIAN) <= scan.fields else _SPHERICAL
+            state = "cartesianInvalidState" if coordinates is _CARTESIAN else "sphericalInvalidState"
+            wanted = [*coordinates, *(f for f in (state, "intensity", *_RGB) if f in scan.fields)]
+            if not set(_RGB) <= scan.fields:
+                wanted = [field for field in wanted if field not in _RGB]
+            if scan.count:
+                yield from (self._chunk(number, scan, columns, coordinates, state) for columns in self._columns(number, wanted))
+
+    def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], coordinates, state: str) -> Chunk:
+        size = len(columns[coordinates[0]])
+        if state in columns:
+            valid = columns[state] == 0  # 1: only the direction is known, 2: nothing
+            columns = {name: values[valid] for name, values in columns.items()}
+        if coordinates is _CARTESIAN:
+            local = np.stack([columns[name] for name in _CARTESIAN], axis=1)
+        else:
+            r, azimuth, elevation = (columns[name] for name in _SPHERICAL)
+            flat = r * np.cos(elevation)
+            local = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], axis=1)
+        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped and counted by the grid
+            xyz = local if np.array_equal(scan.rotation, np.eye(3)) else local @ scan.rotation.T
+            xyz = xyz + scan.translation
+        rgb = intensity = None
+        if "colorRed" in columns:
+            rgb = stretch(np.stack([columns[name] for name in _RGB], axis=1), scan.zero, scan.full)
+            rgb = ((rgb + 128.0) / 257.0).astype(np.uint8) if scan.narrow else rgb
+        if "intensity" in columns:
+            intensity = stretch(columns["intensity"], *(scan.intensity or self._intensity_of(number)))
+        return Chunk(xyz, rgb, intensity, number, size - len(xyz))
+
+    def _intensity_of(self, number: int) -> tuple[float, float]:
+        """Range of a scan's intensities where the file gives none; one reading of that field, at first need."""
+        if number not in self._ranges:
+            low, high = np.inf, -np.inf
+            for columns in self._columns(number, ["intensity"]):
+                values = columns["intensity"][np.isfinite(columns["intensity"])]
+                if len(values):
+                    low, high = min(low, float(values.min())), max(high, float(values.max()))
+            self._ranges[number] = (low, high)
+        return self._ranges[number]
+
+    def _columns(self, number: int, names: list[str]) -> Iterator[dict[str, np.ndarray]]:
+        """Yields fields of one scan as float64, scaled, up to _CHUNK rows at a time."""
+        from pye57 import libe57
+
+        done, count = 0, self._scans[number].count
+        with self._open() as file:
+            points = libe57.CompressedVectorNode(file.root()["data3D"][number]["points"])
+            capacity = min(_CHUNK, count)
+            arrays = {name: np.empty(capacity) for name in names}
+            buffers = libe57.VectorSourceDestBuffer()
+            for name, array in arrays.items():
+                buffers.append(libe57.SourceDestBuffer(file, name, array, capacity, True, True))
+            reader = points.reader(buffers)
+            try:
+                while done < count:
+                    n = reader.read()
+                    if n == 0:
+                        raise InputError(
+                            f"{self.path}: truncated: {done:,} of {count:,} points of {self.scans[number].name!r} could be "
+                            "read; copy or export it again"
+                        )
+                    done += n
+                    yield {name: array[:n].copy() for name, array in arrays.items()}
+            finally:
+                if reader.isOpen():
+                    reader.close()
+
+
+def _number(node) -> float | None:
+    """The value of an integer, float or scaled-integer node."""
+    value = getattr(node, "scaledValue", None) or getattr(node, "value", None)
+    return float(value()) if value else None
+
+
+def _vector(parent, name: str, parts: str, otherwise) -> np.ndarray:
+    if not parent.isDefined(name):
+        return np.array(otherwise)
+    node = parent[name]
+    return np.array([_number(node[part]) if node.isDefined(part) else 0.0 for part in parts], np.float64)
+
+
+def _rotation(q: np.ndarray) -> np.ndarray:
+    """(3, 3) rotation of a unit quaternion w, x, y, z."""
+    w, x, y, z = q
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+def _declared(node) -> tuple[float, float]:
+    """The range a prototype node declares, scaled."""
+    if hasattr(node, "scaledMinimum"):
+        return float(node.scaledMinimum()), float(node.scaledMaximum())
+    return float(node.minimum()), float(node.maximum())
+
+
+def _limits(scan, group: str, names: tuple[str, str]) -> tuple[float, float] | None:
+    if not scan.isDefined(group) or not all(scan[group].isDefined(name) for name in names):
+        return None
+    low, high = (_number(scan[group][name]) for name in names)
+    return (low, high) if low is not None and high is not None and low < high < np.inf else None
+
+
+def _colour_range(scan, nodes) -> tuple[float, float, bool]:
+    """(zero, full, narrow): the values of a black and a full channel, and whether 8 bits hold what lies between.
+
+    Writers put the sensor's range or the range that occurs into the limits: whole numbers are therefore taken to begin
+    at 0 and to end at the next 2**bits - 1.
+    """
+    low, high = _limits(scan, "colorLimits", ("colorRedMinimum", "colorRedMaximum")) or _declared(nodes["colorRed"])
+    if hasattr(nodes["colorRed"], "precision") or hasattr(nodes["colorRed"], "scale"):
+        sane = low < high and high - low < 1e9
+        return (low, high, True) if sane and high != 255 and high != 65535 else (0.0, high if sane else 1.0, high != 65535)
+    if not 0 < high <= 65535:
+        return 0.0, 65535.0, False
+    return 0.0, max(255.0, 2.0 ** np.ceil(np.log2(high + 1)) - 1), high <= 255
+
+
+def _intensity_range(scan, nodes) -> tuple[float, float] | None:
+    limits = _limits(scan, "intensityLimits", ("intensityMinimum", "intensityMaximum"))
+    low, high = limits or _declared(nodes["intensity"])
+    return (low, high) if low < high and high - low < 1e9 else None
+
+
+def _crs(root) -> str | None:
+    if not root.isDefined("coordinateMetadata"):
+        return None
+    text = root["coordinateMetadata"].value()
+    return crs.from_wkt(text)[0] or (text.strip()[:80] or None)
+
+
+def _line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:160]

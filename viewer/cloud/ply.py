@@ -1,0 +1,203 @@
+"""PLY, ascii and binary in both byte orders, a block at a time and whatever else the file carries.
+
+Rows without lists are read as NumPy records; rows with lists are walked one by one.  Frame and units: the file's, which
+PLY does not name.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from viewer.cloud.ply_header import Element, read_header
+from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source, stretch
+from viewer.errors import InputError
+
+_COLOURS = (
+    ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),
+    ("scalar_red", "scalar_green", "scalar_blue"),
+)  # fmt: skip
+_INTENSITIES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
+_BLOCK = 1 << 24  # bytes of text read at a time
+
+Columns = dict[str, np.ndarray]
+
+
+class PlySource(Source):
+    """One .ply file.  Raises InputError where the header cannot be understood or has no x, y, z."""
+
+    def __init__(self, path: Path):
+        super().__init__(path, "PLY", scans=[ScanInfo(path.stem)])
+        with path.open("rb") as file:
+            self._header = read_header(path, file)
+        names = [element.name for element in self._header.elements]
+        if "vertex" not in names:
+            raise InputError(f"{path}: PLY without vertices (elements: {', '.join(names) or 'none'}); nothing to show")
+        self._before = self._header.elements[: names.index("vertex")]
+        self._vertex = self._header.elements[names.index("vertex")]
+        plain = {p.name.lower(): p for p in self._vertex.properties if not p.length_type}
+        self.count = self._vertex.count
+        if missing := [axis for axis in "xyz" if axis not in plain]:
+            raise InputError(f"{path}: PLY vertices without {', '.join(missing)}; export it with coordinates")
+        if self.count == 0:
+            raise InputError(f"{path}: holds no points (its header says 0); export it again")
+        self._rgb = next((names for names in _COLOURS if all(name in plain for name in names)), None)
+        self._intensity = next((name for name in _INTENSITIES if name in plain), None)
+        self._types = {name: p.type for name, p in plain.items()}
+        if self._header.order and all(self._types[axis] == "f4" for axis in "xyz"):
+            self.precision = 2.0**-24
+        self._largest: dict[str, tuple[float, float]] | None = None
+
+    def chunks(self) -> Iterator[Chunk]:
+        """Yields xyz, rgb (uint8, or uint16 where the fields are wider) and intensity."""
+        for columns in self._columns():
+            xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
+            rgb = None if self._rgb is None else np.stack([self._channel(columns, name) for name in self._rgb], axis=1)
+            yield Chunk(xyz, rgb, None if self._intensity is None else self._level(columns[self._intensity]))
+
+    def _channel(self, columns: Columns, name: str) -> np.ndarray:
+        kind, values = self._types[name], columns[name]
+        if kind == "u1":
+            return values.astype(np.uint8)
+        if kind[0] != "f":
+            return np.clip(values, 0, 65535).astype(np.uint16)
+        largest = max(self._ranges()[n][1] for n in self._rgb or ())
+        full = 1.0 if largest <= 1 else 255.0 if largest <= 255 else 65535.0
+        return (stretch(values, 0, full) / 257.0 + 0.5).astype(np.uint8)
+
+    def _level(self, values: np.ndarray) -> np.ndarray:
+        kind = self._types[self._intensity or ""]
+        if kind in ("u1", "u2"):
+            return values.astype(np.uint16)
+        return stretch(values, *self._ranges()[self._intensity or ""])
+
+    def _ranges(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest finite value of the fields whose type does not say; one reading of the file, at first need."""
+        if self._largest is None:
+            names = [*(self._rgb or ()), *((self._intensity,) if self._intensity else ())]
+            found = {name: (np.inf, -np.inf) for name in names}
+            for columns in self._columns():
+                for name, (low, high) in found.items():
+                    finite = columns[name][np.isfinite(columns[name])]
+                    if len(finite):
+                        found[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
+            self._largest = found
+        return self._largest
+
+    def _columns(self) -> Iterator[Columns]:
+        """Yields the vertices' plain properties by lower-case name, up to CHUNK rows at a time."""
+        with self.path.open("rb") as file:
+            file.seek(self._header.data)
+            yield from self._text(file) if not self._header.order else self._binary(file)
+
+    # ---- binary
+
+    def _dtype(self, element: Element) -> np.dtype:
+        plain = [p for p in element.properties if not p.length_type]
+        return np.dtype([(f"{i}", self._header.order + p.type) for i, p in enumerate(plain)])
+
+    def _binary(self, file: BinaryIO) -> Iterator[Columns]:
+        size = self.path.stat().st_size
+        for element in self._before:
+            if element.has_lists:
+                for row in range(element.count):
+                    if self._walk(file, element) is None:
+                        raise self._truncated(0, f"in element {element.name}, row {row:,}")
+            else:
+                file.seek(element.count * self._dtype(element).itemsize, 1)
+        dtype = self._dtype(self._vertex)
+        names = [p.name.lower() for p in self._vertex.properties if not p.length_type]
+        if not self._vertex.has_lists and (size - file.tell()) // dtype.itemsize < self._vertex.count:
+            raise self._truncated(max(0, (size - file.tell()) // dtype.itemsize))
+        done = 0
+        while done < self._vertex.count:
+            n = min(CHUNK, self._vertex.count - done)
+            if self._vertex.has_lists:
+                rows = []
+                while len(rows) < n and (row := self._walk(file, self._vertex)) is not None:
+                    rows.append(row)
+                data = b"".join(rows)
+            else:
+                data = file.read(n * dtype.itemsize)
+            records = np.frombuffer(data, dtype, count=len(data) // dtype.itemsize)
+            done += len(records)
+            if len(records) < n:
+                raise self._truncated(done)
+            yield {name: records[f"{i}"] for i, name in enumerate(names)}
+
+    def _walk(self, file: BinaryIO, element: Element) -> bytes | None:
+        """One row's plain values as they are stored, its lists skipped; None at the end of the file."""
+        kept = []
+        for p in element.properties:
+            data = file.read(int((p.length_type or p.type)[1]))
+            if len(data) < int((p.length_type or p.type)[1]):
+                return None
+            if p.length_type:
+                length = int(np.frombuffer(data, self._header.order + p.length_type)[0])
+                if length < 0:
+                    return None
+                file.seek(length * int(p.type[1]), 1)
+            else:
+                kept.append(data)
+        return b"".join(kept)
+
+    # ---- text
+
+    def _text(self, file: BinaryIO) -> Iterator[Columns]:
+        skip = sum(element.count for element in self._before)
+        names = [p.name.lower() for p in self._vertex.properties if not p.length_type]
+        done = 0
+        for lines in _lines(self.path, file):
+            skipped = min(skip, len(lines))
+            skip -= skipped
+            lines = lines[skipped : skipped + self._vertex.count - done]
+            for start in range(0, len(lines), CHUNK):
+                rows = lines[start : start + CHUNK]
+                if self._vertex.has_lists:
+                    rows = [self._without_lists(row) for row in rows]
+                try:
+                    table = np.loadtxt(rows, np.float64, comments=None, usecols=range(len(names)), ndmin=2)
+                except ValueError as error:
+                    raise InputError(f"{self.path}: vertices from {done + 1:,} on: {error}; export it again") from None
+                done += len(table)
+                yield {name: table[:, i] for i, name in enumerate(names)}
+            if done >= self._vertex.count:
+                return
+        raise self._truncated(done)
+
+    def _without_lists(self, row: str) -> str:
+        words, kept = iter(row.split()), []
+        try:
+            for p in self._vertex.properties:
+                word = next(words)
+                if p.length_type:
+                    for _ in range(int(word)):
+                        next(words)
+                else:
+                    kept.append(word)
+        except (StopIteration, ValueError):
+            return "incomplete"
+        return " ".join(kept)
+
+    def _truncated(self, done: int, where: str = "") -> InputError:
+        place = f" ({where})" if where else ""
+        return InputError(
+            f"{self.path}: truncated: {done:,} of {self.count:,} points could be read{place}; copy or export it again"
+        )
+
+
+def _lines(path: Path, file: BinaryIO) -> Iterator[list[str]]:
+    """Yields the rest of the file as lists of lines that are not blank."""
+    rest = b""
+    while block := file.read(_BLOCK):
+        head, newline, tail = block.rpartition(b"\n")
+        if not newline and len(rest) > _BLOCK:
+            raise InputError(f"{path}: says it is ascii but holds no lines of text; export it again")
+        if newline:
+            yield [line for line in (rest + head).decode("latin-1").split("\n") if line.strip()]
+            rest = tail
+        else:
+            rest += tail
+    if rest.strip():
+        yield [rest.decode("latin-1")]

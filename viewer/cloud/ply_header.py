@@ -1,0 +1,75 @@
+"""The text at the head of a PLY file: which elements follow, and what a row of each holds."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from viewer.errors import InputError
+
+TYPES = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
+    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+    "long": "i8", "int64": "i8", "ulong": "u8", "uint64": "u8",
+}  # fmt: skip
+ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+_MOST_LINES, _LONGEST_LINE = 10_000, 8192
+
+
+@dataclass(frozen=True)
+class Property:
+    """One value of a row, or with ``length_type`` a list of them.  Types as NumPy spells them, without byte order."""
+
+    name: str
+    type: str
+    length_type: str | None = None
+
+
+@dataclass(frozen=True)
+class Element:
+    """``count`` rows of ``properties``."""
+
+    name: str
+    count: int
+    properties: tuple[Property, ...]
+
+    @property
+    def has_lists(self) -> bool:
+        return any(p.length_type for p in self.properties)
+
+
+@dataclass(frozen=True)
+class Header:
+    """order: "<", ">" or "" for ascii.  data: byte at which the first element begins."""
+
+    order: str
+    elements: tuple[Element, ...]
+    data: int
+
+
+def read_header(path: Path, file: BinaryIO) -> Header:
+    """Reads up to and with ``end_header``.  Raises InputError naming the first line that cannot be understood."""
+    order: str | None = None
+    elements: list[tuple[str, int, list[Property]]] = []
+    for number in range(1, _MOST_LINES):
+        line = file.readline(_LONGEST_LINE)
+        if not line.endswith(b"\n"):
+            raise InputError(f"{path}: truncated in its header (line {number}); copy or export it again")
+        words = line.decode("latin-1").split()
+        match words:
+            case ["ply"] if number == 1:
+                pass
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case ["format", name, *_] if name in ORDERS:
+                order = ORDERS[name]
+            case ["element", name, count] if count.isdigit():
+                elements.append((name, int(count), []))
+            case ["property", "list", length, kind, name] if elements and length in TYPES and kind in TYPES:
+                elements[-1][2].append(Property(name, TYPES[kind], TYPES[length]))
+            case ["property", kind, name] if elements and kind in TYPES:
+                elements[-1][2].append(Property(name, TYPES[kind]))
+            case ["end_header"] if order is not None:
+                return Header(order, tuple(Element(n, c, tuple(p)) for n, c, p in elements), file.tell())
+            case _:
+                raise InputError(f"{path}: PLY header line {number} not understood: {' '.join(words)[:60]!r}; export it again")
+    raise InputError(f"{path}: PLY header without an end; export it again")
