@@ -18,11 +18,11 @@ def open_scene(paths: Sequence[Path | str] | Path | str, *, cache: bool = True, 
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
     cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.  rebuild: build it anew.
-    Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled where progress says so.
+    Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled if progress says so.
     """
     from viewer.cloud import cache as store
 
-    files = _as_paths(paths)
+    files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
         return store.load_folder(files[0])
     from viewer.cloud.source import check_file
@@ -55,7 +55,9 @@ def build_scene(files: list[Path], allocate) -> Scene:
     if len({source.metres_per_unit for source in sources}) > 1:
         meta["warnings"].append("the files differ in their units of length; they are shown as if they agreed")
     elif len({source.crs for source in sources}) > 1:
-        meta["warnings"].append("the files differ in their coordinate reference system; they are shown as if they agreed")
+        meta["warnings"].append(
+            "the files differ in their coordinate reference system; they are shown as if they agreed"
+        )
     scene = build_grid(sources, colours=Colours(sources), allocate=allocate, meta=meta)
     meta["warnings"][:0] = [warning for source in sources for warning in source.warnings]
     return scene
@@ -68,11 +70,13 @@ def scene_from_arrays(
     intensity: np.ndarray | None = None,
     scan: np.ndarray | None = None,
     meta: dict | None = None,
+    stages: dict[str, float] | None = None,
 ) -> Scene:
     """A scene in memory from points in memory.
 
     xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.  meta: copied
-    over what is known.  Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
+    over what is known.  stages: if given, receives the seconds each stage took.
+    Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
     """
     from viewer.cloud.arrays import ArraySource
     from viewer.cloud.grid import build_grid
@@ -83,7 +87,7 @@ def scene_from_arrays(
         "colour": {"source": "rgb", "bits": 8, "note": "8-bit colour"}, "warnings": [],
     } | (meta or {})  # fmt: skip
     known["warnings"] = list(known["warnings"])
-    return build_grid([source], colours=None, allocate=in_memory, meta=known)
+    return build_grid([source], colours=None, allocate=in_memory, meta=known, stages=stages)
 
 
 def in_memory(count: int) -> np.ndarray:
@@ -102,7 +106,8 @@ def in_memory(count: int) -> np.ndarray:
         ) from None
 
 
-def _as_paths(paths) -> list[Path]:
+def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
+    """The given path or paths as a list, each once.  Raises InputError where there is none."""
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
         raise InputError("no scan given; name at least one file")

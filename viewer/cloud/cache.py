@@ -8,6 +8,7 @@ import errno
 import hashlib
 import json
 import os
+import secrets
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,6 +23,8 @@ from viewer.paths import cache_dir
 MAGIC, VERSION = "pointglass grid", 1
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8")}
+_CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
+_OUT_REMEDY = "free space or give --out a writable folder"
 _SPARE = 64 << 20  # bytes left free on the disk
 
 
@@ -90,9 +93,8 @@ def _read(folder: Path, identity: list | None) -> Scene:
     numbers = [head["cell_size"], head["spacing"], *origin, *bounds.reshape(-1)]
     if origin.shape != (3,) or bounds.shape != (2, 3) or not np.isfinite(numbers).all() or not min(numbers[:2]) > 0:
         raise ValueError("its numbers are not usable")
-    return Scene(
-        points, np.array(cells), offsets, origin, head["cell_size"], layers, count, head["spacing"], bounds, head["meta"]
-    )  # fmt: skip
+    size, spacing = float(head["cell_size"]), float(head["spacing"])
+    return Scene(points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"])
 
 
 def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, keep_old: bool) -> Scene:
@@ -103,9 +105,9 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
     Nothing is left behind on failure or cancellation.
     """
     identity = _identity(files)
-    with _scratch(folder) as work:
+    with _scratch(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY) as work:
         # the points go straight to their file: pages are written back as the system sees fit, memory stays bounded
-        scene = build(files, lambda count: _points_file(work, count, folder))
+        scene = build(files, lambda count: _points_file(work, count))
         _write(work, scene, identity)
         if identity != _identity(files):
             raise InputError(f"{files[0]}: changed while it was read; try again")
@@ -115,11 +117,10 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
     return _read(folder, identity)
 
 
-def _points_file(work: Path, count: int, folder: Path) -> np.ndarray:
+def _points_file(work: Path, count: int) -> np.ndarray:
     needed = count * 12
-    free = shutil.disk_usage(work).free
-    if free < needed + _SPARE:
-        raise _no_room(folder, needed)
+    if shutil.disk_usage(work).free < needed + _SPARE:
+        raise OSError(errno.ENOSPC, f"no space left for {needed / 1e6:,.0f} MB of points")
     points = np.lib.format.open_memmap(work / "points.npy", "w+", _ARRAYS["points"], (count, 3))
     if hasattr(os, "posix_fallocate"):  # a full disk must fail here, not as a bus error in the middle of a memory map
         with (work / "points.npy").open("r+b") as file:
@@ -152,22 +153,19 @@ def _release(points: np.ndarray) -> None:
 
 
 @contextmanager
-def _scratch(folder: Path) -> Iterator[Path]:
+def _scratch(folder: Path, remedy: str) -> Iterator[Path]:
     """A fresh folder beside ``folder``, removed at the end whatever happens; failures to write become CacheError."""
-    work = folder.with_name(f".{folder.name}.{os.getpid()}.tmp")
+    work = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         _sweep(folder.parent)
-        shutil.rmtree(work, ignore_errors=True)
         work.mkdir()
-    except OSError as error:
-        raise _unusable(folder, error) from None
-    try:
         yield work
     except OSError as error:
+        why = error.strerror or str(error)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise _no_room(folder, None) from None
-        raise _unusable(folder, error) from None
+            why = "no space left" + why.removeprefix(os.strerror(error.errno)).removeprefix("no space left")
+        raise CacheError(f"{folder.parent}: cannot be written ({why}); {remedy}") from None
     finally:
         shutil.rmtree(work, ignore_errors=True)
 
@@ -181,6 +179,8 @@ def _sweep(parent: Path) -> None:
 
 
 def _alive(process: int) -> bool:
+    if os.name != "posix":  # there signal 0 is not a question but the end of the process
+        return True
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -192,8 +192,7 @@ def _alive(process: int) -> bool:
 
 def _move(work: Path, folder: Path, keep_old: bool) -> None:
     """Renames ``work`` to ``folder``; an older grid there is put aside first, so that no reader sees half of each."""
-    aside = work.with_name(f".{folder.name}.old.{os.getpid()}.tmp")
-    shutil.rmtree(aside, ignore_errors=True)
+    aside = work.with_name(f"{work.name.removesuffix('.tmp')}.old.{os.getpid()}.tmp")
     if folder.exists():
         if keep_old and not is_grid(folder) and any(folder.iterdir()):
             raise InputError(f"{folder}: holds other files; give a new or empty folder")
@@ -205,21 +204,6 @@ def _move(work: Path, folder: Path, keep_old: bool) -> None:
             aside.rename(folder)
         raise
     shutil.rmtree(aside, ignore_errors=True)
-
-
-def _unusable(folder: Path, error: OSError) -> CacheError:
-    return CacheError(
-        f"{folder.parent}: cannot be written ({error.strerror or error}); "
-        "set POINTGLASS_CACHE to a writable folder, or use --no-cache"
-    )
-
-
-def _no_room(folder: Path, needed: int | None) -> CacheError:
-    amount = f" for {needed / 1e6:,.0f} MB of points" if needed else ""
-    return CacheError(
-        f"{folder.parent}: no space left{amount}; free some, set POINTGLASS_CACHE to a folder on another disk, "
-        "or use --no-cache"
-    )
 
 
 def _first_line(error: Exception) -> str:

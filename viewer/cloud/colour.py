@@ -1,7 +1,7 @@
 """The colour a point is shown in: decided over whole files in pass 1, applied to each chunk in pass 2.
 
-Colour fields 16 bits wide hold 8-bit values in many files: a file whose largest value is at most 255 is read as 8-bit.  A
-scan without colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; both are said in the
+Colour fields 16 bits wide hold 8-bit values in many files: a file whose largest value is at most 255 is read as 8-bit.
+A scan without colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; both are said in the
 notes.  Frame: height is the file's third axis.
 """
 
@@ -50,7 +50,12 @@ class Colours:
     """Learns from every chunk (``add``), decides (``decide``), then gives each chunk its 8-bit colours (``apply``)."""
 
     def __init__(self, sources: list[Source]):
-        self._files = [_File(source.path.name) for source in sources]
+        self._names = [source.path.name for source in sources]
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins pass 1 anew."""
+        self._files = [_File(name) for name in self._names]
 
     def add(self, source: int, chunk: Chunk) -> None:
         """Takes note of a chunk of source number ``source``."""
@@ -89,7 +94,11 @@ class Colours:
                 file.mode = "intensity"
                 file.grey = np.clip((np.arange(65536.0) - low) / (high - low) * 255 + 0.5, 0, 255).astype(np.uint8)
             kinds.add(file.mode)
-            some = "" if len(file.colourless) == len(file.scans) else f" in {len(file.colourless)} of {len(file.scans)} scans"
+            some = (
+                ""
+                if len(file.colourless) == len(file.scans)
+                else f" in {len(file.colourless)} of {len(file.scans)} scans"
+            )
             warnings.append(f"{file.name}: no colour{some}, shown by {file.mode}")
         source = next((kind for kind in ("rgb", "intensity", "height") if kind in kinds), "height")
         note = {

@@ -25,15 +25,19 @@ def from_wkt(text: str) -> Reference:
     horizontal = _VERTICAL.split(text)[0]
     if match := _PROJECTED.search(horizontal):
         lengths = [(name, float(value)) for name, value in _UNIT.findall(horizontal) if not _ANGLES.search(name)]
-        unit, metres = lengths[-1] if lengths else ("unknown", None)  # the last is the projection's own, not the ellipsoid's
+        unit, metres = (
+            lengths[-1] if lengths else ("unknown", None)
+        )  # the last is the projection's own, not the ellipsoid's
         return match[1], unit, metres if metres and 0 < metres < float("inf") else None
     if match := _GEOGRAPHIC.search(horizontal):
         return match[1], "degree", None
     return None, "unknown", None
 
 
-def from_geokeys(keys: dict[int, int], ascii_text: str = "", ascii_spans: dict[int, tuple[int, int]] | None = None) -> Reference:
-    """Reads GeoTIFF keys: ``keys`` holds the short values, ``ascii_spans`` (offset, length) of texts in ``ascii_text``."""
+def from_geokeys(
+    keys: dict[int, int], ascii_text: str = "", ascii_spans: dict[int, tuple[int, int]] | None = None
+) -> Reference:
+    """Reads GeoTIFF keys: the short values, and (offset, length) of those that are texts in ``ascii_text``."""
     code = keys.get(3072, 32767)
     name = f"EPSG:{code}" if code not in (0, 32767) else None
     for key in (1026, 3073, 2049):

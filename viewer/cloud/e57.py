@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ _RGB = ("colorRed", "colorGreen", "colorBlue")
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """rotation: (3, 3), translation: (3,), scan -> file.  full: the value of a full colour channel; its low end ``zero``.
+    """rotation: (3, 3), translation: (3,), scan -> file.  zero, full: values of a black and a full colour channel.
     narrow: colour is 8 bits wide.  intensity: range, or None where the values themselves must tell."""
 
     count: int
@@ -57,8 +58,7 @@ class E57Source(Source):
 
     @contextmanager
     def _open(self):
-        from pye57 import libe57
-
+        libe57 = _library()
         file = None
         try:
             file = libe57.ImageFile(str(self.path), "r")
@@ -72,8 +72,7 @@ class E57Source(Source):
                 file.close()
 
     def _add(self, number: int, node) -> None:
-        from pye57 import libe57
-
+        libe57 = _library()
         name = node["name"].value() if node.isDefined("name") else ""
         name = name or f"scan {number + 1}"
         rotation, translation, position = np.eye(3), np.zeros(3), None
@@ -86,7 +85,9 @@ class E57Source(Source):
                 rotation, position = _rotation(quaternion / length), tuple(translation.tolist())
             else:
                 translation = np.zeros(3)
-                self.warnings.append(f"{self.path.name}: pose of {name!r} is not usable; its points are left where they are")
+                self.warnings.append(
+                    f"{self.path.name}: pose of {name!r} is not usable, its points stay where they are"
+                )
         self.scans.append(ScanInfo(name, position))
         points = node["points"] if node.isDefined("points") else None
         count = int(points.childCount()) if points is not None else 0
@@ -110,7 +111,8 @@ class E57Source(Source):
             if not set(_RGB) <= scan.fields:
                 wanted = [field for field in wanted if field not in _RGB]
             if scan.count:
-                yield from (self._chunk(number, scan, columns, coordinates, state) for columns in self._columns(number, wanted))
+                for columns in self._columns(number, wanted):
+                    yield self._chunk(number, scan, columns, coordinates, state)
 
     def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], coordinates, state: str) -> Chunk:
         size = len(columns[coordinates[0]])
@@ -147,11 +149,10 @@ class E57Source(Source):
 
     def _columns(self, number: int, names: list[str]) -> Iterator[dict[str, np.ndarray]]:
         """Yields fields of one scan as float64, scaled, up to _CHUNK rows at a time."""
-        from pye57 import libe57
-
+        libe57 = _library()
         done, count = 0, self._scans[number].count
         with self._open() as file:
-            points = libe57.CompressedVectorNode(file.root()["data3D"][number]["points"])
+            points = file.root()["data3D"][number]["points"]
             capacity = min(_CHUNK, count)
             arrays = {name: np.empty(capacity) for name in names}
             buffers = libe57.VectorSourceDestBuffer()
@@ -163,14 +164,21 @@ class E57Source(Source):
                     n = reader.read()
                     if n == 0:
                         raise InputError(
-                            f"{self.path}: truncated: {done:,} of {count:,} points of {self.scans[number].name!r} could be "
-                            "read; copy or export it again"
+                            f"{self.path}: truncated: {done:,} of {count:,} points of {self.scans[number].name!r} "
+                            "could be read; copy or export it again"
                         )
                     done += n
                     yield {name: array[:n].copy() for name, array in arrays.items()}
             finally:
                 if reader.isOpen():
                     reader.close()
+
+
+def _library() -> Any:
+    """libe57 as pye57 brings it, a compiled module without types."""
+    import pye57
+
+    return getattr(pye57, "libe57")  # noqa: B009  (not declared by the package)
 
 
 def _number(node) -> float | None:
@@ -219,7 +227,9 @@ def _colour_range(scan, nodes) -> tuple[float, float, bool]:
     low, high = _limits(scan, "colorLimits", ("colorRedMinimum", "colorRedMaximum")) or _declared(nodes["colorRed"])
     if hasattr(nodes["colorRed"], "precision") or hasattr(nodes["colorRed"], "scale"):
         sane = low < high and high - low < 1e9
-        return (low, high, True) if sane and high != 255 and high != 65535 else (0.0, high if sane else 1.0, high != 65535)
+        if not sane:
+            return 0.0, 1.0, True
+        return (0.0, high, high == 255) if high in (255, 65535) else (low, high, True)
     if not 0 < high <= 65535:
         return 0.0, 65535.0, False
     return 0.0, max(255.0, 2.0 ** np.ceil(np.log2(high + 1)) - 1), high <= 255

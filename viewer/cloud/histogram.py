@@ -1,7 +1,8 @@
 """Pass 1: which cells are occupied, and by how many points of each geometric value; bounds; what was dropped.
 
 Cells start small and are merged two by two along each axis whenever too many are occupied.  Cells are aligned to
-multiples of their size, so merging is exact, and memory is bounded whatever the number of points.  Frame: file coordinates.
+multiples of their size, so merging is exact, and memory is bounded whatever the number of points.  Frame: file
+coordinates.
 """
 
 from concurrent.futures import Executor
@@ -14,6 +15,7 @@ SLICES = 2
 """Tables filled side by side.  Fixed, not the number of processors, so that every machine builds the same grid."""
 MAX_CELLS = 1 << 18
 _REACH = 1 << 30  # cells either side of the middle of the scan
+_DENSE = 1 << 24  # cells of a box looked up without searching
 _LOST = 0.01  # share of a chunk out of reach that is taken for a part of the scan and not for stray points
 
 
@@ -35,22 +37,23 @@ class Histogram:
     """Occupied cells of ``cell_size`` file units (a power of two, growing as needed) and their point counts.
 
     Begin with the first chunk's points, (n, 3) float64, to learn where the scan lies; then ``add`` every chunk.
+    expected: number of points to come, as far as known; more cells are kept the more points.  cell_size: to begin
+    with, if it is known.
     reach: (2, 3) float64 file coordinates; points outside are stray: dropped and counted.
     """
 
-    def __init__(self, sample: np.ndarray, cell_size: float | None = None, max_cells: int = MAX_CELLS):
-        sample = sample[:: max(1, len(sample) // 65536)]
+    def __init__(self, sample: np.ndarray, expected: int, cell_size: float | None = None):
+        wanted = int(np.clip(expected // 1024, 8192, MAX_CELLS // 4))
+        sample = sample[:: max(1, len(sample) // (8 * wanted))]
         sample = sample[np.isfinite(sample).all(axis=1)]
         if len(sample) == 0:
             sample = np.zeros((1, 3))
-        low, middle, high = np.quantile(sample, (0.02, 0.5, 0.98), axis=0, method="nearest")
-        self.max_cells = max_cells
-        self.cell_size = cell_size or _first_cell_size(sample, float((high - low).max()), float(np.abs(middle).max()))
-        self.base = np.floor(middle / self.cell_size)
+        self.cell_size = cell_size or _first_cell_size(sample, wanted)
+        self.base = np.floor(np.quantile(sample, 0.5, axis=0, method="nearest") / self.cell_size)
         self.reach = np.stack([self.base - _REACH, self.base + _REACH]) * self.cell_size
         self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
         self.seen = 0
-        self._limit = min(4096, max_cells)
+        self._limit = MAX_CELLS if cell_size else 4 * wanted
         self._tables = [_table(self._limit) for _ in range(SLICES)]
         self._counts = [np.zeros((self._limit, kernels.GEOMETRIC), np.int64) for _ in range(SLICES)]
         self._tallies = [np.zeros(3, np.int64) for _ in range(SLICES)]
@@ -90,23 +93,17 @@ class Histogram:
         return 4 * power_of_two(float(distance) / _REACH * 2)
 
     def _make_room(self) -> None:
-        """Twice the cells, up to what the number of points so far can justify; beyond that, coarser cells."""
-        if self._limit < min(self.max_cells, max(4096, self.seen // 256)):
-            self._limit = min(2 * self._limit, self.max_cells)
-            merged = [(self._cells(i), self._used_counts(i)) for i in range(SLICES)]
-        else:
-            base = np.floor(self.base / 2)
-            merged = []
-            for i in range(SLICES):
-                cells = np.floor((self._cells(i) + self.base) / 2) - base
-                merged.append(merge(cells.astype(np.int32), self._used_counts(i)))
-            self.base, self.cell_size = base, 2 * self.cell_size
-        for i, (cells, counts) in enumerate(merged):
-            self._tables[i] = _table(self._limit)
+        """Cells twice as large."""
+        base = np.floor(self.base / 2)
+        for i in range(SLICES):
+            cells = np.floor((self._cells(i) + self.base) / 2) - base
+            cells, counts = merge(cells.astype(np.int32), self._used_counts(i))
+            self._tables[i][:, 3] = -1
             kernels.fill_table(self._tables[i], cells)
-            self._counts[i] = np.zeros((self._limit, kernels.GEOMETRIC), np.int64)
             self._counts[i][: len(cells)] = counts
+            self._counts[i][len(cells) :] = 0
             self._tallies[i][0] = len(cells)
+        self.base, self.cell_size = base, 2 * self.cell_size
 
     def _cells(self, i: int) -> np.ndarray:
         taken = self._tables[i][self._tables[i][:, 3] >= 0]
@@ -125,12 +122,30 @@ class Histogram:
         return merge(cells, np.concatenate([self._used_counts(i) for i in range(SLICES)]))
 
 
-def _first_cell_size(sample: np.ndarray, extent: float, magnitude: float) -> float:
-    """A 512th of the extent of the scan's beginning, without the outermost points; never finer than float64 can tell."""
+def _first_cell_size(sample: np.ndarray, wanted: int) -> float:
+    """The smallest cells of which the sample, (n, 3) finite, occupies no more than ``wanted``.
+
+    Cells much finer than the final ones would cost time, coarser ones the choice; never finer than float64 can tell.
+    """
+    low, high = np.quantile(sample, (0.02, 0.98), axis=0, method="nearest")
+    extent = float((high - low).max()) or float(np.ptp(sample, axis=0).max())
+    finest = float(np.abs(sample).max()) * 2.0**-36  # 2**16 positions of at least 2**-52 of the coordinate itself
     if not extent > 0:
-        extent = float(np.ptp(sample, axis=0).max())
-    finest = magnitude * 2.0**-36  # 2**16 positions of at least 2**-52 of the coordinate itself
-    return power_of_two(max(extent / 512, finest) if extent > 0 else max(1.0, finest))
+        return power_of_two(max(1.0, finest))
+    size = power_of_two(max(extent / 4096, 2 * finest))
+    cells = np.floor(sample / size)
+    while True:
+        cells = np.unique(cells, axis=0) if np.abs(cells).max() >= 2**20 else _unique(cells)
+        if len(cells) <= wanted:
+            return size
+        cells, size = np.floor(cells / 2), 2 * size
+
+
+def _unique(cells: np.ndarray) -> np.ndarray:
+    """Different rows of whole numbers below 2**20 in magnitude, faster than np.unique by rows."""
+    numbers = cells.astype(np.int64) + (1 << 20)
+    _, first = np.unique(numbers[:, 0] << 42 | numbers[:, 1] << 21 | numbers[:, 2], return_index=True)
+    return cells[first]
 
 
 def _table(limit: int) -> np.ndarray:
@@ -141,7 +156,12 @@ def _table(limit: int) -> np.ndarray:
 
 def merge(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Adds up the counts of equal cells: (n, 3) int32, (n, G) int64 -> (C, 3) int32, (C, G) int64."""
-    order = np.lexsort(cells.T)
+    low = cells.min(axis=0, initial=0).astype(np.int64)
+    x, y, z = (cells - low).T
+    if len(cells) and max(x.max(), y.max(), z.max()) < 1 << 21:
+        order = np.argsort(x << 42 | y << 21 | z, kind="stable")
+    else:
+        order = np.lexsort((z, y, x))
     cells, counts = cells[order], counts[order]
     new = np.ones(len(cells), bool)
     new[1:] = (cells[1:] != cells[:-1]).any(axis=1)
@@ -153,3 +173,13 @@ def table_of(cells: np.ndarray) -> np.ndarray:
     table = _table(max(len(cells), 1))
     kernels.fill_table(table, cells)
     return table
+
+
+def dense_table_of(cells: np.ndarray) -> np.ndarray:
+    """(X, Y, Z) int32 row numbers of cells (C, 3) int32 from 0; empty where their box is too large for memory."""
+    sides = cells.max(axis=0).astype(np.int64) + 1
+    if np.prod(sides.astype(np.float64)) > _DENSE:
+        return np.empty((0, 0, 0), np.int32)
+    dense = np.full(sides, -1, np.int32)
+    dense[tuple(cells.T)] = np.arange(len(cells))
+    return dense

@@ -1,7 +1,7 @@
 """The compiled inner loops: find a point's cell, draw its layer, pack it, put it in its place.
 
 Serial and free of the interpreter's lock: callers run them on slices in a thread pool, which costs no parallel
-compilation and, unlike numba's own threads, is safe from any thread.  Every result is independent of the number of threads.
+compilation and, unlike numba's own threads, is safe from any thread.  No result depends on the number of threads.
 
 Cells are numbered from an integer base: cell = floor(p / cell_size) - base, with p / cell_size exact, because the
 cell size is a power of two.
@@ -13,36 +13,46 @@ from numba import njit
 GEOMETRIC = 16
 """Number of values the seeded geometric variable takes: 0..15."""
 _SEED = np.uint64(0x706F696E74676C61)  # any constant would do; fixed, so that a scan always gives the same layers
+_ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 2**n, by de Bruijn's sequence 0x09AF
 
 
-@njit(cache=True, inline="always")
+def _compiled(**options):
+    """njit, kept on disk between runs where numba finds a folder it can write to."""
+
+    def decorate(function):
+        try:
+            return njit(cache=True, **options)(function)
+        except RuntimeError:
+            return njit(**options)(function)
+
+    return decorate
+
+
+@_compiled(inline="always")
 def geometric(index):
     """Trailing zeros of a seeded hash (splitmix64) of a point's running number: 0 for half of all points, 1 for a
     quarter, ..., at most GEOMETRIC - 1."""
     z = np.uint64(index) * np.uint64(0x9E3779B97F4A7C15) + _SEED
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    z = z ^ (z >> np.uint64(31))
-    zeros = 0
-    while zeros < GEOMETRIC - 1 and (z >> np.uint64(zeros)) & np.uint64(1) == 0:
-        zeros += 1
-    return zeros
+    z = (z ^ (z >> np.uint64(31))) | np.uint64(1 << (GEOMETRIC - 1))
+    lowest = z & (~z + np.uint64(1))
+    return _ZEROS[(lowest * np.uint64(0x09AF) >> np.uint64(12)) & np.uint64(15)]
 
 
-@njit(cache=True, inline="always")
+@_compiled(inline="always")
 def _slot(table, x, y, z):
-    """Where cell (x, y, z) is, or belongs, in the open-addressing table (2**k, 4) int32 of x, y, z, number (-1: free)."""
+    """Where cell (x, y, z) is, or belongs, in an open-addressing table (2**k, 4) int32: x, y, z, number (-1: free)."""
     mask = np.uint64(table.shape[0] - 1)
-    h = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15)
-    h = (h ^ np.uint64(y)) * np.uint64(0xC2B2AE3D27D4EB4F)
-    h = (h ^ np.uint64(z)) * np.uint64(0x165667B19E3779F9)
-    slot = (h ^ (h >> np.uint64(32))) & mask
+    h = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(y) * np.uint64(0xC2B2AE3D27D4EB4F)
+    h += np.uint64(z) * np.uint64(0x165667B19E3779F9)
+    slot = (h >> np.uint64(36)) & mask
     while table[slot, 3] >= 0 and (table[slot, 0] != x or table[slot, 1] != y or table[slot, 2] != z):
         slot = (slot + np.uint64(1)) & mask
     return slot
 
 
-@njit(cache=True, nogil=True)
+@_compiled(nogil=True)
 def fill_table(table, cells):
     """Enters cells (C, 3) int32, all different, under their row numbers into an empty table."""
     for i in range(cells.shape[0]):
@@ -51,7 +61,7 @@ def fill_table(table, cells):
         table[slot, 3] = i
 
 
-@njit(cache=True, nogil=True)
+@_compiled(nogil=True)
 def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, tally, bounds):
     """Counts points by cell and geometric value, entering new cells, until ``limit`` cells are exceeded.
 
@@ -61,7 +71,9 @@ def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, 
     Returns the number of points dealt with; less than n means that the next point needs a cell beyond the limit.
     """
     used = tally[0]
-    inside = True
+    x0, y0, z0, x1, y1, z1 = bounds[0, 0], bounds[0, 1], bounds[0, 2], bounds[1, 0], bounds[1, 1], bounds[1, 2]
+    bx, by, bz = base
+    done = xyz.shape[0]
     px, py, pz, cell = 0, 0, 0, -1
     for i in range(start, xyz.shape[0]):
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
@@ -70,31 +82,32 @@ def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, 
         if not inside:
             tally[2 if np.isfinite(x) and np.isfinite(y) and np.isfinite(z) else 1] += 1
             continue
-        cx = np.int32(np.floor(x * inverse) - base[0])
-        cy = np.int32(np.floor(y * inverse) - base[1])
-        cz = np.int32(np.floor(z * inverse) - base[2])
+        cx = np.int32(np.floor(x * inverse) - bx)
+        cy = np.int32(np.floor(y * inverse) - by)
+        cz = np.int32(np.floor(z * inverse) - bz)
         if cell < 0 or cx != px or cy != py or cz != pz:
             slot = _slot(table, cx, cy, cz)
             if table[slot, 3] < 0:
                 if used == limit:
-                    tally[0] = used
-                    return i
+                    done = i
+                    break
                 table[slot, 0], table[slot, 1], table[slot, 2], table[slot, 3] = cx, cy, cz, used
                 used += 1
             px, py, pz, cell = cx, cy, cz, table[slot, 3]
         counts[cell, geometric(first + i)] += 1
-        bounds[0, 0], bounds[1, 0] = min(bounds[0, 0], x), max(bounds[1, 0], x)
-        bounds[0, 1], bounds[1, 1] = min(bounds[0, 1], y), max(bounds[1, 1], y)
-        bounds[0, 2], bounds[1, 2] = min(bounds[0, 2], z), max(bounds[1, 2], z)
+        x0, y0, z0 = x if x < x0 else x0, y if y < y0 else y0, z if z < z0 else z0
+        x1, y1, z1 = x if x > x1 else x1, y if y > y1 else y1, z if z > z1 else z1
+    bounds[0, 0], bounds[0, 1], bounds[0, 2], bounds[1, 0], bounds[1, 1], bounds[1, 2] = x0, y0, z0, x1, y1, z1
     tally[0] = used
-    return xyz.shape[0]
+    return done
 
 
-@njit(cache=True, nogil=True)
-def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, table, cells, layers, buckets, words):
+@_compiled(nogil=True)
+def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words):
     """Packs a slice of points and names each one's bucket, layer * cells + cell.
 
-    rgb: (n, 3) uint8.  intensity: (n,) uint16.  scan: (n,) uint8.  base: of ``table``.  Others as in count_points.
+    rgb: (n, 3) uint8.  intensity: (n,) uint16.  scan: (n,) uint8.  base: of
+    the cells.  dense: (X, Y, Z) int32 cell numbers, or empty, then ``table`` has them.  Others as in count_points.
     Writes buckets (n,) int32 and words (n, 3) uint32: points of the finest layer, one half of all, from the front in
     their order, the others from the back in reverse, so that two threads can place them.
     Returns (points at the front, points at the back); points out of reach are left out.
@@ -102,7 +115,7 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, table, c
     n = xyz.shape[0]
     front, back = 0, n - 1
     finest = layers - 1
-    px, py, pz, cell = 0, 0, 0, -1
+    bx, by, bz = base
     for i in range(n):
         x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
         inside = (x >= reach[0, 0]) & (x <= reach[1, 0]) & (y >= reach[0, 1]) & (y <= reach[1, 1])
@@ -111,9 +124,15 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, table, c
             continue
         x, y, z = x * inverse, y * inverse, z * inverse
         fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
-        cx, cy, cz = np.int32(fx - base[0]), np.int32(fy - base[1]), np.int32(fz - base[2])
-        if cell < 0 or cx != px or cy != py or cz != pz:
-            px, py, pz, cell = cx, cy, cz, table[_slot(table, cx, cy, cz), 3]
+        cx, cy, cz = np.int32(fx - bx), np.int32(fy - by), np.int32(fz - bz)
+        cell = np.int32(-1)  # stays so only where a file changed since pass 1; the caller sees it from the totals
+        if dense.size:
+            if 0 <= cx < dense.shape[0] and 0 <= cy < dense.shape[1] and 0 <= cz < dense.shape[2]:
+                cell = dense[cx, cy, cz]
+        else:
+            cell = table[_slot(table, cx, cy, cz), 3]
+        if cell < 0:
+            continue
         # the fraction of a tiny negative coordinate rounds up to 1, hence the clip
         qx = np.uint32(min(np.int64((x - fx) * 65536.0), 65535))
         qy = np.uint32(min(np.int64((y - fy) * 65536.0), 65535))
@@ -131,16 +150,17 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, table, c
     return front, n - 1 - back
 
 
-@njit(cache=True, nogil=True)
+@_compiled(nogil=True)
 def place_points(buckets, words, start, stop, stride, cursor, points):
     """Moves packed points start, start + stride, ... before ``stop`` to the next free place of their buckets."""
     for i in range(start, stop, stride):
         place = cursor[buckets[i]]
         cursor[buckets[i]] = place + 1
-        points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
+        if place < points.shape[0]:
+            points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
 
 
-@njit(cache=True, nogil=True)
+@_compiled(nogil=True)
 def neighbour_distances(xyz, queries, k, out):
     """Squared distance from each query (a row number of xyz) to its k-th nearest other point of xyz, by full search.
 

@@ -33,7 +33,7 @@ class LasSource(Source):
             raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
         self.crs, self.units, self.metres_per_unit = _reference(records)
         if self.units == "degree":
-            self.warnings.append(f"{path.name}: coordinates are in degrees, shapes are distorted; reproject it to metres")
+            self.warnings.append(f"{path.name}: coordinates in degrees, shapes are distorted; reproject it to metres")
 
     def _open(self):
         import laspy
@@ -43,12 +43,14 @@ class LasSource(Source):
         except InputError:
             raise
         except Exception as error:  # laspy raises many kinds, lazrs its own: all mean the file cannot be read
-            raise InputError(f"{self.path}: cannot be read as LAS/LAZ: {_line(error)}; copy or export it again") from None
+            raise InputError(f"{self.path}: not readable as LAS/LAZ: {_line(error)}; copy or export it again") from None
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16) and intensity as stored."""
-        done = 0
+        done, stray = 0, False
         with self._open() as reader:
+            # a cell of rounding either way: some writers round the bounds, some the points
+            low, high = reader.header.mins - reader.header.scales, reader.header.maxs + reader.header.scales
             names = set(reader.header.point_format.dimension_names)
             iterator = reader.chunk_iterator(CHUNK)
             while done < (self.count or 0):
@@ -64,16 +66,24 @@ class LasSource(Source):
                 done += n
                 xyz = np.empty((n, 3))
                 for axis, name in enumerate("XYZ"):
-                    np.multiply(points[name], points.scales[axis], out=xyz[:, axis])
-                    xyz[:, axis] += points.offsets[axis]
-                rgb = np.stack([points[c] for c in ("red", "green", "blue")], axis=1) if "red" in names else None
+                    values = np.asarray(points[name]) * points.scales[axis] + points.offsets[axis]
+                    stray |= bool(values.min() < low[axis] or values.max() > high[axis])
+                    xyz[:, axis] = values
+                colours = [np.asarray(points[c]) for c in ("red", "green", "blue") if c in names]
+                rgb = np.stack(colours, axis=1) if len(colours) == 3 else None
                 intensity = np.array(points["intensity"], np.uint16) if "intensity" in names else None
                 yield Chunk(xyz, rgb, intensity)
+
+        if stray:
+            text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"
+            if text not in self.warnings:  # once, however often the points are read
+                self.warnings.append(text)
 
     def _truncated(self, done: int, why: str = "") -> InputError:
         reason = f" ({why})" if why else ""
         return InputError(
-            f"{self.path}: truncated or damaged: {done:,} of {self.count:,} points could be read{reason}; copy or export it again"
+            f"{self.path}: truncated or damaged: {done:,} of {self.count:,} points could be read{reason}; "
+            "copy or export it again"
         )
 
 
@@ -91,13 +101,22 @@ def _check_header(path: Path) -> None:
     if major != 1 or minor > 4:
         raise InputError(f"{path}: LAS version {major}.{minor} is not known; versions 1.0 to 1.4 are read")
     if header_size < 227 or offset < header_size or records * 54 > offset - header_size:
-        raise InputError(f"{path}: its header is damaged (header {header_size} bytes, {records} records before byte {offset})")
+        raise InputError(f"{path}: damaged header ({header_size} bytes, {records} records before byte {offset})")
     if count == 0:
         raise InputError(f"{path}: holds no points (its header says 0); export it again")
     if offset >= size:
         raise InputError(f"{path}: truncated: 0 of {count:,} points could be read; copy or export it again")
     if length == 0:
         raise InputError(f"{path}: its header is damaged (point record of 0 bytes)")
+    if compressed:
+        with path.open("rb") as file:
+            file.seek(offset)
+            place = int.from_bytes(file.read(8), "little", signed=True)
+        if place >= size - 8:  # -1: written as a stream, its place then stands in the last 8 bytes
+            raise InputError(
+                f"{path}: truncated: 0 of {count:,} points could be read, the table of chunks that should end it is "
+                "missing; copy or export it again"
+            )
     readable = (size - offset) // length
     if not compressed and readable < count:
         raise InputError(f"{path}: truncated: {readable:,} of {count:,} points could be read; copy or export it again")

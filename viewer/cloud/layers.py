@@ -30,8 +30,10 @@ def layer_sizes(counts: np.ndarray, layers: int) -> np.ndarray:
 def morton_order(cells: np.ndarray) -> np.ndarray:
     """(C,) indices that sort cells (C, 3) int32, none negative, along the 3-D Morton curve (x the lowest bit)."""
     cells = cells.astype(np.uint64)
-    low = sum(_spread(cells[:, axis] & np.uint64(0x1FFFFF)) << np.uint64(axis) for axis in range(3))
-    high = sum(_spread(cells[:, axis] >> np.uint64(21)) << np.uint64(axis) for axis in range(3))
+    x, y, z = cells.T
+    mask, shift = np.uint64(0x1FFFFF), np.uint64(21)
+    low = _spread(x & mask) | _spread(y & mask) << np.uint64(1) | _spread(z & mask) << np.uint64(2)
+    high = _spread(x >> shift) | _spread(y >> shift) << np.uint64(1) | _spread(z >> shift) << np.uint64(2)
     return np.lexsort((low, high))
 
 

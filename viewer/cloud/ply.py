@@ -73,10 +73,10 @@ class PlySource(Source):
         return stretch(values, *self._ranges()[self._intensity or ""])
 
     def _ranges(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest finite value of the fields whose type does not say; one reading of the file, at first need."""
+        """Lowest and highest finite value of colour and intensity; one reading of the file, where types do not say."""
         if self._largest is None:
             names = [*(self._rgb or ()), *((self._intensity,) if self._intensity else ())]
-            found = {name: (np.inf, -np.inf) for name in names}
+            found = dict.fromkeys(names, (np.inf, -np.inf))
             for columns in self._columns():
                 for name, (low, high) in found.items():
                     finite = columns[name][np.isfinite(columns[name])]
@@ -158,13 +158,25 @@ class PlySource(Source):
                     rows = [self._without_lists(row) for row in rows]
                 try:
                     table = np.loadtxt(rows, np.float64, comments=None, usecols=range(len(names)), ndmin=2)
-                except ValueError as error:
-                    raise InputError(f"{self.path}: vertices from {done + 1:,} on: {error}; export it again") from None
+                except ValueError:
+                    raise self._unreadable(rows, len(names), done) from None
                 done += len(table)
                 yield {name: table[:, i] for i, name in enumerate(names)}
             if done >= self._vertex.count:
                 return
         raise self._truncated(done)
+
+    def _unreadable(self, rows: list[str], columns: int, done: int) -> InputError:
+        """Which row it was: the last one of a file that ends too early, or one that does not hold numbers."""
+        for number, row in enumerate(rows, done + 1):
+            words = row.split()[:columns]
+            if len(words) == columns and all(_is_number(word) for word in words):
+                continue
+            if len(words) < columns and number == done + len(rows) <= (self.count or 0):
+                return self._truncated(number - 1)
+            shown = "".join(c if c.isascii() and c.isprintable() else "?" for c in row[:40])
+            return InputError(f"{self.path}: vertex {number:,} is not {columns} numbers: {shown!r}; export it again")
+        return InputError(f"{self.path}: its vertices cannot be read as numbers; export it again")
 
     def _without_lists(self, row: str) -> str:
         words, kept = iter(row.split()), []
@@ -185,6 +197,14 @@ class PlySource(Source):
         return InputError(
             f"{self.path}: truncated: {done:,} of {self.count:,} points could be read{place}; copy or export it again"
         )
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _lines(path: Path, file: BinaryIO) -> Iterator[list[str]]:

@@ -7,9 +7,9 @@ from typing import BinaryIO
 from viewer.errors import InputError
 
 TYPES = {
-    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
-    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
-    "long": "i8", "int64": "i8", "ulong": "u8", "uint64": "u8",
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "long": "i8", "ulong": "u8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8",
+    "uint64": "u8", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 _MOST_LINES, _LONGEST_LINE = 10_000, 8192
@@ -71,5 +71,6 @@ def read_header(path: Path, file: BinaryIO) -> Header:
             case ["end_header"] if order is not None:
                 return Header(order, tuple(Element(n, c, tuple(p)) for n, c, p in elements), file.tell())
             case _:
-                raise InputError(f"{path}: PLY header line {number} not understood: {' '.join(words)[:60]!r}; export it again")
+                text = ascii(" ".join(words)[:60])
+                raise InputError(f"{path}: PLY header line {number} not understood: {text}; export it again")
     raise InputError(f"{path}: PLY header without an end; export it again")

@@ -3,7 +3,8 @@
 Frame: file coordinates (float64) are ``origin + cell_coords * cell_size`` for a cell's lower corner, plus 16-bit
 fractions of the cell for a point.  The cell size is a power of two, so every one of these products is exact.
 
-Packed point, 12 bytes: word 0 = qx | qy << 16;  word 1 = qz | intensity << 16;  word 2 = r | g << 8 | b << 16 | scan << 24.
+Packed point, 12 bytes: word 0 = qx | qy << 16;  word 1 = qz | intensity << 16;
+word 2 = r | g << 8 | b << 16 | scan << 24.
 A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most half a step from where it was measured.
 """
 

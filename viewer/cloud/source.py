@@ -64,7 +64,7 @@ class Source:
 
 
 def stretch(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Maps ``low..high`` linearly to the whole of uint16; what lies outside is clipped, what is not finite becomes 0."""
+    """Maps ``low..high`` linearly to the whole of uint16, clipped; what is not a number becomes 0."""
     scaled = (np.asarray(values, np.float64) - low) * (65535.0 / (high - low) if high > low else 0.0)
     return np.clip(np.nan_to_num(scaled, nan=0.0) + 0.5, 0, 65535).astype(np.uint16)
 
@@ -109,7 +109,8 @@ def open_source(path: Path) -> Source:
         from viewer.cloud.e57 import E57Source as Reader
     source = Reader(path)
     if _SUFFIXES.get(suffix) != kind:
-        source.warnings.insert(0, f"{path.name}: named {suffix or 'without a suffix'} but holds {source.format}; read as that")
+        named = f"named {suffix}" if suffix else "named without a suffix"
+        source.warnings.insert(0, f"{path.name}: {named} but holds {source.format}; read as that")
     return source
 
 

@@ -1,7 +1,7 @@
 """Point spacing: how far apart neighbouring points are on the surfaces of a scan.
 
-For points spread evenly over a surface with density d, the k-th nearest neighbour lies at r_k with d * pi * r_k**2 = k in
-the mean, so the spacing 1/sqrt(d) is r_8 * sqrt(pi / 8).  Everything is computed in packed steps and scaled at the
+For points spread evenly over a surface with density d, the k-th nearest neighbour lies at r_k with d * pi * r_k**2 = k
+in the mean, so the spacing 1/sqrt(d) is r_8 * sqrt(pi / 8).  Everything is computed in packed steps and scaled at the
 end: scaling a scan by a power of two scales the result exactly.
 """
 
@@ -15,7 +15,7 @@ _CELLS, _QUERIES, _CANDIDATES, _NEIGHBOURS = 64, 24, 20_000, 8
 
 
 def measure_spacing(points, cells, offsets, layers: int, pool: Executor) -> float:
-    """Median spacing in packed steps, over about 1500 points in 64 cells spread over the scan in proportion to its points.
+    """Median spacing in packed steps over about 1500 points, in 64 cells chosen in proportion to their points.
 
     points, cells, offsets, layers: as in Scene.  Returns 0.0 where no two different points are near each other.
     """

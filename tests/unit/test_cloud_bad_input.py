@@ -1,0 +1,218 @@
+"""Whatever is wrong with a file, one line names it and says what to do; colour oddities are read and said."""
+
+import struct
+
+import numpy as np
+import pytest
+from cloud_files import SCANS, E57Scan, surface, write_e57, write_las, write_ply
+
+from viewer.cloud import open_scene, unpack
+from viewer.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def store(tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+
+
+def refused(path, *parts):
+    """Opens the file and checks the one line that refuses it."""
+    with pytest.raises(InputError) as error:
+        open_scene(path)
+    line = str(error.value)
+    assert "\n" not in line and str(path) in line and len(line) < 400
+    for part in parts:
+        assert part in line, line
+    left = list((path.parent / "cache").glob("*")) if (path.parent / "cache").exists() else []
+    assert left == [], "something partial was left in the cache"
+
+
+def test_missing_empty_and_foreign_files(tmp_path):
+    refused(tmp_path / "none.laz", "no such file")
+    refused(tmp_path, "not one made by convert")
+    for name, data, part in (
+        ("empty.ply", b"", "empty"),
+        ("noise.laz", bytes(range(200)), "does not begin like one"),
+        ("scan.zip", b"PK\x03\x04rest", "zip"),
+        ("scan.pcd", b"# .PCD v0.7", "PCD"),
+        ("what.xyz", b"1 2 3\n", "not a scan format known here"),
+    ):
+        path = tmp_path / name
+        path.write_bytes(data)
+        refused(path, part)
+
+
+@pytest.mark.parametrize("suffix", ["las", "laz"])
+@pytest.mark.parametrize("share", [0.001, 0.05, 0.5, 0.9, 0.999])
+def test_truncated_las_says_how_many_points_could_be_read(tmp_path, suffix, share):
+    xyz, rgb = surface(20_000)
+    path = write_las(tmp_path / f"a.{suffix}", xyz, rgb)
+    path.write_bytes(path.read_bytes()[: max(10, int(share * path.stat().st_size))])
+    refused(path, "truncated" if share < 0.01 or suffix == "las" else "a.laz")
+
+
+@pytest.mark.parametrize("where", [94, 96, 100, 105, 131, 24])
+def test_bogus_las_headers_are_refused_or_harmless(tmp_path, where):
+    xyz, rgb = surface(2000)
+    path = write_las(tmp_path / "a.laz", xyz, rgb)
+    data = bytearray(path.read_bytes())
+    data[where : where + 2] = b"\xff\xff"
+    path.write_bytes(data)
+    try:
+        open_scene(path, cache=False)
+    except InputError as error:
+        assert "\n" not in str(error)
+
+
+def test_a_las_header_that_promises_too_many_points_is_refused(tmp_path):
+    for suffix in ("las", "laz"):
+        path = write_las(tmp_path / f"a.{suffix}", *surface(2000))
+        data = bytearray(path.read_bytes())
+        struct.pack_into("<I", data, 107, 4_000_000_000)
+        path.write_bytes(data)
+        refused(path, "of 4,000,000,000 points could be read")
+
+
+def test_las_without_points(tmp_path):
+    path = write_las(tmp_path / "a.las", *surface(10))
+    data = bytearray(path.read_bytes())
+    struct.pack_into("<I", data, 107, 0)
+    path.write_bytes(data)
+    refused(path, "no points")
+
+
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("form", [{}, {"vertex_list": True}, {"faces_first": True}])
+def test_truncated_ply_says_how_many_points_could_be_read(tmp_path, order, form):
+    path = write_ply(tmp_path / "a.ply", *surface(1000), order=order, **form)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    refused(path)
+    path.write_bytes(data[: data.rindex(b"end_header") + 11])
+    refused(path, "0 of 1,000 points could be read")
+    path.write_bytes(data[:60])
+    refused(path, "truncated in its header")
+
+
+def test_ply_that_cannot_be_shown(tmp_path):
+    path = tmp_path / "a.ply"
+    xyz = "property float x\nproperty float y\nproperty float z\n"
+    for head, part in (
+        ("format ascii 1.0\nelement face 1\nproperty list uchar int v\nend_header\n", "without vertices"),
+        ("format ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n", "without z"),
+        (
+            f"format ascii 1.0\nelement vertex 0\n{xyz}end_header\n",
+            "no points",
+        ),
+        ("format packed 1.0\nend_header\n", "line 2 not understood"),
+        ("format ascii 1.0\nelement vertex 1\nproperty quad x\nend_header\n", "line 4 not understood"),
+        (f"format ascii 1.0\nelement vertex 1\n{xyz}end_header\n1 b 3\n", "vertex 1 is not 3 numbers"),
+        (f"format ascii 1.0\nelement vertex 2\n{xyz}end_header\n1 2 3\n4 5", "1 of 2 points could be read"),
+    ):
+        path.write_bytes(b"ply\n" + head.encode())
+        refused(path, part)
+
+
+def test_truncated_and_corrupted_e57(tmp_path):
+    path = write_e57(tmp_path / "a.e57", [E57Scan(*surface(20_000))])
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    refused(path)
+    middle = bytearray(data)
+    middle[len(data) // 2] ^= 0xFF
+    path.write_bytes(middle)
+    refused(path, "checksum")
+    path.write_bytes(data[:30])
+    refused(path)
+
+
+def test_e57_without_points(tmp_path):
+    xyz, rgb = surface(10)
+    refused(write_e57(tmp_path / "a.e57", []), "no scans")
+    refused(write_e57(tmp_path / "b.e57", [E57Scan(xyz[:0]), E57Scan(xyz[:0])]), "no points (2 empty scan(s))")
+    refused(
+        write_e57(tmp_path / "c.e57", [E57Scan(xyz, rgb, invalid=np.full(10, 2))]), "none of its 10 points is valid"
+    )
+
+
+@pytest.mark.parametrize("name", ["bad-crc.e57", "empty.e57", "ZeroPoints.e57"])
+def test_known_bad_e57_files_are_one_line(name):
+    if not (SCANS / "e57" / name).exists():
+        pytest.skip(f"{SCANS / 'e57' / name} is not on this machine")
+    with pytest.raises(InputError) as error:
+        open_scene(SCANS / "e57" / name)
+    assert "\n" not in str(error.value) and name in str(error.value)
+
+
+def colours_of(scene):
+    return sorted(map(tuple, unpack(scene)[1].tolist()))
+
+
+def test_colour_depth_is_decided_over_the_whole_file(tmp_path):
+    xyz, rgb = surface(1000)
+    want = sorted(map(tuple, rgb.tolist()))
+    narrow = open_scene(write_las(tmp_path / "a.las", xyz, rgb))
+    assert colours_of(narrow) == want and narrow.meta["colour"]["bits"] == 8
+    assert "8-bit colour in 16-bit fields" in narrow.meta["warnings"][0]
+    wide = open_scene(write_las(tmp_path / "b.las", xyz, rgb.astype(np.uint16) << 8))
+    assert colours_of(wide) == want and wide.meta["colour"]["bits"] == 16 and wide.meta["warnings"] == []
+    mixed = open_scene([tmp_path / "a.las", tmp_path / "b.las"])  # each file by itself
+    assert colours_of(mixed) == sorted(want + want)
+    late = np.zeros((1000, 3), np.uint16) + 3  # dark nearly to the end: still 16-bit
+    late[-1] = 65535
+    assert max(colours_of(open_scene(write_las(tmp_path / "c.las", xyz, late)))) == (255, 255, 255)
+
+
+def test_without_colour_intensity_is_shown_or_else_height(tmp_path):
+    xyz, _ = surface(5000)
+    levels = np.linspace(1000, 3000, 5000).astype(np.uint16)
+    black = np.zeros((5000, 3), np.uint16)
+    grey = open_scene(write_las(tmp_path / "a.las", xyz, black, levels))
+    assert grey.meta["colour"]["source"] == "intensity" and "no colour" in grey.meta["warnings"][0]
+    _, colours, stored, _ = unpack(grey)
+    assert (colours[:, 0] == colours[:, 2]).all() and colours.min() == 0 and colours.max() == 255
+    assert set(stored) == set(levels)
+    ramp = open_scene(write_ply(tmp_path / "a.ply", xyz))
+    assert ramp.meta["colour"]["source"] == "height" and "shown by height" in ramp.meta["warnings"][0]
+    back, colours, _, _ = unpack(ramp)
+    low, high = back[:, 2].argmin(), back[:, 2].argmax()
+    assert colours[low].tolist() == [68, 1, 84] and colours[high].tolist() == [253, 231, 37]
+
+
+def test_a_scan_without_colour_among_coloured_ones(tmp_path):
+    xyz, rgb = surface(500)
+    scans = [E57Scan(xyz, rgb), E57Scan(xyz, intensity=np.linspace(0, 1, 500))]
+    scene = open_scene(write_e57(tmp_path / "a.e57", scans))
+    assert scene.meta["colour"]["source"] == "rgb" and "1 of 2 scans" in scene.meta["warnings"][0]
+    _, colours, _, number = unpack(scene)
+    assert sorted(map(tuple, colours[number == 0].tolist())) == sorted(map(tuple, rgb.tolist()))
+    assert len(np.unique(colours[number == 1, 0])) > 200
+
+
+def test_float32_coordinates_too_large_for_their_digits_are_said(tmp_path):
+    xyz, rgb = surface(5000, origin=(4_500_000.0, 300_000.0, 0.0))
+    scene = open_scene(write_ply(tmp_path / "a.ply", xyz, rgb, kind="float"))
+    assert any("too few digits" in warning for warning in scene.meta["warnings"])
+    assert open_scene(write_ply(tmp_path / "b.ply", xyz, rgb)).meta["warnings"] == []
+
+
+REAL = {
+    "studio.laz": (3_234_126, "rgb", 16), "pumpA.e57": (155_201, "rgb", 8),
+    "lion_takanawa.copc.laz": (341_989, "rgb", 16), "autzen_trim.laz": (110_000, "rgb", 8),
+    "sample_c.las": (14_408, "rgb", 16),
+    "e57/ColourRepresentation.e57": (153, "rgb", 16), "e57/ColouredCubeDouble.e57": (7680, "rgb", 8),
+    "e57/ColouredCubeFloat.e57": (7680, "rgb", 8), "e57/bunnyInt32.e57": (30_571, "height", 8),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_real_scans_open_with_the_counts_and_colours_they_have(name):
+    if not (SCANS / name).exists():
+        pytest.skip(f"{SCANS / name} is not on this machine")
+    count, colour, bits = REAL[name]
+    scene = open_scene(SCANS / name, cache=False)
+    assert scene.count == count
+    assert (scene.meta["colour"]["source"], scene.meta["colour"]["bits"]) == (colour, bits)
+    assert scene.step <= scene.spacing / 4
+    xyz = unpack(scene)[0]
+    assert (xyz >= scene.bounds[0] - scene.step).all() and (xyz <= scene.bounds[1] + scene.step).all()

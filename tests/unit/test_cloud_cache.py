@@ -1,0 +1,219 @@
+"""The cache: whole or not there, never read when torn, stale or foreign; reopening is quick, nothing heavy imported."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cloud_files import surface, write_ply
+
+from viewer.cloud import cache, open_scene, unpack
+from viewer.cloud.convert import convert
+from viewer.cloud.info import describe, format_text
+from viewer.errors import Cancelled, InputError
+from viewer.progress import set_sink
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(autouse=True)
+def store(tmp_path, monkeypatch):
+    """An empty cache of the test's own."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("POINTGLASS_CACHE", str(folder))
+    return folder
+
+
+@pytest.fixture
+def scan(tmp_path):
+    return write_ply(tmp_path / "floor.ply", *surface(3000))
+
+
+def same(a, b):
+    for name in ("points", "cell_coords", "offsets", "origin", "bounds"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert (a.cell_size, a.layers, a.count, a.spacing, a.meta) == (b.cell_size, b.layers, b.count, b.spacing, b.meta)
+
+
+def test_a_cached_scene_equals_a_fresh_one(scan, store):
+    fresh = open_scene(scan, cache=False)
+    assert not store.exists()
+    same(open_scene(scan), fresh)
+    again = open_scene(scan)
+    same(again, fresh)
+    assert isinstance(again.points, np.memmap)
+    assert [p.name for p in store.iterdir()] == [cache.folder_of([scan]).name]
+
+
+def test_reopening_imports_no_compiler_and_no_file_library(scan):
+    open_scene(scan)
+    code = f"""
+import sys
+from viewer.cloud import open_scene
+assert open_scene({str(scan)!r}).count == 3000
+print([m for m in ("numba", "scipy", "laspy", "pye57", "open3d", "torch") if m in sys.modules])
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize(
+    "damage", ["short points", "short offsets", "no meta", "half meta", "version", "magic", "dtype", "sizes", "offsets"]
+)
+def test_a_damaged_cache_is_rebuilt_and_never_read(scan, damage):
+    open_scene(scan)
+    fresh = open_scene(scan, cache=False)
+    folder = cache.folder_of([scan])
+    meta = json.loads((folder / "meta.json").read_text())
+    match damage:
+        case "short points":
+            os.truncate(folder / "points.npy", 5000)
+        case "short offsets":
+            os.truncate(folder / "offsets.npy", 100)
+        case "no meta":
+            (folder / "meta.json").unlink()
+        case "half meta":
+            os.truncate(folder / "meta.json", 50)
+        case "version" | "magic":
+            (folder / "meta.json").write_text(json.dumps(meta | {damage: 0}))
+        case "dtype":
+            np.save(folder / "points.npy", np.zeros((3000, 3), np.float32))
+        case "sizes":
+            (folder / "meta.json").write_text(json.dumps(meta | {"count": 2999}))
+        case "offsets":
+            np.save(folder / "offsets.npy", np.load(folder / "offsets.npy")[::-1])
+    assert cache.load(folder, [scan]) is None
+    same(open_scene(scan), fresh)
+    assert cache.load(folder, [scan]) is not None
+
+
+def test_a_changed_file_is_read_again(scan):
+    assert open_scene(scan).count == 3000
+    write_ply(scan, *surface(2000))
+    assert open_scene(scan).count == 2000
+
+
+def test_a_pickle_in_the_cache_is_not_loaded(scan):
+    open_scene(scan)
+    folder = cache.folder_of([scan])
+    np.save(folder / "cell_coords.npy", np.array([{"a": 1}], object), allow_pickle=True)
+    assert cache.load(folder, [scan]) is None
+
+
+@pytest.mark.parametrize("calls", [1, 2])
+def test_cancelling_leaves_nothing_behind(scan, store, calls):
+    left = [calls]
+
+    def stop(*_):
+        left[0] -= 1
+        return left[0] > 0
+
+    set_sink(stop)
+    try:
+        with pytest.raises(Cancelled):
+            open_scene(scan)
+    finally:
+        set_sink(None)
+    assert list(store.iterdir()) == []
+
+
+def test_interrupting_leaves_nothing_behind(scan, store, monkeypatch):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cache, "_write", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        open_scene(scan)
+    assert list(store.iterdir()) == []
+
+
+def test_what_a_killed_process_left_is_swept(scan, store):
+    store.mkdir()
+    (store / ".abc.999999999.tmp").mkdir()
+    (store / f".abc.{os.getppid()}.tmp").mkdir()
+    open_scene(scan)
+    assert not (store / ".abc.999999999.tmp").exists() and (store / f".abc.{os.getppid()}.tmp").exists()
+
+
+def test_an_unusable_cache_names_the_folder_and_the_remedy(scan, tmp_path, monkeypatch):
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    monkeypatch.setenv("POINTGLASS_CACHE", str(blocked / "cache"))
+    with pytest.raises(InputError, match=r"cannot be written .*POINTGLASS_CACHE.*--no-cache") as error:
+        open_scene(scan)
+    assert str(blocked) in str(error.value) and "\n" not in str(error.value)
+    assert open_scene(scan, cache=False).count == 3000
+    assert describe([scan])["points"] == 3000
+
+
+def test_a_full_disk_is_found_out_before_writing(scan, store, monkeypatch):
+    import shutil
+
+    usage = shutil.disk_usage(scan.parent)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=1000))
+    with pytest.raises(InputError, match=r"no space left.*POINTGLASS_CACHE"):
+        open_scene(scan)
+    assert list(store.iterdir()) == []
+
+
+def test_a_disk_that_fills_up_while_writing_leaves_nothing(scan, store, monkeypatch):
+    import errno
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(InputError, match="no space left"):
+        open_scene(scan)
+    assert list(store.iterdir()) == []
+
+
+def test_convert_makes_a_folder_that_opens_like_a_scan(scan, tmp_path):
+    out = tmp_path / "grid"
+    convert([scan], out)
+    same(open_scene(out), open_scene(scan, cache=False))
+    convert([scan], out)  # again: replaces its own
+    assert sorted(p.name for p in out.iterdir()) == ["cell_coords.npy", "meta.json", "offsets.npy", "points.npy"]
+    os.truncate(out / "points.npy", 1000)
+    with pytest.raises(InputError, match="damaged grid"):
+        open_scene(out)
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_convert_into_a_place_that_cannot_be_written(scan, tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(InputError, match=r"cannot be written .*--out"):
+        convert([scan], tmp_path / "file" / "grid")
+
+
+def test_convert_refuses_a_folder_with_other_files(scan, tmp_path):
+    out = tmp_path / "mine"
+    out.mkdir()
+    (out / "thesis.txt").write_text("years")
+    with pytest.raises(InputError, match="holds other files"):
+        convert([scan], out)
+    with pytest.raises(InputError, match="not one made by convert"):
+        open_scene(out)
+    with pytest.raises(InputError, match="is a file"):
+        convert([scan], out / "thesis.txt")
+    assert (out / "thesis.txt").read_text() == "years"
+
+
+def test_several_files_make_one_scene(scan, tmp_path):
+    xyz, rgb = surface(1000, seed=4, origin=(5, 0, 0))
+    other = write_ply(tmp_path / "next.ply", xyz, rgb)
+    scene = open_scene([scan, other])
+    assert scene.count == 4000
+    assert [s["count"] for s in scene.meta["scans"]] == [3000, 1000]
+    got, _, _, number = unpack(scene)
+    assert (number == 1).sum() == 1000 and got[number == 1, 0].min() > 4.9
+
+
+def test_info_can_be_written_as_json_and_as_text(scan):
+    facts = json.loads(json.dumps(describe([scan], full=True), allow_nan=False))
+    assert facts["points"] == 3000 and sum(facts["grid"]["layers"]) == 3000
+    text = format_text(facts)
+    assert "3,000" in text and "PLY" in text

@@ -1,0 +1,83 @@
+"""What a person asks about a scan before opening it: ``pointglass info``.  All lengths in file units."""
+
+from pathlib import Path
+
+from viewer.cloud.build import open_scene
+from viewer.cloud.cache import CacheError
+from viewer.cloud.scene import Scene
+
+
+def describe(paths: list[Path], full: bool = False) -> dict:
+    """Facts about a scan, ready for JSON.  full: the grid too.
+
+    The points are counted and their spacing measured, so the scan is read and its grid built, and kept in the cache
+    where that can be written.  Raises InputError as open_scene does.
+    """
+    try:
+        scene = open_scene(paths)
+    except CacheError:
+        scene = open_scene(paths, cache=False)
+    return facts(scene, full)
+
+
+def facts(scene: Scene, full: bool = False) -> dict:
+    """The same for a scene already open."""
+    meta = scene.meta
+    low, high = scene.bounds.tolist()
+    out = {
+        "sources": meta.get("sources", []),
+        "format": meta.get("format"),
+        "points": scene.count,
+        "bounds": {"min": low, "max": high},
+        "size": [b - a for a, b in zip(low, high, strict=True)],
+        "spacing": scene.spacing,
+        "units": meta.get("units", "unknown"),
+        "metres_per_unit": meta.get("metres_per_unit"),
+        "crs": meta.get("crs"),
+        "colour": meta.get("colour"),
+        "scans": meta.get("scans", []),
+        "dropped": meta.get("dropped", {}),
+        "warnings": meta.get("warnings", []),
+    }
+    if full:
+        ends = scene.offsets[:: len(scene.cell_coords)]
+        out["grid"] = {
+            "cell_size": scene.cell_size,
+            "step": scene.step,
+            "cells": len(scene.cell_coords),
+            "layers": (ends[1:] - ends[:-1]).tolist(),
+            "bytes": scene.count * 12,
+        }
+    return out
+
+
+def format_text(info: dict) -> str:
+    """``describe``'s answer as lines for a terminal."""
+    unit = {"metre": "m", "foot": "ft", "US survey foot": "ft (US survey)"}.get(info["units"], info["units"])
+    unit = "units" if unit == "unknown" else unit
+    metres = info["metres_per_unit"]
+    lengths = f"1 unit = {metres:.10g} m" if metres else "length not given by the file"
+    rows = [
+        ("file", ", ".join(info["sources"]) or "-"),
+        ("format", info["format"]),
+        ("points", f"{info['points']:,}"),
+        ("from", _vector(info["bounds"]["min"])),
+        ("to", _vector(info["bounds"]["max"])),
+        ("size", " x ".join(f"{side:.4g}" for side in info["size"]) + f" {unit}"),
+        ("spacing", f"{info['spacing']:.3g} {unit}"),
+        ("units", f"{info['units']} ({lengths})"),
+        ("CRS", info["crs"] or "not given"),
+        ("colour", (info["colour"] or {}).get("note", "-")),
+    ]
+    for scan in info["scans"]:
+        place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
+        rows.append(("scan", f"{scan['name']}: {scan['count']:,} points, {place}"))
+    if grid := info.get("grid"):
+        rows.append(("grid", f"{grid['cells']:,} cells of {grid['cell_size']:g}, {len(grid['layers'])} layers"))
+        rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
+    rows += [("warning", text) for text in info["warnings"]]
+    return "\n".join(f"{name:<8} {value}" for name, value in rows)
+
+
+def _vector(values) -> str:
+    return "(" + ", ".join(f"{value:.12g}" for value in values) + ")"

@@ -1,0 +1,98 @@
+"""Pass 1 over all sources: a survey of where the points lie, and the walk over chunks that both passes share.
+
+Frame: file coordinates.  Memory: two chunks (one worked on, one being read) and the histogram.
+"""
+
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from viewer.cloud.colour import Colours
+from viewer.cloud.histogram import Histogram, OutOfReach
+from viewer.cloud.source import Chunk, Source
+from viewer.errors import InputError
+from viewer.progress import progress
+
+
+@dataclass
+class Survey:
+    """What pass 1 found.  cells (C, 3) int32 relative to ``base`` (3,) whole numbers; counts (C, GEOMETRIC) int64.
+    kept: points by (source, scan).  dropped: not finite, out of reach, marked invalid by the file."""
+
+    cells: np.ndarray
+    counts: np.ndarray
+    base: np.ndarray
+    cell_size: float
+    reach: np.ndarray
+    bounds: np.ndarray
+    kept: dict[tuple[int, int], int]
+    dropped: tuple[int, int, int]
+
+    @property
+    def count(self) -> int:
+        return int(self.counts.sum())
+
+
+def survey_points(
+    sources: list[Source], colours: Colours | None, pool: Executor, cell_size: float | None = None
+) -> Survey:
+    """Counts all points.  colours: takes note of every chunk.  cell_size: to begin with; None looks at the first chunk.
+
+    Starts again with larger cells where the scan turns out far wider than its beginning.
+    """
+    expected = sum(source.count or 0 for source in sources)
+    while True:
+        histogram, kept, invalid = None, {}, 0
+        if colours is not None:
+            colours.forget()
+        try:
+            for number, chunk in numbered_chunks(sources, "reading"):
+                invalid += chunk.invalid
+                if len(chunk.xyz) == 0:
+                    continue
+                if histogram is None:
+                    histogram = Histogram(chunk.xyz, expected, cell_size)
+                lost = sum(histogram.dropped)
+                histogram.add(np.ascontiguousarray(chunk.xyz, np.float64), pool)
+                if not isinstance(chunk.scan, np.ndarray):
+                    key = (number, chunk.scan)
+                    kept[key] = kept.get(key, 0) + len(chunk.xyz) - sum(histogram.dropped) + lost
+                if colours is not None:
+                    colours.add(number, chunk)
+        except OutOfReach as wider:
+            cell_size = wider.cell_size
+            continue
+        if histogram is None:
+            histogram = Histogram(np.zeros((1, 3)), 0)
+        cells, counts = histogram.result()
+        nan, stray = histogram.dropped
+        return Survey(
+            cells, counts, histogram.base, histogram.cell_size, histogram.reach, histogram.bounds, kept,
+            (nan, stray, invalid),
+        )  # fmt: skip
+
+
+def numbered_chunks(sources: list[Source], label: str) -> Iterator[tuple[int, Chunk]]:
+    """(number of the source, chunk) over all sources, with progress under ``label``."""
+    counts = [source.count for source in sources]
+    total = sum(c for c in counts if c is not None) if None not in counts else 0
+    with progress(total, label, unit=" points") as meter:
+        for number, source in enumerate(sources):
+            for chunk in _ahead(source):
+                yield number, chunk
+                meter.update(len(chunk.xyz) + chunk.invalid)
+
+
+def _ahead(source: Source) -> Iterator[Chunk]:
+    """The source's chunks, each read on a thread while the one before it is worked on."""
+    chunks = source.chunks()
+    with ThreadPoolExecutor(1, "read") as reader:
+        coming = reader.submit(next, chunks, None)
+        try:
+            while (chunk := coming.result()) is not None:
+                coming = reader.submit(next, chunks, None)
+                yield chunk
+        except OSError as error:
+            raise InputError(f"{source.path}: cannot be read: {error.strerror or error}") from None

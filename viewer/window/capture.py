@@ -1,0 +1,83 @@
+"""What a person keeps: screenshots as PNG and frame times as CSV, written beside and renamed, never half there."""
+
+import csv
+import io
+import os
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from viewer.errors import InputError
+
+STAGES = ("cull", "raster", "filter", "fill", "network", "present")
+"""Columns of the recording, milliseconds; a stage that a view does not need stays empty."""
+_COLUMNS = (
+    "frame", "seconds", "interval_ms", "total_ms", *(f"{stage}_ms" for stage in STAGES),
+    "points_drawn", "cells_drawn", "width", "height", "views", "raster", "network",
+)  # fmt: skip
+
+
+def stamped(prefix: str, suffix: str, folder: Path) -> Path:
+    """``prefix-YYYYmmdd-HHMMSS.suffix`` in ``folder``, with a number where that is taken."""
+    stem = f"{prefix}-{datetime.now():%Y%m%d-%H%M%S}"
+    path, number = folder / f"{stem}{suffix}", 2
+    while path.exists():
+        path, number = folder / f"{stem}-{number}{suffix}", number + 1
+    return path
+
+
+def write_beside(path: Path, data: bytes) -> None:
+    """Writes ``path`` in one step.  Raises InputError naming the file and the cause; nothing is left behind then."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        beside.write_bytes(data)
+        beside.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose a folder with room") from None
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def save_png(path: Path, image: np.ndarray) -> None:
+    """image: (H, W, 3) or (H, W, 4) uint8, row 0 on top.  Raises InputError if it cannot be written."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "PNG", compress_level=4)
+    write_beside(path, buffer.getvalue())
+
+
+class FrameTimes:
+    """Records the stage times of every frame drawn, from :meth:`add` to :meth:`save`."""
+
+    def __init__(self) -> None:
+        self._rows: list[dict] = []
+        self._start: float | None = None
+        self._last = 0.0
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    def add(self, now: float, stats: dict, size: tuple[int, int], views: tuple[str, ...]) -> None:
+        """One frame.  now: seconds on any steady clock.  stats: as ``Frame.stats``.  size: pixels."""
+        first = self._start is None
+        start = self._start = now if self._start is None else self._start
+        row = {
+            "frame": len(self._rows), "seconds": f"{now - start:.6f}",
+            "interval_ms": "" if first else f"{(now - self._last) * 1e3:.3f}", "total_ms": f"{stats['total_ms']:.3f}",
+            "points_drawn": stats["points_drawn"], "cells_drawn": stats["cells_drawn"],
+            "width": size[0], "height": size[1], "views": "+".join(views), "raster": stats["raster"],
+            "network": stats["network"] or "",
+        }  # fmt: skip
+        row |= {f"{stage}_ms": f"{stats['stages'][stage]:.3f}" for stage in STAGES if stage in stats["stages"]}
+        self._rows.append(row)
+        self._last = now
+
+    def save(self, path: Path) -> None:
+        """Writes the CSV.  Raises InputError if it cannot be written."""
+        text = io.StringIO()
+        writer = csv.DictWriter(text, _COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self._rows)
+        write_beside(path, text.getvalue().encode())

@@ -1,0 +1,74 @@
+"""Every control of the window, once: the code dispatches on this table, the help page and the README print it.
+
+A key is named by its place on a US keyboard, as GLFW does: W is the key above S whatever the layout prints on it, and
+the help page shows what the person's own keyboard prints there.  Mouse controls are named by what the hand does.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Control:
+    """keys: GLFW key names without ``KEY_``, or mouse gestures; any of them does it.  action: what the code calls.
+
+    kind: ``hold`` acts while down, ``press`` acts once, ``modifier`` changes what held keys do, ``mouse`` is a gesture.
+    """
+
+    keys: tuple[str, ...]
+    name: str
+    action: str
+    help: str
+    kind: Literal["hold", "press", "modifier", "mouse"] = "press"
+
+
+CONTROLS: dict[str, tuple[Control, ...]] = {
+    "Move": (
+        Control(("W",), "W", "forward", "fly forward", "hold"),
+        Control(("S",), "S", "back", "fly back", "hold"),
+        Control(("A",), "A", "left", "fly left", "hold"),
+        Control(("D",), "D", "right", "fly right", "hold"),
+        Control(("E",), "E", "up", "fly up", "hold"),
+        Control(("Q",), "Q", "down", "fly down", "hold"),
+        Control(("LEFT_SHIFT", "RIGHT_SHIFT"), "Shift", "fast", "four times faster while held", "modifier"),
+        Control(("LEFT_ALT", "RIGHT_ALT"), "Alt", "slow", "four times slower while held", "modifier"),
+        Control(("DRAG_LEFT", "DRAG_RIGHT"), "Drag, left or right", "look", "look around", "mouse"),
+        Control(("WHEEL",), "Wheel", "speed", "change the flying speed", "mouse"),
+        Control(("HOME",), "Home", "home", "back to where the visit began"),
+        Control(("F",), "F", "frame", "see the whole scene from here"),
+    ),
+    "See": (
+        Control(("1",), "1", "view_raw", "raw points"),
+        Control(("2",), "2", "view_filtered", "filtered: hidden points removed"),
+        Control(("3",), "3", "view_filled", "filled: holes closed smoothly"),
+        Control(("4",), "4", "view_neural", "neural: repainted by the network"),
+        Control(("V",), "V", "split", "compare two views, side by side"),
+        Control(("DRAG_HANDLE",), "Drag the handle", "split_handle", "move the line between the two", "mouse"),
+    ),
+    "Keep": (
+        Control(("F12",), "F12", "screenshot", "save the picture as PNG"),
+        Control(("F9",), "F9", "record", "start or stop recording frame times to CSV"),
+        Control(("DROP",), "Drop files", "drop", "open them as one scene", "mouse"),
+    ),
+    "Window": (
+        Control(("F1",), "F1", "help", "show or hide these controls"),
+        Control(("F10",), "F10", "interface", "show or hide the interface"),
+        Control(("ESCAPE",), "Esc", "escape", "close what is open, cancel a load"),
+    ),
+}
+
+ALL: tuple[Control, ...] = tuple(control for group in CONTROLS.values() for control in group)
+
+
+def by_key() -> dict[str, Control]:
+    """Key name -> control, for the keyboard."""
+    return {key: control for control in ALL if control.kind != "mouse" for key in control.keys}
+
+
+def table_markdown() -> str:
+    """The controls as the README's table."""
+    lines = ["| | Control | What it does |", "|---|---|---|"]
+    for group, controls in CONTROLS.items():
+        for row, control in enumerate(controls):
+            lines.append(f"| {f'**{group}**' if row == 0 else ''} | {control.name} | {control.help} |")
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,76 @@
+"""The last pass: a view's texture, or two split at a line, over a plain background; and the canvas it is drawn on.
+
+Everything the window shows is drawn on a canvas of our own and copied to the screen last, because the canvas can be read
+back (the screen's own buffer cannot, reliably) and because a still picture is then one copy.  Pictures have row 0 on top.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.render.shader import Programs
+
+BACKGROUND = (23, 25, 29)
+"""sRGB, shown where nothing was measured: dark and neutral, so that it lends no colour to what is beside it."""
+
+
+def composite(image: np.ndarray, background: tuple[int, int, int] = BACKGROUND) -> np.ndarray:
+    """(H, W, 4) uint8 over a plain background -> (H, W, 3) uint8: in NumPy what ``present.frag`` does, to the byte."""
+    rgb, alpha = image[..., :3].astype(np.uint32), image[..., 3:].astype(np.uint32)
+    return ((rgb * alpha + np.asarray(background, np.uint32) * (255 - alpha) + 127) // 255).astype(np.uint8)
+
+
+def split_column(split: float, width: int) -> int:
+    """First pixel column of the right side for a line at ``split`` (0 to 1) of the width."""
+    return int(np.clip(round(split * width), 0, width))
+
+
+class Canvas:
+    """Owns the picture the window shows, (width, height) pixels.  Row 0 of :meth:`read` is the top."""
+
+    def __init__(self, context: "moderngl.Context", programs: "Programs", size: tuple[int, int]):
+        self._context, self.size = context, size
+        self.texture = context.texture(size, 4, dtype="f1")
+        self.framebuffer = context.framebuffer([self.texture])
+        self._compose = programs.drawing("present.vert", "present.frag")
+        self._copy = programs.drawing("present.vert", "present_copy.frag")
+        self._draw_compose = context.vertex_array(self._compose, [])
+        self._draw_copy = context.vertex_array(self._copy, [])
+
+    def show(self, left: "moderngl.Texture | None", right: "moderngl.Texture | None" = None, column: int = 0) -> None:
+        """Draws ``left``, and ``right`` from pixel ``column`` on where it is given; without either, the background."""
+        self.framebuffer.use()
+        self._context.enable_only(0)
+        red, green, blue = (c / 255 for c in BACKGROUND)
+        if left is None:
+            self.framebuffer.clear(red, green, blue, 1.0)
+            return
+        left.use(0)
+        (right or left).use(1)
+        self._compose["left"], self._compose["right"] = 0, 1
+        self._compose["column"] = column if right is not None else self.size[0]
+        self._compose["background"] = BACKGROUND
+        self._draw_compose.render(vertices=3)
+
+    def to_screen(self) -> None:
+        """Copies the canvas to the window."""
+        screen = self._context.screen
+        screen.use()
+        self._context.viewport = (0, 0, *self.size)
+        self._context.enable_only(0)
+        self.texture.use(0)
+        self._copy["picture"] = 0
+        self._draw_copy.render(vertices=3)
+
+    def read(self) -> np.ndarray:
+        """(H, W, 3) uint8, row 0 on top: what the window shows."""
+        width, height = self.size
+        data = self.framebuffer.read(components=3, alignment=1)
+        return np.frombuffer(data, np.uint8).reshape(height, width, 3)[::-1].copy()
+
+    def release(self) -> None:
+        for owned in (self._draw_compose, self._draw_copy, self.framebuffer, self.texture):
+            owned.release()

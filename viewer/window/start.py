@@ -1,0 +1,152 @@
+"""Where a visit begins: standing inside the scan where that makes sense, else looking at it from outside.
+
+Frame: file coordinates, world up = +z, file units; ``metre`` is file units in a metre (taken as 1 where the file does
+not say).  Works on a few hundred thousand points of the coarse layers, which are a uniform subsample.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.window.navigation import FlyState, looking
+
+if TYPE_CHECKING:
+    from viewer.cloud.scene import Scene
+
+FIELD_OF_VIEW = 60.0
+"""Degrees, from the top edge to the bottom edge."""
+EYE_HEIGHT = 1.6  # metres
+_SAMPLE = 400_000
+_TOO_COARSE = 0.12  # metres between points: from there on, what stands at eye height cannot be made out
+_CROSSING = 12.0  # seconds to fly across the scene
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """points: (n, 3) float64.  low, high: (3,) float64, where 98 % of them lie along each axis.
+    spacing, metre, speed: file units (a second).  limits: slowest and fastest flying speed."""
+
+    points: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    spacing: float
+    metre: float
+    speed: float
+    limits: tuple[float, float]
+
+
+def survey(scene: "Scene") -> Survey:
+    """What the start needs to know of a scene."""
+    from viewer.cloud.scene import unpack
+
+    ends = scene.offsets[len(scene.cell_coords) :: len(scene.cell_coords)]
+    whole_layers = int(ends[max(0, int(np.searchsorted(ends, _SAMPLE, side="right")) - 1)])
+    points = unpack(scene, slice(0, whole_layers))[0]
+    low, high = np.percentile(points, [1.0, 99.0], axis=0)
+    metres = scene.meta.get("metres_per_unit")
+    metre = 1.0 / metres if metres else 1.0
+    diagonal = max(float(np.linalg.norm(high - low)), 10 * scene.step)
+    spacing = min(max(float(scene.spacing), scene.step), diagonal)
+    speed = max(diagonal / _CROSSING, 5 * spacing)
+    return Survey(points, low, high, spacing, metre, speed, (min(spacing, speed) / 4, 4 * diagonal))
+
+
+def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:
+    """At a scanner, else at eye height where most was measured, else outside with everything in view."""
+    position = _scanner(scene, seen)
+    if position is None:
+        position = _standing_place(seen)
+    if position is None:
+        return overview(seen, aspect, np.array([0.35, 0.8, -0.5]), seen.speed)
+    walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
+    return looking(position, _best_direction(seen, position), walking)
+
+
+def overview(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
+    """Looking along ``direction`` (3,) from as far as it takes to see everything.  aspect: width over height."""
+    facing = looking(np.zeros(3), direction, speed)
+    centre, half = (seen.low + seen.high) / 2, (seen.high - seen.low) / 2
+    corners = half * np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    axes = facing.camera_to_world[:3, :3]
+    right, up, back = (corners @ axes).T
+    tall = np.tan(np.radians(FIELD_OF_VIEW) / 2)
+    distance = max((np.abs(right) / (tall * aspect) + back).max(), (np.abs(up) / tall + back).max())
+    distance = max(1.04 * distance, 20 * seen.spacing)
+    return looking(centre - distance * facing.forward, direction, speed)
+
+
+def _scanner(scene: "Scene", seen: Survey) -> np.ndarray | None:
+    """The position of the scan with most points, where the file gives one that lies in the scene."""
+    scans = [s for s in scene.meta.get("scans", []) if s.get("position") is not None]
+    slack = 0.25 * (seen.high - seen.low) + seen.metre
+    for scan in sorted(scans, key=lambda s: -int(s.get("count") or 0)):
+        position = np.asarray(scan["position"], np.float64)
+        inside = (position > seen.low - slack) & (position < seen.high + slack)
+        if position.shape == (3,) and inside.all():
+            return position
+    return None
+
+
+def _standing_place(seen: Survey) -> np.ndarray | None:
+    """A free place to stand, at eye height, with the most points at that height around it; None if there is none."""
+    extent, metre = seen.high - seen.low, seen.metre
+    if seen.spacing > _TOO_COARSE * metre or extent[2] < EYE_HEIGHT * metre or min(extent[:2]) < 2.0 * metre:
+        return None
+    points = seen.points[((seen.points >= seen.low - metre) & (seen.points <= seen.high + metre)).all(axis=1)]
+    counts, edges = np.histogram(points[:, 2], bins=max(8, min(512, int(extent[2] / (0.1 * metre)))))
+    floor = edges[int(np.argmax(counts >= 0.3 * counts.max()))]
+    eye = floor + EYE_HEIGHT * metre
+    if eye > seen.high[2]:
+        return None
+    side = max(0.25 * metre, float(extent[:2].max()) / 160)
+    shape = tuple((np.ceil(extent[:2] / side).astype(int) + 1).tolist())
+
+    def plan(low: float, high: float) -> np.ndarray:
+        rows = points[(points[:, 2] >= low) & (points[:, 2] < high), :2]
+        at = np.clip(((rows - seen.low[:2]) / side).astype(int), 0, np.array(shape) - 1)
+        return np.bincount(at[:, 0] * shape[1] + at[:, 1], minlength=shape[0] * shape[1]).reshape(shape)
+
+    blocked = plan(floor + 0.5 * metre, eye + 0.3 * metre) > 0
+    ground = _box_sum(plan(floor - 0.3 * metre, floor + 0.4 * metre), round(metre / side)) > 0
+    around = _box_sum(plan(eye - 0.5 * metre, eye + 0.5 * metre), max(1, round(3 * metre / side))).astype(np.float64)
+    for clearance in (round(0.75 * metre / side), 1, 0):
+        free = (_box_sum(blocked, clearance) == 0) & ground & (around > 0)
+        if free.any():
+            row, column = np.unravel_index(int(np.argmax(np.where(free, around, -1.0))), shape)
+            return np.array([*(seen.low[:2] + (np.array([row, column]) + 0.5) * side), eye])
+    return None
+
+
+def _best_direction(seen: Survey, position: np.ndarray) -> np.ndarray:
+    """(3,) level direction in which most of the picture is covered, and far things rather than near ones."""
+    away = seen.points - position
+    flat = np.hypot(away[:, 0], away[:, 1])
+    azimuth = np.arctan2(away[:, 1], away[:, 0])
+    slope = away[:, 2] / np.maximum(flat, 1e-9)
+    use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
+    if not use.any():
+        return np.array([1.0, 0.0, 0.0])
+    columns, rows = 72, 24
+    at = ((azimuth[use] / (2 * np.pi) + 0.5) * columns).astype(int) % columns
+    height = np.clip(((slope[use] + 0.6) / 1.2 * rows).astype(int), 0, rows - 1)
+    bins = at * rows + height
+    held = np.bincount(bins, minlength=columns * rows)
+    depth = np.bincount(bins, np.log1p(flat[use] / seen.metre), columns * rows)
+    worth = np.where(held > 0, depth / np.maximum(held, 1), 0.0).reshape(columns, rows).sum(axis=1)
+    spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])
+    seen_along = sum(w * np.roll(worth, k - 7) for k, w in enumerate(spread))
+    best = (int(np.argmax(seen_along)) + 0.5) / columns * 2 * np.pi - np.pi
+    return np.array([np.cos(best), np.sin(best), -0.04])
+
+
+def _box_sum(values: np.ndarray, radius: int) -> np.ndarray:
+    """Sum over the square of ``2 * radius + 1`` cells around each cell of a 2-D array."""
+    if radius <= 0:
+        return values.astype(np.int64)
+    total = np.pad(values.astype(np.int64), radius + 1).cumsum(axis=0).cumsum(axis=1)
+    width = 2 * radius + 1
+    rows, columns = values.shape
+    a, b = slice(0, rows), slice(width, width + rows)
+    c, d = slice(0, columns), slice(width, width + columns)
+    return (total[b, d] - total[a, d] - total[b, c] + total[a, c])[: rows, : columns] if width else values

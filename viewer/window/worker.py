@@ -1,0 +1,68 @@
+"""Long work on a thread of its own, watched from the window: what it does, how far it is, a way to stop it."""
+
+import threading
+import traceback
+from collections.abc import Callable
+from typing import Any
+
+from viewer.errors import Cancelled, PointglassError
+from viewer.progress import set_sink
+
+
+class Worker:
+    """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) whenever there is news.
+
+    label, done, total: the latest progress (total 0: unknown).  finished: result or error are there.
+    error: the one line a person reads, or None.  cancelled: asked to stop; its result must not be used.
+    """
+
+    def __init__(self, work: Callable[[], Any], label: str, wake: Callable[[], None] = lambda: None):
+        self.label, self.done, self.total = label, 0, 0
+        self.result: Any = None
+        self.error: str | None = None
+        self.cancelled = False
+        self._wake = wake
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._run, args=(work,), name=f"pointglass {label}", daemon=True)
+        self._thread.start()
+
+    @property
+    def finished(self) -> bool:
+        return self._over.is_set()
+
+    @property
+    def fraction(self) -> float | None:
+        """How far the present step is, 0 to 1; None where that is not known."""
+        return min(self.done / self.total, 1.0) if self.total else None
+
+    def cancel(self) -> None:
+        """Asks the work to stop at its next progress report, where it cleans up after itself."""
+        self.cancelled = True
+
+    def join(self, timeout: float) -> bool:
+        """Waits for the thread.  True where it ended."""
+        self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _sink(self, label: str, done: int, total: int) -> bool:
+        self.label, self.done, self.total = label, done, total
+        self._wake()
+        return not self.cancelled
+
+    def _run(self, work: Callable[[], Any]) -> None:
+        set_sink(self._sink)
+        try:
+            self.result = work()
+        except Cancelled:
+            self.cancelled = True
+        except PointglassError as error:
+            self.error = str(error)
+        except MemoryError:
+            self.error = f"{self.label}: not enough memory; close other programs or open a smaller scan"
+        except Exception as error:  # a bug: the window lives on, and the terminal has what a report needs
+            traceback.print_exc()
+            self.error = f"{self.label}: unexpected {type(error).__name__}: {error}; the terminal has the details"
+        finally:
+            set_sink(None)
+            self._over.set()
+            self._wake()
