@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.unet import INPUT_CHANNELS
+from model.unet import INPUT_CHANNELS, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
 PACKED_IN, PACKED_OUT = 8, 4
@@ -57,6 +57,7 @@ class Reconstructor:
         self.device = device
         self.precision = precision or fast_precision(device)
         self.dtype = PRECISIONS[self.precision]
+        self.compact = isinstance(network, CompactUNet)
         self.network = network.to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.name = f"{path.stem} {digest(path)} {self.precision} on {device}"
         if device == "cpu":
@@ -65,6 +66,7 @@ class Reconstructor:
     @torch.inference_mode()
     def __call__(self, packed: Tensor) -> Tensor:
         """(H, W, 8) half -> (H, W, 4) half on the same device; never NaN, within 0..1."""
-        x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].to(self.dtype, memory_format=torch.channels_last)
+        x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS]
+        x = x.to(torch.float32 if self.compact else self.dtype, memory_format=torch.channels_last)
         rgb = torch.nan_to_num(self.network(x)[0].float().clamp_(0.0, 1.0), nan=0.0)
         return F.pad(rgb.permute(1, 2, 0), (0, PACKED_OUT - 3)).half().contiguous()

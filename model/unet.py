@@ -1,8 +1,11 @@
 """The networks: a compact U-Net that corrects the filled picture, and the paper's, for comparison.
 
-``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGB in 0..1 of the same size:
-the filled picture plus a learned correction.  It works at half resolution on 2x2 pixel blocks (space to depth), so
-every convolution is wide and cheap and no detail is lost, and is fully convolutional: any size is padded and cropped.
+``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGB of the same size.  At every
+pixel it chooses how far to blend the filled picture towards ever smoother versions of itself (measured pixels count most)
+and adds a learned correction.  Without those blends, a plain residual network stayed at the identity for thousands of
+steps; with them, the first hundred already remove noise.  It works at half resolution on 2x2 pixel blocks (space to
+depth), so every convolution is wide and cheap and no detail is lost, and is fully convolutional: any size is padded and
+cropped.
 """
 
 from dataclasses import dataclass
@@ -11,6 +14,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+BLENDS = 4
+"""Smoother versions of the filled picture: 3x3 binomial blurs at dilations 1, 2, 4, 8, one on the other."""
+FILLED_WEIGHT = 0.05
+"""How much an invented pixel counts in a blur, a measured one counting 1."""
 INPUT_CHANNELS = 5
 """Filled red, green, blue; keep-mask; filled scale-free depth."""
 
@@ -49,12 +56,33 @@ class CompactUNet(nn.Module):
         self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:], strict=False))
         self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in zip(widths, widths[1:], strict=False))
         self.up = nn.ModuleList(_convolutions(w, count) for w in widths[:-1])
-        self.head = nn.Conv2d(widths[0], 12, 3, padding=1)
+        self.head = nn.Conv2d(widths[0], 4 * (3 + BLENDS), 3, padding=1)
         nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture
-        if self.head.bias is not None:
-            nn.init.zeros_(self.head.bias)
+        nn.init.zeros_(self.head.bias)  # type: ignore[arg-type]
+        binomial = torch.tensor([0.25, 0.5, 0.25])
+        kernel = (binomial[:, None] * binomial).expand(4, 1, 3, 3).clone()
+        self.register_buffer("kernel", kernel, persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
+        """The blends are made in the precision of ``x``, the convolutions in that of the weights."""
+        guide = self._trunk(x.to(self.stem.weight.dtype)).to(x.dtype)
+        with torch.autocast(x.device.type, enabled=False):
+            return self._blend(x, guide)
+
+    def _blend(self, x: Tensor, guide: Tensor) -> Tensor:
+        picture = x[:, :3]
+        weight = x[:, 3:4] * (1.0 - FILLED_WEIGHT) + FILLED_WEIGHT
+        sums, sharper, out = torch.cat([picture * weight, weight], 1), picture, picture + guide[:, :3]
+        kernel = self.get_buffer("kernel").to(x.dtype)
+        for number in range(BLENDS):
+            reach = 2**number
+            sums = F.conv2d(F.pad(sums, (reach,) * 4, mode="replicate"), kernel, dilation=reach, groups=4)
+            smoother = sums[:, :3] / sums[:, 3:]
+            out = out + guide[:, 3 + number : 4 + number] * (smoother - sharper)
+            sharper = smoother
+        return out
+
+    def _trunk(self, x: Tensor) -> Tensor:
         height, width = x.shape[-2:]
         padded = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
         h = F.relu(self.stem(F.pixel_unshuffle(padded, 2)))
@@ -67,8 +95,7 @@ class CompactUNet(nn.Module):
         for level in range(len(skips) - 1, -1, -1):
             h = F.interpolate(self.grow[level](h), scale_factor=2, mode="nearest")
             h = self.up[level](F.relu(h + skips[level]))
-        correction = F.pixel_shuffle(self.head(h), 2)[..., :height, :width]
-        return x[:, :3] + correction
+        return F.pixel_shuffle(self.head(h), 2)[..., :height, :width]
 
 
 class PaperUNet(nn.Module):

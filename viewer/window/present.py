@@ -1,7 +1,7 @@
 """The last pass: a view's texture, or two split at a line, over a plain background; and the canvas it is drawn on.
 
-Everything the window shows is drawn on a canvas of our own and copied to the screen last, because the canvas can be read
-back (the screen's own buffer cannot, reliably) and because a still picture is then one copy.  Pictures have row 0 on top.
+Everything the window shows is drawn on a canvas of our own and copied to the screen last, because the canvas can be
+read back (the screen's own buffer cannot, reliably).  Pictures have row 0 on top.
 """
 
 from typing import TYPE_CHECKING

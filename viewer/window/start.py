@@ -19,6 +19,8 @@ FIELD_OF_VIEW = 60.0
 EYE_HEIGHT = 1.6  # metres
 _SAMPLE = 400_000
 _TOO_COARSE = 0.12  # metres between points: from there on, what stands at eye height cannot be made out
+_CANDIDATES = 40  # places to stand that are looked around from
+_AZIMUTHS = 72
 _CROSSING = 12.0  # seconds to fly across the scene
 
 
@@ -95,7 +97,9 @@ def _standing_place(seen: Survey) -> np.ndarray | None:
         return None
     points = seen.points[((seen.points >= seen.low - metre) & (seen.points <= seen.high + metre)).all(axis=1)]
     counts, edges = np.histogram(points[:, 2], bins=max(8, min(512, int(extent[2] / (0.1 * metre)))))
-    floor = edges[int(np.argmax(counts >= 0.3 * counts.max()))]
+    level = counts >= 3 * np.median(counts[counts > 0])  # walls spread over all heights, a floor is at one
+    level[len(level) // 2 :] = False
+    floor = edges[int(np.argmax(level if level.any() else counts >= 0.3 * counts.max()))]
     eye = floor + EYE_HEIGHT * metre
     if eye > seen.high[2]:
         return None
@@ -113,30 +117,36 @@ def _standing_place(seen: Survey) -> np.ndarray | None:
     for clearance in (round(0.75 * metre / side), 1, 0):
         free = (_box_sum(blocked, clearance) == 0) & ground & (around > 0)
         if free.any():
-            row, column = np.unravel_index(int(np.argmax(np.where(free, around, -1.0))), shape)
-            return np.array([*(seen.low[:2] + (np.array([row, column]) + 0.5) * side), eye])
+            places = np.argwhere(free & (around >= 0.5 * around[free].max()))
+            places = places[:: max(1, len(places) // _CANDIDATES)]
+            xy = seen.low[:2] + (places + 0.5) * side
+            standing = [np.array([*place, eye]) for place in xy]
+            worth = [view_worth(seen, place).max() for place in standing]
+            return standing[int(np.argmax(worth))]
     return None
 
 
-def _best_direction(seen: Survey, position: np.ndarray) -> np.ndarray:
-    """(3,) level direction in which most of the picture is covered, and far things rather than near ones."""
-    away = seen.points - position
+def view_worth(seen: Survey, position: np.ndarray) -> np.ndarray:
+    """(72,) how much there is to see from ``position`` (3,) along azimuths -pi to pi: how much of the picture is
+    covered, and with far things rather than near ones.  Zero where nothing is."""
+    away = seen.points[:: max(1, len(seen.points) // 50_000)] - position
     flat = np.hypot(away[:, 0], away[:, 1])
-    azimuth = np.arctan2(away[:, 1], away[:, 0])
     slope = away[:, 2] / np.maximum(flat, 1e-9)
     use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
-    if not use.any():
-        return np.array([1.0, 0.0, 0.0])
-    columns, rows = 72, 24
-    at = ((azimuth[use] / (2 * np.pi) + 0.5) * columns).astype(int) % columns
+    rows = 24
+    at = ((np.arctan2(away[use, 1], away[use, 0]) / (2 * np.pi) + 0.5) * _AZIMUTHS).astype(int) % _AZIMUTHS
     height = np.clip(((slope[use] + 0.6) / 1.2 * rows).astype(int), 0, rows - 1)
     bins = at * rows + height
-    held = np.bincount(bins, minlength=columns * rows)
-    depth = np.bincount(bins, np.log1p(flat[use] / seen.metre), columns * rows)
-    worth = np.where(held > 0, depth / np.maximum(held, 1), 0.0).reshape(columns, rows).sum(axis=1)
-    spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])
-    seen_along = sum(w * np.roll(worth, k - 7) for k, w in enumerate(spread))
-    best = (int(np.argmax(seen_along)) + 0.5) / columns * 2 * np.pi - np.pi
+    held = np.bincount(bins, minlength=_AZIMUTHS * rows)
+    depth = np.bincount(bins, np.log1p(flat[use] / seen.metre), _AZIMUTHS * rows)
+    worth = np.where(held > 0, depth / np.maximum(held, 1), 0.0).reshape(_AZIMUTHS, rows).sum(axis=1)
+    spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])  # +-35 degrees, the middle counting most
+    return sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(_AZIMUTHS))
+
+
+def _best_direction(seen: Survey, position: np.ndarray) -> np.ndarray:
+    """(3,) direction, all but level, in which there is most to see."""
+    best = (int(np.argmax(view_worth(seen, position))) + 0.5) / _AZIMUTHS * 2 * np.pi - np.pi
     return np.array([np.cos(best), np.sin(best), -0.04])
 
 
@@ -149,4 +159,4 @@ def _box_sum(values: np.ndarray, radius: int) -> np.ndarray:
     rows, columns = values.shape
     a, b = slice(0, rows), slice(width, width + rows)
     c, d = slice(0, columns), slice(width, width + columns)
-    return (total[b, d] - total[a, d] - total[b, c] + total[a, c])[: rows, : columns] if width else values
+    return total[b, d] - total[a, d] - total[b, c] + total[a, c]

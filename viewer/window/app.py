@@ -1,0 +1,448 @@
+"""The window itself: events in, pictures out.  All state that matters lives in the Session.
+
+One loop: events -> session -> a picture, if it changed -> canvas -> interface -> screen.  Where nothing changes,
+nothing is drawn and the loop sleeps until an event.  Pointer positions arrive in logical pixels; pictures are made at
+the framebuffer's size.
+"""
+
+import ctypes
+from collections import deque
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.errors import DeviceError, PointglassError
+from viewer.settings import Settings
+from viewer.window import capture, controls
+from viewer.window.present import Canvas, composite, split_column
+from viewer.window.session import Session
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.render.renderer import Renderer
+
+SIZE = (1280, 720)
+_SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
+_NAP = 0.5  # seconds of sleep at most while idle
+_GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
+
+
+def run(paths: list[Path], settings: Settings) -> int:
+    """Opens the window on ``paths`` (none: an empty start page) until it is closed.  Returns the exit code, 0.
+
+    Raises DeviceError where there is no display or no OpenGL 4.3.
+    """
+    app = App(settings)
+    try:
+        if paths:
+            app.session.open(paths)
+        while not app.closing:
+            app.step()
+    finally:
+        app.close()
+    return 0
+
+
+class App:
+    """Owns the window, the interface and the renderer of the scene shown.
+
+    size: of the window, logical pixels.  folder: where captures go.  scale: of the interface; None: the screen's own.
+    """
+
+    def __init__(self, settings: Settings, *, size: tuple[int, int] = SIZE, folder: Path | None = None,
+                 scale: float | None = None):
+        from imgui_bundle import imgui  # isort: skip  (before glfw: it brings the library that glfw then loads)
+        import glfw  # isort: skip
+
+        self._glfw, self._imgui = glfw, imgui
+        self._folder, self._scale = folder or Path.cwd(), scale
+        self.window = _make_window(glfw, size)
+        self._address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
+        try:
+            self._start_graphics()
+        except Exception:
+            glfw.destroy_window(self.window)
+            glfw.terminate()
+            raise
+        self.session = Session(settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event)
+        self.renderer: Renderer | None = None
+        self._frame = None
+        self._shown: tuple[str, ...] = ()
+        self._settle = _SETTLE
+        self._intervals: deque[float] = deque(maxlen=20)
+        self._last_picture = 0.0
+        self._pointer = (0.0, 0.0)
+        self._actions = {
+            "home": self.session.go_home,
+            "frame": self.session.frame_scene,
+            "view_raw": lambda: self.session.show("raw"),
+            "view_filtered": lambda: self.session.show("filtered"),
+            "view_filled": lambda: self.session.show("filled"),
+            "view_neural": lambda: self.session.show("neural"),
+            "split": lambda: self.session.compare(not self.session.split),
+            "screenshot": self.screenshot,
+            "record": self.record,
+            "help": lambda: setattr(self.session, "help", not self.session.help),
+            "interface": lambda: setattr(self.session, "interface", not self.session.interface),
+            "escape": self._escape,
+        }
+        self._by_key = {getattr(glfw, f"KEY_{key}"): control for key, control in controls.by_key().items()}
+        self._connect()
+
+    def _start_graphics(self) -> None:
+        from viewer.render.context import create_context
+        from viewer.render.shader import Programs
+        from viewer.window.theme import Theme
+
+        glfw, imgui = self._glfw, self._imgui
+        glfw.make_context_current(self.window)
+        glfw.swap_interval(1)
+        self.context: moderngl.Context = create_context(headless=False)
+        self._programs = Programs(self.context)
+        self.canvas: Canvas | None = None
+        imgui.create_context()
+        io = imgui.get_io()
+        io.set_ini_filename("")
+        imgui.backends.glfw_init_for_opengl(self._address, False)
+        imgui.backends.opengl3_init("#version 430")
+        self.theme = Theme(self._interface_scale())
+
+    def _interface_scale(self) -> float:
+        """Interface pixels per logical pixel: the screen's scale, less what the framebuffer already brings."""
+        if self._scale is not None:
+            return self._scale
+        glfw = self._glfw
+        width, drawn = glfw.get_window_size(self.window)[0], glfw.get_framebuffer_size(self.window)[0]
+        ratio = drawn / width if width and drawn else 1.0
+        return float(np.clip(glfw.get_window_content_scale(self.window)[0] / ratio, 0.75, 4.0))
+
+    # -- events ------------------------------------------------------------------------------------------------------
+
+    def _connect(self) -> None:
+        glfw, window = self._glfw, self.window
+        glfw.set_key_callback(window, self.on_key)
+        glfw.set_char_callback(window, self.on_char)
+        glfw.set_cursor_pos_callback(window, self.on_pointer)
+        glfw.set_cursor_enter_callback(window, self.on_enter)
+        glfw.set_mouse_button_callback(window, self.on_button)
+        glfw.set_scroll_callback(window, self.on_scroll)
+        glfw.set_drop_callback(window, self.on_drop)
+        glfw.set_window_focus_callback(window, self.on_focus)
+        glfw.set_framebuffer_size_callback(window, self.on_resize)
+        glfw.set_window_content_scale_callback(window, lambda *_: self.theme.rescale(self._interface_scale()))
+        glfw.set_window_refresh_callback(window, lambda _: self._wake())
+
+    def _wake(self) -> None:
+        self._settle = _SETTLE
+
+    def on_key(self, _window, key: int, scancode: int, action: int, mods: int) -> None:
+        glfw, imgui = self._glfw, self._imgui
+        self._wake()
+        imgui.backends.glfw_key_callback(self._address, key, scancode, action, mods)
+        control = self._by_key.get(key)
+        if control is None:
+            return
+        if control.kind in ("hold", "modifier"):
+            if action == glfw.RELEASE:
+                self.session.held.discard(control.action)
+            elif action == glfw.PRESS and not imgui.get_io().want_text_input and not mods & glfw.MOD_CONTROL:
+                self.session.held.add(control.action)
+        elif action == glfw.PRESS and not imgui.get_io().want_text_input:
+            self.act(control.action)
+
+    def on_char(self, _window, character: int) -> None:
+        self._imgui.backends.glfw_char_callback(self._address, character)
+
+    def on_enter(self, _window, entered: int) -> None:
+        self._wake()
+        self._imgui.backends.glfw_cursor_enter_callback(self._address, entered)
+
+    def on_pointer(self, _window, x: float, y: float) -> None:
+        self._imgui.backends.glfw_cursor_pos_callback(self._address, x, y)
+        dx, dy = x - self._pointer[0], y - self._pointer[1]
+        self._pointer = (x, y)
+        self._wake()
+        if self.session.dragging_handle:
+            self.session.move_split(x * self._density())
+        elif self.session.looking:
+            self.session.look(dx, dy)
+
+    def on_button(self, _window, button: int, action: int, mods: int) -> None:
+        glfw, session = self._glfw, self.session
+        self._wake()
+        self._imgui.backends.glfw_mouse_button_callback(self._address, button, action, mods)
+        if button not in (glfw.MOUSE_BUTTON_LEFT, glfw.MOUSE_BUTTON_RIGHT):
+            return
+        if action == glfw.RELEASE:
+            self._release_pointer()
+        elif not self._imgui.get_io().want_capture_mouse and session.scene is not None:
+            if button == glfw.MOUSE_BUTTON_LEFT and self.over_handle:
+                session.dragging_handle = True
+            else:
+                session.looking = True
+                glfw.set_input_mode(self.window, glfw.CURSOR, glfw.CURSOR_DISABLED)
+
+    def _release_pointer(self) -> None:
+        if self.session.looking:
+            self._glfw.set_input_mode(self.window, self._glfw.CURSOR, self._glfw.CURSOR_NORMAL)
+            self._pointer = self._glfw.get_cursor_pos(self.window)
+        self.session.looking = self.session.dragging_handle = False
+
+    @property
+    def over_handle(self) -> bool:
+        """Whether the pointer is on the line of a comparison."""
+        session = self.session
+        at = session.split_at * session.size[0] / self._density()
+        return session.split and abs(self._pointer[0] - at) <= _GRIP * self.theme.scale
+
+    def on_scroll(self, _window, dx: float, dy: float) -> None:
+        self._wake()
+        self._imgui.backends.glfw_scroll_callback(self._address, dx, dy)
+        if not self._imgui.get_io().want_capture_mouse:
+            self.session.wheel(dy)
+
+    def on_drop(self, _window, paths: list[str]) -> None:
+        self._wake()
+        if paths:
+            self.session.open([Path(path) for path in paths])
+
+    def on_focus(self, _window, focused: int) -> None:
+        self._wake()
+        self._imgui.backends.glfw_window_focus_callback(self._address, focused)
+        if not focused:
+            self._release_pointer()
+            self.session.let_go()
+
+    def on_resize(self, _window, width: int, height: int) -> None:
+        self._wake()
+        self.session.resize((width, height))
+
+    def _density(self) -> float:
+        """Framebuffer pixels per logical pixel."""
+        width = self._glfw.get_window_size(self.window)[0]
+        return self.session.size[0] / width if width else 1.0
+
+    def act(self, action: str) -> None:
+        """Does what a control asks for, by the name it has in the table."""
+        self._actions[action]()
+
+    def _escape(self) -> None:
+        if self.session.looking or self.session.dragging_handle:
+            self._release_pointer()
+        else:
+            self.session.escape()
+
+    # -- the loop ----------------------------------------------------------------------------------------------------
+
+    @property
+    def closing(self) -> bool:
+        return bool(self._glfw.window_should_close(self.window))
+
+    def step(self, *, wait: bool = True) -> None:
+        """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
+        glfw, session = self._glfw, self.session
+        change = session.next_change()
+        idle = wait and not session.needs_picture and self._settle <= 0 and change != 0.0
+        if idle or (wait and min(session.size) == 0):
+            glfw.wait_events_timeout(min(_NAP, change) if change else _NAP)
+        else:
+            glfw.poll_events()
+        if (loaded := session.poll()) is not None:
+            self._upload(loaded)
+        if session.load is not None or session.network_load is not None or session.message is not None:
+            self._settle = max(self._settle, 1)
+        if session.advance():
+            self._wake()
+        if min(session.size) == 0:
+            return
+        if session.needs_picture:
+            self._make_picture()
+            self._settle = max(self._settle, 1)
+        if self._settle > 0 or not idle:
+            self._settle -= 1
+            self._draw()
+            glfw.swap_buffers(self.window)
+
+    def _upload(self, loaded) -> None:
+        """Puts a loaded scene on the GPU; where that fails the scene before it stays."""
+        from viewer.render.renderer import Renderer
+
+        self._wake()
+        try:
+            renderer = Renderer(self.context, loaded.scene)
+        except (PointglassError, MemoryError) as error:
+            self.session.say("This scan cannot be shown", str(error) or "not enough memory for its points")
+            return
+        if self.renderer is not None:
+            self.renderer.release()
+        self.renderer, self._frame, self._shown = renderer, None, ()
+        self.session.accept(loaded)
+        self._intervals.clear()
+        self._glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
+
+    def _make_picture(self) -> None:
+        session, renderer = self.session, self.renderer
+        if renderer is None:
+            return
+        views = session.views
+        try:
+            self._frame = renderer.render(session.camera, session.settings, tuple(dict.fromkeys(views)))
+        except PointglassError as error:
+            self._frame = None
+            session.failed(str(error))
+            return
+        self._shown = views
+        now = perf_counter()
+        if now - self._last_picture < 1.0:
+            self._intervals.append(now - self._last_picture)
+        else:
+            self._intervals.clear()
+        self._last_picture = now
+        session.drew(views, self._frame.stats)
+
+    @property
+    def frame_rate(self) -> float | None:
+        """Pictures a second while something moves; None at rest."""
+        if not self._intervals or not self.session.moving:
+            return None
+        return len(self._intervals) / max(sum(self._intervals), 1e-9)
+
+    def _draw(self) -> None:
+        """The picture and the interface on the canvas, and that to the screen."""
+        session = self.session
+        if self.canvas is None or self.canvas.size != session.size:
+            if self.canvas is not None:
+                self.canvas.release()
+            self.canvas = Canvas(self.context, self._programs, session.size)
+        sides = [self._frame.textures[view] for view in self._shown] if self._frame is not None else []
+        if len(sides) == 2:
+            self.canvas.show(sides[0], sides[1], split_column(session.split_at, session.size[0]))
+        else:
+            self.canvas.show(sides[0] if sides else None)
+        self._interface()
+        self.canvas.to_screen()
+
+    def _interface(self) -> None:
+        from viewer.window import dialogs, hud, panels
+
+        imgui, session, look = self._imgui, self.session, self.theme
+        imgui.backends.opengl3_new_frame()
+        imgui.backends.glfw_new_frame()
+        imgui.new_frame()
+        over = self.over_handle and not imgui.get_io().want_capture_mouse
+        if over or session.dragging_handle:
+            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        if session.interface:
+            hud.draw_start(session, look)
+            hud.draw_handle(session, look, hovered=over)
+            if not session.help:  # which covers the middle, and at small sizes everything
+                hud.draw_hud(session, look, fps=self.frame_rate)
+                panels.draw_panel(session, look)
+            hud.draw_recording(session, look)
+            hud.draw_toasts(session, look)
+        dialogs.draw_help(session, look, self._key_name)
+        dialogs.draw_load(session, look)
+        dialogs.draw_message(session, look)
+        imgui.render()
+        imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+
+    def _key_name(self, control: controls.Control) -> str:
+        """What this keyboard prints on a letter's key; the table's name otherwise."""
+        if len(control.name) != 1 or not control.name.isalpha():
+            return control.name
+        key = getattr(self._glfw, f"KEY_{control.keys[0]}")
+        return (self._glfw.get_key_name(key, 0) or control.name).upper()
+
+    # -- captures ----------------------------------------------------------------------------------------------------
+
+    def picture(self) -> np.ndarray | None:
+        """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene."""
+        session = self.session
+        if self.renderer is None or min(session.size) == 0:
+            return None
+        sides = session.sides
+        frame = self.renderer.render(session.camera, session.settings, tuple(dict.fromkeys(sides)))
+        self._frame, self._shown = frame, sides
+        session.drew(sides, frame.stats)
+        image = composite(frame.image(sides[0]))
+        if len(sides) == 2:
+            column = split_column(session.split_at, session.size[0])
+            image[:, column:] = composite(frame.image(sides[1]))[:, column:]
+        return image
+
+    def screenshot(self) -> Path | None:
+        """Saves the picture as PNG and says where."""
+        try:
+            image = self.picture()
+            if image is None:
+                return None
+            path = capture.stamped("pointglass", ".png", self._folder)
+            capture.save_png(path, image)
+        except PointglassError as error:
+            self.session.say("No screenshot was saved", str(error))
+            return None
+        self.session.toast(f"Saved {path}")
+        return path
+
+    def record(self) -> Path | None:
+        """Starts recording frame times, or stops and saves them."""
+        session = self.session
+        if session.recording is None:
+            session.recording = capture.FrameTimes()
+            session.toast("Recording frame times; F9 stops")
+            return None
+        times, session.recording = session.recording, None
+        path = capture.stamped("pointglass-frames", ".csv", self._folder)
+        try:
+            times.save(path)
+        except PointglassError as error:
+            session.say("The frame times were not saved", str(error))
+            return None
+        session.toast(f"Saved {len(times)} frames to {path}")
+        return path
+
+    def close(self) -> None:
+        """Ends everything; a recording under way is saved."""
+        if self.session.recording is not None:
+            self.record()
+        self.session.close()
+        for owned in (self.renderer, self.canvas, self._programs):
+            if owned is not None:
+                owned.release()
+        self.renderer = self.canvas = None
+        imgui = self._imgui
+        imgui.backends.opengl3_shutdown()
+        imgui.backends.glfw_shutdown()
+        imgui.destroy_context()
+        self._glfw.destroy_window(self.window)
+        self._glfw.terminate()
+
+
+def _make_window(glfw, size: tuple[int, int]):
+    """A window with an OpenGL 4.3 core context.  Raises DeviceError with the cause."""
+    problems: list[str] = []
+    glfw.set_error_callback(lambda code, text: problems.append(text.decode(errors="replace")))
+
+    def cause() -> str:
+        return problems[-1] if problems else "no reason given"
+
+    if not glfw.init():
+        raise DeviceError(
+            f"no window can be opened ({cause()}); set DISPLAY, or use `pointglass render` which needs no window"
+        )
+    glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 4)
+    glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
+    glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+    glfw.window_hint(glfw.SAMPLES, 0)
+    glfw.window_hint(glfw.DEPTH_BITS, 0)
+    glfw.window_hint(glfw.STENCIL_BITS, 0)
+    glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
+    window = glfw.create_window(*size, "pointglass", None, None)
+    if not window:
+        reason = cause()
+        glfw.terminate()
+        raise DeviceError(f"OpenGL 4.3 is needed and the window could not have it ({reason}); see `pointglass doctor`")
+    return window

@@ -1,0 +1,138 @@
+"""What asks for attention: a message, the controls, a load under way.  Drawn from the session's state."""
+
+from collections.abc import Callable
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.window import theme
+from viewer.window.controls import CONTROLS, Control
+from viewer.window.hud import OVERLAY
+from viewer.window.session import Session
+from viewer.window.theme import Theme, text_in
+
+_MODAL = (
+    imgui.WindowFlags_.no_decoration
+    | imgui.WindowFlags_.no_move
+    | imgui.WindowFlags_.always_auto_resize
+    | imgui.WindowFlags_.no_saved_settings
+)
+
+
+_GROUP_WIDTH = 400.0
+
+
+def _centre() -> None:
+    size = imgui.get_io().display_size
+    imgui.set_next_window_pos(ImVec2(size.x / 2, size.y / 2), 0, ImVec2(0.5, 0.5))
+
+
+def _button(label: str, look: Theme, *, primary: bool) -> bool:
+    if primary:
+        imgui.push_style_color(imgui.Col_.button, theme.ACCENT)
+        imgui.push_style_color(imgui.Col_.button_hovered, theme.TEXT)
+        imgui.push_style_color(imgui.Col_.button_active, theme.DIM)
+        imgui.push_style_color(imgui.Col_.text, theme.ACCENT_TEXT)
+    pressed = imgui.button(label, ImVec2(look.px(110), 0))
+    if primary:
+        imgui.pop_style_color(4)
+    return pressed
+
+
+def draw_message(session: Session, look: Theme) -> None:
+    """The dialog of ``session.message``; its button, Enter and Esc close it."""
+    message, is_open = session.message, imgui.is_popup_open("message")
+    if message is None and not is_open:
+        return
+    if not is_open:
+        imgui.open_popup("message")
+    _centre()
+    width = min(look.px(520), imgui.get_io().display_size.x - look.px(96))
+    if not imgui.begin_popup_modal("message", None, _MODAL)[0]:
+        return
+    if message is None:  # closed by Esc
+        imgui.close_current_popup()
+        imgui.end_popup()
+        return
+    imgui.push_font(look.bold, theme.TITLE)
+    imgui.text_unformatted(message.title)
+    imgui.pop_font()
+    imgui.push_text_wrap_pos(look.px(16) + width)
+    imgui.text_unformatted(message.text)
+    imgui.pop_text_wrap_pos()
+    imgui.dummy(ImVec2(width, look.px(4)))
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + width - look.px(110))
+    enter = imgui.is_key_pressed(imgui.Key.enter) or imgui.is_key_pressed(imgui.Key.keypad_enter)
+    if _button("OK", look, primary=True) or enter:
+        session.message = None
+        imgui.close_current_popup()
+    imgui.end_popup()
+
+
+_HALVES = (("Move",), ("See", "Keep", "Window"))  # of the help page, left and right
+
+
+def draw_help(session: Session, look: Theme, key_name: Callable[[Control], str]) -> None:
+    """The table of controls.  key_name: what the person's own keyboard prints on a control's key."""
+    if not session.help:
+        return
+    size, px = imgui.get_io().display_size, look.px
+    _centre()
+    imgui.set_next_window_size_constraints(ImVec2(0, 0), ImVec2(size.x - px(28), size.y - px(28)))
+    flags = OVERLAY & ~imgui.WindowFlags_.no_scrollbar
+    imgui.begin("help", None, flags | imgui.WindowFlags_.always_auto_resize)
+    imgui.push_font(look.bold, theme.TITLE)
+    imgui.text_unformatted("Controls")
+    imgui.pop_font()
+    for number, groups in enumerate(_HALVES):
+        if number:
+            imgui.same_line(0, px(28))
+        imgui.begin_group()
+        for group in groups:
+            _group(group, look, key_name)
+        imgui.end_group()
+    text_in(theme.DIM, "F1 or Esc closes this")
+    imgui.end()
+
+
+def _group(group: str, look: Theme, key_name: Callable[[Control], str]) -> None:
+    imgui.push_font(look.bold, theme.FONT_SIZE)
+    text_in(theme.ACCENT, group)
+    imgui.pop_font()
+    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
+    if imgui.begin_table(group, 2, flags, ImVec2(look.px(_GROUP_WIDTH), 0)):
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, look.px(124))
+        imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch)
+        for control in CONTROLS[group]:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_unformatted(key_name(control))
+            imgui.table_next_column()
+            text_in(theme.DIM, control.help)
+        imgui.end_table()
+    imgui.dummy(ImVec2(0, look.px(4)))
+
+
+def draw_load(session: Session, look: Theme) -> None:
+    """The load under way: what it does, how far it is, a way to stop it."""
+    work = session.load
+    if work is None:
+        return
+    px = look.px
+    width = min(px(420), imgui.get_io().display_size.x - px(80))
+    _centre()
+    imgui.begin("load", None, OVERLAY | imgui.WindowFlags_.always_auto_resize)
+    imgui.push_font(look.bold, theme.FONT_SIZE)
+    imgui.text_unformatted(work.label[:1].upper() + work.label[1:])
+    imgui.pop_font()
+    fraction = work.fraction
+    bar = fraction if fraction is not None else -0.6 * imgui.get_time()  # below zero: it only says that work goes on
+    imgui.progress_bar(bar, ImVec2(width, px(8)), "")
+    if fraction is not None:
+        imgui.align_text_to_frame_padding()
+        text_in(theme.DIM, f"{100 * fraction:.0f} %")
+        imgui.same_line()
+    imgui.set_cursor_pos_x(imgui.get_style().window_padding.x + width - px(110))
+    if _button("Cancel", look, primary=False):
+        session.cancel_load()
+        session.toast("Loading cancelled")
+    imgui.end()

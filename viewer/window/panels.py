@@ -1,0 +1,166 @@
+"""The settings panel, made from the tables of ``viewer/settings.py``: a choice added there appears here."""
+
+from dataclasses import replace
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.settings import CHOICES, VIEWS, Settings
+from viewer.window import theme
+from viewer.window.hud import MARGIN, OVERLAY
+from viewer.window.session import Session
+from viewer.window.theme import Theme, text_in
+
+WIDTH = 312.0
+_LABEL = 96.0
+_LOD_DEFAULT = 4.0
+
+
+def draw_panel(session: Session, look: Theme) -> None:
+    """Top right.  Every change is a new Settings record, asked of the session."""
+    if session.scene is None or not session.panel:
+        return
+    px, size = look.px, imgui.get_io().display_size
+    imgui.set_next_window_pos(ImVec2(size.x - px(MARGIN), px(MARGIN)), 0, ImVec2(1.0, 0.0))
+    imgui.set_next_window_size_constraints(ImVec2(px(WIDTH), 0), ImVec2(px(WIDTH), size.y - 2 * px(MARGIN)))
+    flags = (OVERLAY & ~imgui.WindowFlags_.no_scrollbar) | imgui.WindowFlags_.always_auto_resize
+    imgui.begin("panel", None, flags)
+    imgui.push_font(look.regular, theme.FONT_SIZE - 1)
+    old = session.shown_settings
+    _heading("View", look)
+    new = _views(old, look)
+    _compare(session, look)
+    _heading("Filter", look)
+    new = _choice(new, "filter", "preset", look)
+    with_filter = new.filter != "off"
+    imgui.begin_disabled(not with_filter)
+    _label("strength", "multiplies the depth tolerance; 1 is the preset's own, less keeps fewer points", look)
+    changed, value = imgui.slider_float(
+        "##strength", new.filter_strength, 0.1, 10.0, "%.2f", imgui.SliderFlags_.logarithmic | _CLAMP
+    )
+    if changed:
+        new = replace(new, filter_strength=value)
+    _label("levels", "depths of the pyramid; auto is the preset's own", look)
+    changed, value = imgui.slider_int(
+        "##levels", new.filter_levels or 0, 0, 12, "auto" if new.filter_levels is None else "%d", _CLAMP
+    )
+    if changed:
+        new = replace(new, filter_levels=value or None)
+    imgui.end_disabled()
+    _heading("Points", look)
+    _label("detail", "points drawn per pixel a cell covers; every point where it is off", look)
+    every = new.lod is None
+    ticked, on = imgui.checkbox("##lod", not every)
+    if ticked:
+        new = replace(new, lod=_LOD_DEFAULT if on else None)
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    imgui.begin_disabled(every)
+    changed, value = imgui.slider_float(
+        "##lod points", new.lod or _LOD_DEFAULT, 0.25, 32.0, "every point" if every else "%.2f a pixel",
+        imgui.SliderFlags_.logarithmic | _CLAMP,
+    )  # fmt: skip
+    if changed and not every:
+        new = replace(new, lod=value)
+    imgui.end_disabled()
+    new = _choice(new, "soft_z", "soft depth", look)
+    new = _choice(new, "raster", "rasteriser", look)
+    _heading("Network", look)
+    new = _choice(new, "quality", "quality", look)
+    new = _choice(new, "device", "device", look)
+    _label("flying", "where the network is slow, fly with the filled view and repaint at rest", look)
+    changed, quick = imgui.checkbox("filled while it is slow", session.preview_when_slow)
+    if changed:
+        session.preview_when_slow = quick
+    imgui.dummy(ImVec2(0, px(2)))
+    imgui.begin_disabled(new == Settings(view=new.view))
+    if imgui.button("Back to defaults", ImVec2(-1, 0)):
+        new = Settings(view=new.view)
+    imgui.end_disabled()
+    imgui.pop_font()
+    imgui.end()
+    if new != old:
+        session.request(new)
+
+
+_CLAMP = imgui.SliderFlags_.always_clamp
+
+
+def _heading(text: str, look: Theme) -> None:
+    if imgui.get_cursor_pos_y() > look.px(40):
+        imgui.dummy(ImVec2(0, look.px(2)))
+    imgui.push_font(look.bold, theme.FONT_SIZE - 1)
+    imgui.text_unformatted(text)
+    imgui.pop_font()
+
+
+def _label(text: str, hint: str, look: Theme) -> None:
+    """The name at the left of a row, explained where the pointer rests; the next widget takes the rest of the row."""
+    imgui.align_text_to_frame_padding()
+    text_in(theme.DIM, text)
+    _hint(hint, look)
+    imgui.same_line(look.px(_LABEL))
+    imgui.set_next_item_width(-1)
+
+
+def _hint(text: str, look: Theme) -> None:
+    if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+        imgui.begin_tooltip()
+        imgui.push_text_wrap_pos(look.px(280))
+        imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
+        imgui.end_tooltip()
+
+
+def _views(settings: Settings, look: Theme) -> Settings:
+    """The four views as one row of buttons, the chosen one in the accent colour."""
+    spacing = look.px(4)
+    width = (imgui.get_content_region_avail().x - (len(VIEWS) - 1) * spacing) / len(VIEWS)
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(0, look.px(6)))
+    for number, (view, hint) in enumerate(VIEWS.items()):
+        if number:
+            imgui.same_line(0, spacing)
+        chosen = settings.view == view
+        if chosen:
+            imgui.push_style_color(imgui.Col_.button, theme.ACCENT)
+            imgui.push_style_color(imgui.Col_.button_hovered, theme.ACCENT)
+            imgui.push_style_color(imgui.Col_.button_active, theme.ACCENT)
+            imgui.push_style_color(imgui.Col_.text, theme.ACCENT_TEXT)
+        if imgui.button(view, ImVec2(width, 0)):
+            settings = replace(settings, view=view)
+        if chosen:
+            imgui.pop_style_color(4)
+        _hint(f"{number + 1}: {hint}", look)
+    imgui.pop_style_var()
+    return settings
+
+
+def _compare(session: Session, look: Theme) -> None:
+    _label("compare", "two views side by side; V switches it", look)
+    changed, on = imgui.checkbox("with", session.split)
+    if changed:
+        session.compare(on)
+    imgui.same_line()
+    imgui.set_next_item_width(-1)
+    imgui.begin_disabled(not session.split)
+    chosen = _combo("##left side", session.left, VIEWS, look)
+    if chosen != session.left:
+        session.choose_left(chosen)
+    imgui.end_disabled()
+
+
+def _choice(settings: Settings, name: str, label: str, look: Theme) -> Settings:
+    """A row that chooses one of a table's entries."""
+    table, value = CHOICES[name], getattr(settings, name)
+    _label(label, table[value], look)
+    chosen = _combo(f"##{name}", value, table, look)
+    return settings if chosen == value else replace(settings, **{name: chosen})
+
+
+def _combo(label: str, value: str, table: dict[str, str], look: Theme) -> str:
+    if imgui.begin_combo(label, value):
+        for option, hint in table.items():
+            if imgui.selectable(option, option == value)[0]:
+                value = option
+            _hint(hint, look)
+        imgui.end_combo()
+    return value

@@ -1,0 +1,98 @@
+"""How the interface looks: one dark, quiet style, one accent, one typeface, at any pixel density.
+
+Sizes are logical pixels at scale 1; ``scale`` is pixels of the window per logical pixel.
+"""
+
+from pathlib import Path
+
+from imgui_bundle import ImVec2, ImVec4, imgui
+
+FONT_SIZE = 16.0
+SMALL = 14.0
+TITLE = 20.0
+
+
+def _colour(text: str, alpha: float = 1.0) -> ImVec4:
+    red, green, blue = (int(text[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return ImVec4(red, green, blue, alpha)
+
+
+TEXT = _colour("#E9EBEE")
+DIM = _colour("#A3A9B3")
+ACCENT = _colour("#5CC4C0")
+ACCENT_TEXT = _colour("#0E1B1B")
+PANEL = _colour("#1D2025", 0.94)
+FIELD = _colour("#2C3038")
+FIELD_OVER = _colour("#383D47")
+FIELD_DOWN = _colour("#454B57")
+LINE = _colour("#3A3F49")
+WARN = _colour("#F0B95B")
+
+
+class Theme:
+    """Owns fonts and style of the current imgui context.  Fonts: regular and bold."""
+
+    def __init__(self, scale: float):
+        import imgui_bundle
+
+        folder = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto"
+        fonts = imgui.get_io().fonts
+        self.regular = fonts.add_font_from_file_ttf(str(folder / "Roboto-Regular.ttf"), FONT_SIZE)
+        self.bold = fonts.add_font_from_file_ttf(str(folder / "Roboto-Bold.ttf"), FONT_SIZE)
+        self.scale = 1.0
+        self._style()
+        self.rescale(scale)
+
+    def rescale(self, scale: float) -> None:
+        """Adapts to a screen of another density."""
+        style = imgui.get_style()
+        style.scale_all_sizes(scale / self.scale)
+        style.font_scale_dpi = scale
+        self.scale = scale
+
+    def px(self, size: float) -> float:
+        """A logical length in pixels of the window."""
+        return size * self.scale
+
+    @staticmethod
+    def _style() -> None:
+        imgui.style_colors_dark()
+        style = imgui.get_style()
+        style.window_padding = ImVec2(16, 14)
+        style.frame_padding = ImVec2(10, 5)
+        style.item_spacing = ImVec2(8, 8)
+        style.item_inner_spacing = ImVec2(8, 6)
+        style.cell_padding = ImVec2(6, 3)
+        style.window_rounding, style.popup_rounding = 8, 6
+        style.frame_rounding, style.grab_rounding = 5, 4
+        style.scrollbar_size, style.scrollbar_rounding = 10, 5
+        style.grab_min_size = 14
+        style.window_border_size, style.popup_border_size, style.frame_border_size = 1, 1, 0
+        style.window_title_align = ImVec2(0.0, 0.5)
+        style.separator_text_border_size = 1
+        style.separator_text_padding = ImVec2(0, 6)
+        colours = {
+            "text": TEXT, "text_disabled": DIM, "window_bg": PANEL, "popup_bg": _colour("#23262C", 0.98),
+            "border": LINE, "separator": LINE, "frame_bg": FIELD, "frame_bg_hovered": FIELD_OVER,
+            "frame_bg_active": FIELD_DOWN, "button": FIELD, "button_hovered": FIELD_OVER, "button_active": FIELD_DOWN,
+            "header": FIELD_OVER, "header_hovered": FIELD_OVER, "header_active": FIELD_DOWN, "check_mark": ACCENT,
+            "slider_grab": _colour("#5CC4C0", 0.5), "slider_grab_active": _colour("#5CC4C0", 0.7),
+            "plot_histogram": ACCENT, "nav_cursor": ACCENT,
+            "text_selected_bg": _colour("#5CC4C0", 0.35), "modal_window_dim_bg": _colour("#000000", 0.45),
+            "title_bg": PANEL, "title_bg_active": PANEL, "scrollbar_bg": _colour("#000000", 0.0),
+            "scrollbar_grab": FIELD_DOWN,
+        }  # fmt: skip
+        for name, value in colours.items():
+            style.set_color_(getattr(imgui.Col_, name), value)
+
+
+def packed(colour: ImVec4, alpha: float | None = None) -> int:
+    """The colour for draw lists."""
+    return imgui.get_color_u32(ImVec4(colour.x, colour.y, colour.z, colour.w if alpha is None else alpha))
+
+
+def text_in(colour: ImVec4, text: str) -> None:
+    """Text in a colour."""
+    imgui.push_style_color(imgui.Col_.text, colour)
+    imgui.text_unformatted(text)
+    imgui.pop_style_color()
