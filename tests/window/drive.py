@@ -49,6 +49,7 @@ class Driver:
         self.session = self.app.session
         self.release = threading.Event()
         self.session._open_scene = self._open
+        self.session.panel = False  # at this size it would cover half of the picture
 
     def _open(self, paths):
         from viewer.cloud import open_scene
@@ -273,6 +274,7 @@ def check_screenshot_is_the_picture(d: Driver) -> None:
 
 
 def check_recording_writes_a_row_a_frame(d: Driver) -> None:
+    d.settle()
     d.key("F9")
     assert d.session.recording is not None
     for view in ("1", "2", "3"):
@@ -412,7 +414,25 @@ def check_real_key_press(d: Driver) -> None:
         d.until(lambda: np.linalg.norm(d.session.camera.position - start) > 0.05, 5.0)
     finally:
         subprocess.run(["xdotool", "keyup", "w"], check=True, timeout=10)
-    d.until(lambda: "forward" not in d.session.held, 5.0)
+    d.until(lambda: not d.session.fly.moving, 5.0)
+
+
+def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
+    def click(x, y):
+        d.point(x, y)
+        d.button(d.glfw.PRESS)
+        d.button(d.glfw.RELEASE)
+        d.settle()
+
+    d.key("3")
+    camera = d.session.camera
+    click(590, 28)
+    assert d.session.panel
+    before = d.canvas()
+    click(363, 64)  # the first of the four views
+    assert d.session.settings.view == "raw" and not np.array_equal(before, d.canvas())
+    assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the panel looks around"
+    d.session.panel = False
 
 
 def check_no_gl_error_is_left(d: Driver) -> None:

@@ -1,4 +1,4 @@
-"""The window under Xvfb: every control pressed, every picture compared with ``render``'s.  See drive.py for the checks."""
+"""The window under Xvfb: every control pressed, every picture compared with ``render``'s; drive.py has the checks."""
 
 import json
 import os

@@ -16,17 +16,26 @@ _LOD_DEFAULT = 4.0
 
 
 def draw_panel(session: Session, look: Theme) -> None:
-    """Top right.  Every change is a new Settings record, asked of the session."""
-    if session.scene is None or not session.panel:
+    """Top right, or a button that brings it back.  Every change is a new Settings record, asked of the session."""
+    if session.scene is None:
         return
     px, size = look.px, imgui.get_io().display_size
     imgui.set_next_window_pos(ImVec2(size.x - px(MARGIN), px(MARGIN)), 0, ImVec2(1.0, 0.0))
+    if not session.panel:
+        _folded(session, look)
+        return
     imgui.set_next_window_size_constraints(ImVec2(px(WIDTH), 0), ImVec2(px(WIDTH), size.y - 2 * px(MARGIN)))
     flags = (OVERLAY & ~imgui.WindowFlags_.no_scrollbar) | imgui.WindowFlags_.always_auto_resize
     imgui.begin("panel", None, flags)
     imgui.push_font(look.regular, theme.FONT_SIZE - 1)
     old = session.shown_settings
     _heading("View", look)
+    imgui.same_line(px(WIDTH - 16) - imgui.calc_text_size("hide").x - 2 * imgui.get_style().frame_padding.x)
+    imgui.push_style_color(imgui.Col_.button, (0, 0, 0, 0))
+    imgui.push_style_color(imgui.Col_.text, theme.DIM)
+    if imgui.small_button("hide"):
+        session.panel = False
+    imgui.pop_style_color(2)
     new = _views(old, look)
     _compare(session, look)
     _heading("Filter", look)
@@ -80,6 +89,18 @@ def draw_panel(session: Session, look: Theme) -> None:
     imgui.end()
     if new != old:
         session.request(new)
+
+
+def _folded(session: Session, look: Theme) -> None:
+    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0, 0))
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+    imgui.begin("folded panel", None, OVERLAY | imgui.WindowFlags_.always_auto_resize)
+    imgui.push_font(look.regular, theme.FONT_SIZE - 1)
+    if imgui.button("Settings"):
+        session.panel = True
+    imgui.pop_font()
+    imgui.end()
+    imgui.pop_style_var(2)
 
 
 _CLAMP = imgui.SliderFlags_.always_clamp

@@ -80,7 +80,8 @@ class Session:
         self.wanted: Settings | None = None
         self._left_wanted: str | None = None
         self._networks: set[tuple] = set()
-        self._last_good = replace(settings, view="raw", raster="auto", soft_z="auto")
+        self._last_good = replace(settings, view="raw")
+        self._failed: set[Settings] = set()
         self.scene: Scene | None = None
         self.seen: Survey | None = None
         self.fly = FlyState(np.zeros(3))
@@ -149,6 +150,7 @@ class Session:
         """A picture was made of ``views``; ``stats`` as ``Frame.stats``."""
         self.dirty, self._drawn, self.stats = False, views, stats
         self._last_good = self.settings
+        self._failed.clear()
         if "network" in stats["stages"]:
             self._network_ms = stats["stages"]["network"]
         if self.recording is not None:
@@ -157,11 +159,13 @@ class Session:
     def failed(self, text: str) -> None:
         """A picture could not be made: says so and goes back to the settings that worked last."""
         self.say("This picture cannot be made", text)
-        back = self._last_good if self._last_good != self.settings else replace(self._last_good, view="raw")
-        self.dirty = back != self.settings
-        self.settings, self.split, self._drawn = back, False, ()
-        if not self.dirty:
-            self._drawn = self.views  # nothing left to try; until something changes the window shows no picture
+        self._failed.add(self.settings)
+        tries = [self._last_good, replace(self._last_good, view="raw", raster="auto", soft_z="auto", lod=None)]
+        back = next((settings for settings in tries if settings not in self._failed), None)
+        self.split = False
+        self.settings = back or self.settings
+        # with nothing left to try the window shows no picture until something changes
+        self.dirty, self._drawn = back is not None, () if back is not None else self.views
 
     @property
     def approximations(self) -> list[str]:

@@ -1,0 +1,71 @@
+"""The doctor finds what is there, survives what crashes, and says what to do."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from viewer import doctor
+
+
+@pytest.mark.gl
+def test_examination_is_complete_and_readable(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    report = json.loads(json.dumps(doctor.examine()))
+    items = {item["name"]: item for item in report["items"]}
+    assert {"OpenGL", "limits", "window", "torch", "CUDA", "weights", "interop", "memory", "processor", "cache",
+            "libraries"} == set(items)  # fmt: skip
+    assert all(item["status"] in doctor.STATUSES and item["value"] for item in items.values())
+    assert all(item["remedy"] for item in items.values() if item["status"] in ("warn", "fail"))
+    assert "self-test passed" in items["OpenGL"]["value"]
+    assert items["window"]["status"] == "skipped" and "DISPLAY" in items["window"]["value"]
+    assert doctor.exit_code(report) == 0
+    text = doctor.format_text(report)
+    assert max(map(len, text.splitlines())) <= 110 and "pictures can be made" in text
+
+
+def test_a_crashed_probe_is_an_answer():
+    process = subprocess.Popen(
+        [sys.executable, "-c", "import os; os.abort()"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    (found,) = doctor._finish("OpenGL", process)
+    assert found["status"] == "fail" and "signal 6" in found["value"] and found["remedy"]
+
+
+def test_no_opengl_is_exit_code_3():
+    report = {"version": "0", "pictures": False, "items": [doctor.item("OpenGL", "fail", "none", "install one")]}
+    assert doctor.exit_code(report) == 3
+    assert "no usable OpenGL" in doctor.format_text(report) and "-> install one" in doctor.format_text(report)
+
+
+def test_missing_driver_is_found_in_the_probe(tmp_path, monkeypatch):
+    empty = tmp_path / "none.json"
+    empty.write_text("{}")
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", str(empty))
+    (found,) = doctor._finish("OpenGL", doctor._start("OpenGL"))
+    assert found["status"] == "fail" and "OpenGL 4.3" in found["value"]
+
+
+def test_unwritable_cache_is_found(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "file"))
+    found = doctor._cache()
+    assert found["status"] == "fail" and "POINTGLASS_CACHE" in found["remedy"]
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "not" / "yet" / "there"))
+    assert doctor._cache()["status"] in ("ok", "warn") and not (tmp_path / "not").exists()
+
+
+BRIDGE = """
+from viewer.doctor import bridge_works
+from viewer.render.bridge import ReadBackBridge
+from viewer.render.context import create_context
+context = create_context()
+assert bridge_works(context, ReadBackBridge(context, (64, 48)), (64, 48))
+"""
+
+
+@pytest.mark.gl
+def test_bridge_test_passes_on_the_reference_bridge():
+    subprocess.run([sys.executable, "-c", BRIDGE], check=True, timeout=120)

@@ -1,0 +1,283 @@
+"""The window's state without a window: flying, where a visit starts, settings that wait, captures, controls."""
+
+import csv
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from viewer.camera import look_at
+from viewer.cloud import scene_from_arrays
+from viewer.errors import InputError
+from viewer.progress import progress
+from viewer.settings import Settings
+from viewer.window import controls
+from viewer.window.capture import FrameTimes, save_png, stamped
+from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
+from viewer.window.present import composite, split_column
+from viewer.window.session import Loaded, Session, start_camera
+from viewer.window.start import overview, survey
+
+
+def room(*, metre: float = 1.0, offset=(0.0, 0.0, 0.0), scans=None, points=40_000):
+    """A furnished-with-nothing room of 8 x 6 x 3 m; ``metre`` in file units."""
+    rng = np.random.default_rng(1)
+    size = np.array([8.0, 6.0, 3.0])
+    xyz = rng.random((points, 3)) * size
+    wall = rng.integers(0, 6, points)
+    xyz[np.arange(points), wall % 3] = np.where(wall < 3, 0.0, size[wall % 3])
+    meta = {"metres_per_unit": 1.0 / metre} | ({"scans": scans} if scans else {})
+    return scene_from_arrays(xyz * metre + np.array(offset), rng.integers(0, 255, (points, 3), np.uint8), meta=meta)
+
+
+class Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def session(*, loader=lambda settings: None, settings=None):
+    clock = Clock()
+    made = Session(settings or Settings(view="filled"), (640, 400), load_network=loader, clock=clock)
+    scene = room()
+    made.accept(Loaded(scene, survey(scene)))
+    return made, clock
+
+
+def stats(**stages):
+    return {"total_ms": 1.0, "stages": stages, "points_drawn": 1, "cells_drawn": 1, "raster": "compute",
+            "network": None, "approximations": []}  # fmt: skip
+
+
+def finish(made):
+    while made.network_load is not None:
+        made.network_load.join(5.0)
+        made.poll()
+
+
+# -- flying --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("steps", [2, 7, 60])
+def test_path_does_not_depend_on_the_frame_rate(steps):
+    start = FlyState(np.array([4e5, 5e6, 10.0]), 0.4, -0.2, 3.0, np.array([0.3, -1.0, 0.2]))
+    motion = Motion(forward=1, right=-1, fast=True)
+    once = step(start, motion, 0.5)
+    many = start
+    for _ in range(steps):
+        many = step(many, motion, 0.5 / steps)
+    assert np.allclose(once.position - start.position, many.position - start.position, atol=1e-8)
+    assert np.allclose(once.velocity, many.velocity)
+
+
+def test_pitch_stops_short_of_the_zenith_and_the_camera_stays_level():
+    state = FlyState(np.zeros(3))
+    for dy in (-1e5, 1e5):
+        state = step(state, Motion(look=(37.0, dy)), 0.01)
+        matrix = state.camera_to_world
+        assert abs(state.pitch) < np.pi / 2 and abs(matrix[2, 0]) < 1e-12
+        assert np.allclose(matrix[:3, :3].T @ matrix[:3, :3], np.eye(3)) and np.linalg.det(matrix[:3, :3]) > 0
+
+
+def test_looking_agrees_with_look_at():
+    direction = np.array([1.0, -2.0, 0.5])
+    assert np.allclose(looking([1, 2, 3], direction, 1.0).camera_to_world, look_at([1, 2, 3], direction + [1, 2, 3]))
+
+
+def test_released_keys_come_to_rest():
+    state = step(FlyState(np.zeros(3)), Motion(forward=1), 1.0)
+    assert state.moving
+    for _ in range(200):
+        state = step(state, Motion(), 1 / 60)
+    assert not state.moving
+
+
+def test_wheel_stays_within_the_limits():
+    state = FlyState(np.zeros(3), speed=1.0)
+    assert changed_speed(changed_speed(state, 3, (0.1, 9)), -3, (0.1, 9)).speed == pytest.approx(1.0)
+    assert changed_speed(state, 99, (0.1, 9)).speed == 9 and changed_speed(state, -99, (0.1, 9)).speed == 0.1
+
+
+# -- where a visit starts ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("metre", "offset"), [(1.0, (0, 0, 0)), (3.28084, (6e5, 8e5, 400)), (1000.0, (-5e3, 0, 0))])
+def test_a_visit_to_a_room_starts_inside_at_eye_height(metre, offset):
+    camera = start_camera(room(metre=metre, offset=offset), 640, 400)
+    place = (camera.position - offset) / metre
+    assert (place[:2] > 0.3).all() and (place[:2] < [7.7, 5.7]).all() and 1.3 < place[2] < 1.9
+    assert abs(camera.forward[2]) < 0.2
+
+
+def test_a_visit_starts_at_a_scanner_where_there_is_one():
+    scans = [{"name": "a", "count": 10, "position": [1, 1, 1.5]}, {"name": "b", "count": 900, "position": [5, 4, 1.4]}]
+    assert np.allclose(start_camera(room(scans=scans), 640, 400).position, [5, 4, 1.4])
+    far = [{"name": "a", "count": 10, "position": [9e5, 0, 0]}]
+    assert start_camera(room(scans=far), 640, 400).position[0] < 10
+
+
+@pytest.mark.parametrize("points", [1, 2, 50])
+def test_the_smallest_scenes_have_a_start(points):
+    rng = np.random.default_rng(2)
+    for xyz in (rng.random((points, 3)), np.ones((points, 3)) * 7.0):
+        scene = scene_from_arrays(xyz, np.full((points, 3), 200, np.uint8))
+        camera = start_camera(scene, 640, 400)
+        seen = camera.world_to_camera @ [*xyz[0], 1.0]
+        assert -seen[2] > 0 and np.isfinite(camera.camera_to_world).all()
+
+
+def test_overview_has_everything_in_the_picture():
+    scene = room()
+    for direction in ([1, 0, 0], [0.3, 0.4, -0.8], [-1, 2, 0.1]):
+        seen = survey(scene)
+        state = overview(seen, 1.6, np.array(direction, float), 1.0)
+        corners = seen.low + np.indices((2, 2, 2)).reshape(3, 8).T * (seen.high - seen.low)
+        view = (corners - state.position) @ state.camera_to_world[:3, :3]
+        depth, tall = -view[:, 2], np.tan(np.radians(30))
+        assert (depth > 0).all()
+        assert (np.abs(view[:, 0]) <= 1.6 * tall * depth).all() and (np.abs(view[:, 1]) <= tall * depth).all()
+
+
+# -- the session ---------------------------------------------------------------------------------------------------
+
+
+def test_a_still_session_needs_one_picture():
+    made, clock = session()
+    assert made.needs_picture
+    made.drew(made.views, stats())
+    clock.now += 5
+    assert not made.advance() and not made.needs_picture and made.next_change() is None
+    made.held.add("forward")
+    made.advance()
+    clock.now += 0.1
+    assert made.advance() and made.needs_picture
+
+
+def test_neural_waits_for_its_network_and_shows_what_was_asked():
+    gate = threading.Event()
+    made, _ = session(loader=lambda settings: gate.wait(5) and None)
+    made.show("neural")
+    assert made.settings.view == "filled" and made.shown_settings.view == "neural"
+    gate.set()
+    finish(made)
+    assert made.settings.view == "neural" and made.dirty
+    made.show("raw")
+    made.show("neural")
+    assert made.settings.view == "neural" and made.network_load is None, "a network is loaded once"
+
+
+def test_missing_weights_say_so_and_change_nothing():
+    def none(settings):
+        raise InputError("no weights are shipped for quality 'best'")
+
+    made, _ = session(loader=none, settings=Settings(view="neural"))
+    finish(made)
+    assert made.message is not None and "best" in made.message.text
+    assert made.shown_settings.view == "filled"
+    made.request(replace(made.settings, quality="best"))
+    finish(made)
+    assert made.shown_settings.quality == "balanced"
+
+
+def test_a_slow_network_flies_filled_and_repaints_at_rest():
+    made, clock = session()
+    made.show("neural")
+    finish(made)
+    made.drew(made.views, stats(network=900.0))
+    clock.now += 1
+    made.held.add("forward")
+    made.advance()
+    clock.now += 0.1
+    made.advance()
+    assert made.views == ("filled",)
+    made.drew(made.views, stats())
+    assert "filled shown for neural while moving" in made.approximations
+    made.held.clear()
+    for _ in range(200):
+        clock.now += 1 / 60
+        made.advance()
+    assert made.views == ("neural",) and made.needs_picture
+    made.preview_when_slow = False
+    made.held.add("forward")
+    assert made.views == ("neural",)
+
+
+def test_comparison_never_shows_the_same_view_twice_at_first():
+    made, _ = session()
+    for view in ("raw", "filtered", "filled"):
+        made.show(view)
+        made.compare(True)
+        assert made.sides[0] == "raw" and made.sides[1] != "raw"
+        made.compare(False)
+
+
+def test_a_cancelled_load_leaves_the_scene():
+    started = threading.Event()
+
+    def endless(paths):
+        with progress(0, "Reading") as meter:
+            while True:
+                started.set()
+                meter.update(1)
+
+    made, _ = session()
+    scene, made._open_scene = made.scene, endless
+    made.open([Path("x.laz")])
+    work = made.load
+    assert started.wait(5) and work is not None
+    made.escape()
+    assert made.load is None and work.join(5) and made.poll() is None
+    assert made.scene is scene and made.message is None
+
+
+def test_a_failed_picture_goes_back_to_the_last_good_settings_and_then_stops():
+    made, _ = session()
+    made.drew(made.views, stats())
+    made.request(replace(made.settings, raster="points"))
+    made.failed("no")
+    assert made.settings.raster == "auto" and made.needs_picture
+    for _ in range(4):
+        made.failed("no")
+    assert not made.needs_picture, "a broken device must not be asked for ever"
+
+
+# -- captures and the table ----------------------------------------------------------------------------------------
+
+
+def test_composite_is_exact_at_both_ends():
+    image = np.zeros((1, 3, 4), np.uint8)
+    image[0, 0], image[0, 1], image[0, 2] = (9, 200, 255, 255), (9, 200, 255, 0), (255, 255, 255, 128)
+    assert composite(image, (10, 20, 30)).tolist() == [[[9, 200, 255], [10, 20, 30], [133, 138, 143]]]
+    assert split_column(0.0, 7) == 0 and split_column(1.0, 7) == 7
+
+
+def test_captures_never_overwrite_and_leave_nothing_half_written(tmp_path):
+    image = np.zeros((2, 2, 3), np.uint8)
+    paths = []
+    for _ in range(3):
+        paths.append(stamped("pointglass", ".png", tmp_path))
+        save_png(paths[-1], image)
+    assert len(set(paths)) == 3 and sorted(tmp_path.iterdir()) == sorted(paths)
+    with pytest.raises(InputError, match="cannot be written"):
+        save_png(tmp_path / "no" / "folder.png", image)
+
+
+def test_recording_has_a_row_a_frame(tmp_path):
+    times = FrameTimes()
+    for number in range(3):
+        times.add(10 + number / 10, stats(cull=0.5, raster=2.0), (64, 48), ("raw",))
+    times.save(tmp_path / "t.csv")
+    rows = list(csv.DictReader((tmp_path / "t.csv").open()))
+    assert [row["interval_ms"] for row in rows] == ["", "100.000", "100.000"]
+    assert rows[0]["raster_ms"] == "2.000" and rows[0]["network_ms"] == ""
+
+
+def test_every_key_does_one_thing():
+    keys = [key for control in controls.ALL for key in control.keys]
+    assert len(keys) == len(set(keys))
+    table = controls.table_markdown()
+    assert all(control.help in table for control in controls.ALL)

@@ -1,0 +1,269 @@
+"""The command line: what a person types, turned into calls; every anticipated failure into one line and an exit code.
+
+0 done; 2 bad usage or input; 3 no usable OpenGL or device; 130 stopped by Ctrl-C.  Nothing imports this module, and it
+imports nothing heavy before a command needs it.
+"""
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from viewer import __version__
+from viewer.errors import Cancelled, InputError, PointglassError
+from viewer.settings import CHOICES, Settings
+
+COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message} (see `{self.prog} --help`)")
+
+
+def _add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
+    """The options that make a Settings, from its own tables."""
+    defaults = Settings()
+    for name, table in CHOICES.items():
+        if name == "view" and not view:
+            continue
+        texts = "; ".join(f"{key}: {text}" for key, text in table.items()).replace("%", "%%")
+        default = getattr(defaults, name)
+        parser.add_argument(f"--{name.replace('_', '-')}", choices=list(table), default=default, help=texts)
+    parser.add_argument("--filter-strength", type=float, default=defaults.filter_strength, metavar="X",
+                        help="multiplies the filter's depth tolerance; smaller keeps fewer points (default 1)")
+    parser.add_argument("--filter-levels", type=int, metavar="N", help="pyramid levels (default: the filter's own)")
+    parser.add_argument("--lod", type=float, metavar="P",
+                        help="level of detail: draw only as many points as give P a pixel (default: every point)")
+
+
+def _settings(options: argparse.Namespace) -> Settings:
+    names = (*CHOICES, "filter_strength", "filter_levels", "lod")
+    return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
+
+
+def _add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
+    parser.add_argument("scans", nargs=least, type=Path, metavar="SCAN",
+                        help="PLY, LAS, LAZ, COPC or E57 files, or a folder made by `convert`; several make one scene")
+    parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and keep nothing")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="pointglass", description="Fly through a raw coloured laser scan as if it were a film of the place.")
+    parser.add_argument("--version", action="version", version=f"pointglass {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+
+    view = commands.add_parser("view", help="open the window (what `pointglass SCAN` does)")
+    _add_scans(view, least="*")
+    _add_settings(view)
+
+    demo = commands.add_parser("demo", help="the shipped scan, in a window or as pictures")
+    demo.add_argument("--out", type=Path, default=Path("out/demo"), help="where pictures go without a display")
+    _add_settings(demo)
+
+    render = commands.add_parser("render", help="pictures of a list of cameras")
+    _add_scans(render)
+    render.add_argument("--cameras", type=Path, required=True, metavar="F",
+                        help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
+    render.add_argument("--out", type=Path, required=True, metavar="DIR")
+    render.add_argument("--size", metavar="WxH", help="picture size (default: the cameras' own)")
+    render.add_argument("--aux", action="store_true", help="also depth, mask and stats of each picture")
+    render.add_argument("--shard", metavar="i/n", help="only every n-th camera, starting at the i-th (from 0)")
+    _add_settings(render)
+
+    info = commands.add_parser("info", help="what a scan holds")
+    _add_scans(info)
+    info.add_argument("--json", action="store_true")
+
+    convert = commands.add_parser("convert", help="build the grid into a folder")
+    convert.add_argument("scans", nargs="+", type=Path, metavar="SCAN")
+    convert.add_argument("--out", type=Path, required=True, metavar="DIR")
+
+    bench = commands.add_parser("bench", help="run time, measured")
+    bench.add_argument("kind", nargs="?", default="frame", choices=["frame", "grid", "open"])
+    bench.add_argument("scans", nargs="*", type=Path, metavar="SCAN", help="default: the demo scan")
+    bench.add_argument("--size", default="960x720", metavar="WxH")
+    bench.add_argument("--points", type=int, default=10_000_000, metavar="N", help="grid: points made on the spot")
+    bench.add_argument("--repeats", type=int, default=5, metavar="N")
+    bench.add_argument("--json", type=Path, metavar="F")
+    bench.add_argument("--plot", type=Path, metavar="F")
+    _add_settings(bench, view=False)
+
+    simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner")
+    simulate.add_argument("--out", type=Path, required=True, metavar="FILE.laz")
+    simulate.add_argument("--points", type=int, default=1_200_000, metavar="N")
+    simulate.add_argument("--seed", type=int, default=1)
+
+    train = commands.add_parser("train", help="train the network on registered rooms")
+    train.add_argument("data", nargs="+", type=Path, metavar="FOLDER", help="scene folders (scene.json, stations, views)")
+    train.add_argument("--out", type=Path, required=True, metavar="DIR", help="pairs, checkpoint and weights; resumes there")
+    train.add_argument("--quality", default="balanced", choices=list(CHOICES["quality"]))
+    train.add_argument("--unfiltered", action="store_true", help="for `--filter off`")
+    train.add_argument("--minutes", type=float, default=60.0)
+    train.add_argument("--steps", type=int, default=40_000)
+    train.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
+    train.add_argument("--start-from", type=Path, metavar="F")
+    train.add_argument("--seed", type=int, default=1)
+
+    evaluate = commands.add_parser("evaluate", help="judge pictures against registered truth")
+    evaluate.add_argument("data", type=Path, metavar="FOLDER")
+    evaluate.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F", help="default: all shipped")
+    evaluate.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D")
+    evaluate.add_argument("--views", type=int, metavar="N")
+    evaluate.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
+    evaluate.add_argument("--json", type=Path, metavar="F")
+
+    doctor = commands.add_parser("doctor", help="what works here, what is used, what to do")
+    doctor.add_argument("--json", action="store_true")
+    return parser
+
+
+def _view(options: argparse.Namespace) -> int:
+    from viewer.window.app import run
+
+    if options.no_cache:
+        os.environ["POINTGLASS_NO_CACHE"] = "1"
+    return run(options.scans, _settings(options))
+
+
+def _demo(options: argparse.Namespace) -> int:
+    from viewer.tools.demo import run_demo
+
+    return run_demo(options.out, _settings(options))
+
+
+def _render(options: argparse.Namespace) -> int:
+    from viewer.tools.camera_files import read_cameras
+    from viewer.tools.export import export_pictures, parse_shard, parse_size
+
+    settings = _settings(options)
+    size = parse_size(options.size) if options.size else None
+    cameras = read_cameras(options.cameras, size=size)
+    if options.shard:
+        part, parts = parse_shard(options.shard)
+        cameras = cameras[part::parts]
+
+    from viewer.cloud import open_scene
+    from viewer.render.context import create_context
+    from viewer.render.renderer import Renderer
+
+    context = create_context()
+    renderer = Renderer(context, open_scene(options.scans, cache=not options.no_cache))
+    try:
+        count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux)
+    finally:
+        renderer.release()
+        context.release()
+    print(f"{count} pictures in {options.out}")
+    return 0
+
+
+def _info(options: argparse.Namespace) -> int:
+    from viewer.cloud.info import describe, format_text
+
+    facts = describe(options.scans)
+    print(json.dumps(facts, indent=1) if options.json else format_text(facts))
+    return 0
+
+
+def _convert(options: argparse.Namespace) -> int:
+    from viewer.cloud.convert import convert
+
+    convert(options.scans, options.out)
+    print(f"grid in {options.out}")
+    return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from viewer.bench import run_bench
+
+    return run_bench(options, _settings(options))
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    from model.synth.demo import main
+
+    main(options.out, options.points, options.seed)
+    print(f"{options.points} points asked for; scan in {options.out}")
+    return 0
+
+
+def _train(options: argparse.Namespace) -> int:
+    from model.data.pairs import build
+    from model.train import TrainConfig, train
+
+    filtered = not options.unfiltered
+    pairs = options.out / f"pairs-{'filtered' if filtered else 'unfiltered'}"
+    options.out.mkdir(parents=True, exist_ok=True)
+    if not pairs.is_dir():
+        build(options.data, pairs, seed=options.seed, preset="auto" if filtered else "off")
+    path = train(TrainConfig(
+        pairs=str(pairs), out=str(options.out), quality=options.quality, filtered=filtered, steps=options.steps,
+        minutes=options.minutes, seed=options.seed,
+        perceptual_path=str(options.perceptual) if options.perceptual else None,
+        start_from=str(options.start_from) if options.start_from else None,
+    ))
+    print(f"weights in {path}")
+    return 0
+
+
+def _evaluate(options: argparse.Namespace) -> int:
+    from model.evaluate import evaluate, format_table, save
+    from model.weights import weights_dir
+
+    files = options.weights or sorted(weights_dir().glob("*.safetensors"))
+    result = evaluate(
+        options.data, densities=tuple(options.densities), weights={f.stem: f for f in files},
+        distance_path=options.perceptual, views=options.views,
+    )
+    print(format_table(result))
+    if options.json:
+        save(result, options.json)
+    return 0
+
+
+def _doctor(options: argparse.Namespace) -> int:
+    from viewer.doctor import examine, exit_code, format_text
+
+    found = examine()
+    print(json.dumps(found, indent=1) if options.json else format_text(found))
+    return exit_code(found)
+
+
+_RUN = {
+    "view": _view, "demo": _demo, "render": _render, "info": _info, "convert": _convert, "bench": _bench,
+    "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command and returns its exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    if not given or (given[0] not in COMMANDS and not given[0].startswith("-")):
+        given.insert(0, "view")
+    try:
+        options = _parser().parse_args(given)
+        return _RUN[options.command](options)
+    except (KeyboardInterrupt, Cancelled):
+        print("pointglass: stopped", file=sys.stderr)
+        return 130
+    except PointglassError as error:
+        message, code = str(error), error.exit_code
+    except BrokenPipeError:
+        sys.stdout = None  # type: ignore[assignment]  # whoever read our output has gone: nothing more to say
+        return 0
+    except OSError as error:
+        message, code = f"{error.filename or 'input/output'}: {error.strerror or error}", 2
+    except Exception as error:
+        if type(error).__name__ not in ("DataError", "WeightsError"):  # model's own; importing them would load torch
+            raise
+        message, code = str(error), 2
+    print(f"pointglass: {' '.join(message.split())}", file=sys.stderr)
+    return code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

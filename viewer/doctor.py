@@ -1,0 +1,333 @@
+"""``pointglass doctor``: what works on this machine, what is used, what to do about the rest.
+
+Drivers can take a process down, so whatever touches one is a probe in a process of its own: a crash is an answer.
+Times and sizes are shown in units a person reads; the dict holds the same text and is JSON-able.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import textwrap
+from collections.abc import Callable
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import viewer
+from viewer.errors import PointglassError
+from viewer.paths import cache_dir
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.render.bridge import Bridge
+
+STATUSES = ("ok", "warn", "fail", "skipped")
+LIBRARIES = (
+    "numpy", "moderngl", "glfw", "imgui-bundle", "torch", "numba", "laspy", "lazrs", "pye57", "open3d", "scipy",
+    "safetensors", "pillow", "platformdirs",
+)  # fmt: skip
+OPTIONAL = ("cuda-core", "cuda-bindings")
+_SECONDS = 120  # a probe that takes longer hangs
+_GB = 1e9
+_WORDS = 4096
+
+
+def examine() -> dict:
+    """{"version", "pictures": bool, "items": [{"name", "status", "value", "remedy"}]}; status as in STATUSES."""
+    running = {name: _start(name) for name in PROBES}  # side by side: each waits for libraries to load
+    items = [_memory(), _processor(), _cache(), _libraries()]
+    found = [item for name, process in running.items() for item in _finish(name, process)]
+    items = found + items
+    able = any(item["name"] in ("OpenGL", "window") and item["status"] in ("ok", "warn") for item in items)
+    return {"version": viewer.__version__, "pictures": able, "items": items}
+
+
+def exit_code(report: dict) -> int:
+    """0 where pictures can be made, 3 where there is no usable OpenGL."""
+    return 0 if report["pictures"] else 3
+
+
+def format_text(report: dict, width: int = 110) -> str:
+    """The report for a person, in aligned columns."""
+    names = max(len(item["name"]) for item in report["items"])
+    indent = " " * (names + 11)
+    lines = [f"pointglass {report['version']}"]
+    for item in report["items"]:
+        head = f"{item['status']:<7}  {item['name']:<{names}}  "
+        lines += textwrap.wrap(item["value"], width, initial_indent=head, subsequent_indent=indent)
+        if item["remedy"]:
+            lines += textwrap.wrap(
+                item["remedy"], width, initial_indent=f"{indent}-> ", subsequent_indent=f"{indent}   "
+            )
+    verdict = "pictures can be made" if report["pictures"] else "no pictures can be made: no usable OpenGL"
+    return "\n".join([*lines, "", verdict]) + "\n"
+
+
+def item(name: str, status: str, value: str, remedy: str = "") -> dict:
+    """One line of the report."""
+    return {"name": name, "status": status, "value": value, "remedy": remedy}
+
+
+# -- probes, each run in a process of its own -----------------------------------------------------------------------
+
+
+def _probe_opengl() -> list[dict]:
+    from viewer.render.context import create_context, describe_device
+
+    remedy = "install the GPU's driver, or Mesa's software one: apt install libegl1 libgl1-mesa-dri"
+    try:
+        context = create_context()
+    except PointglassError as error:
+        return [item("OpenGL", "fail", str(error), remedy)]
+    device = describe_device(context)
+    what = f"{device.renderer}, OpenGL {device.version} through EGL"
+    try:
+        passed = compute_works(context)
+        problem = "the self-test's compute pass gave wrong numbers"
+    except Exception as error:
+        passed, problem = False, f"the self-test failed: {' '.join(str(error).split())}"
+    limits = (
+        f"pictures up to {device.texture_limit} pixels a side, {device.storage_limit / 2**20:.0f} MiB a storage buffer, "
+        f"{context.info['GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS']} threads a work group"
+    )
+    if not passed:
+        status, value, todo = "fail", f"{what}; {problem}", "update the graphics driver, or use Mesa's software one"
+    elif device.software:
+        status, value = "warn", f"{what}; runs on the processor; self-test passed"
+        todo = "pictures are right but slow; if this machine has a GPU, install its driver"
+    else:
+        status, value, todo = "ok", f"{what}; self-test passed", ""
+    return [item("OpenGL", status, value, todo), item("limits", "ok", limits)]
+
+
+def _probe_window() -> list[dict]:
+    names = [name for name in ("WAYLAND_DISPLAY", "DISPLAY") if os.environ.get(name)]
+    if sys.platform.startswith("linux") and not names:
+        return [item(
+            "window", "skipped", "neither DISPLAY nor WAYLAND_DISPLAY is set: no window here",
+            "`pointglass render` needs none; over ssh, use ssh -X, a remote desktop, or xvfb-run",
+        )]  # fmt: skip
+    where = ", ".join(f"{name}={os.environ[name]}" for name in names) or sys.platform
+    from imgui_bundle import imgui as _  # isort: skip  (brings the library that glfw then loads)
+    import glfw  # isort: skip
+
+    problems: list[str] = []
+    glfw.set_error_callback(lambda code, text: problems.append(text.decode(errors="replace")))
+    if not glfw.init():
+        return [item("window", "fail", f"no window system answers on {where}: {_last(problems)}",
+                     "check the display, or use `pointglass render`")]  # fmt: skip
+    glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 4)
+    glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
+    glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
+    glfw.window_hint(glfw.VISIBLE, False)
+    window = glfw.create_window(64, 64, "pointglass doctor", None, None)
+    if not window:
+        glfw.terminate()
+        return [item("window", "fail", f"{where}: a window with OpenGL 4.3 could not be made: {_last(problems)}",
+                     "install the GPU's driver; macOS stops at OpenGL 4.1")]  # fmt: skip
+    glfw.make_context_current(window)
+    from viewer.render.context import create_context, describe_device
+
+    try:
+        device = describe_device(create_context(headless=False))
+        found = item("window", "ok", f"{where}; OpenGL {device.version} on {device.renderer}")
+    except PointglassError as error:
+        found = item("window", "fail", str(error), "install the GPU's driver")
+    glfw.terminate()
+    return [found]
+
+
+def _probe_network() -> list[dict]:
+    import torch
+
+    from model.reconstruct import cuda_problem, fast_precision
+    from model.weights import shipped, weights_dir
+
+    problem = cuda_problem()
+    precision = fast_precision("cpu")
+    cpu = "bf16, which this processor multiplies in hardware" if precision == "bf16" else "fp32; no bf16 in hardware"
+    if problem is None:
+        name, memory = torch.cuda.get_device_name(), torch.cuda.get_device_properties(0).total_memory
+        cuda = item("CUDA", "ok", f"{name}, {memory / _GB:.0f} GB, CUDA {torch.version.cuda}, network in fp16")
+    else:
+        todo = "the network runs on the processor; with an NVIDIA GPU, install its driver and a CUDA build of torch"
+        cuda = item("CUDA", "skipped", problem, todo)
+    names = shipped()
+    weights = (
+        item("weights", "ok", ", ".join(names))
+        if names
+        else item("weights", "warn", f"none in {weights_dir()}: no neural view", "train some with `pointglass train`")
+    )
+    return [item("torch", "ok", f"{torch.__version__}; on the processor {cpu}"), cuda, weights]
+
+
+def _probe_interop() -> list[dict]:
+    from model.reconstruct import cuda_problem
+
+    if problem := cuda_problem():
+        return [item("interop", "skipped", f"OpenGL to CUDA: {problem}; frames are copied through memory")]
+    from viewer.render.bridge import CudaBridge
+    from viewer.render.context import create_context
+
+    todo = "frames are copied through memory, which is right but slower"
+    try:
+        context = create_context()
+        bridge = CudaBridge(context, (64, 48))
+    except PointglassError as error:
+        return [item("interop", "warn", str(error), todo)]
+    try:
+        passed = bridge_works(context, bridge, (64, 48))
+    finally:
+        bridge.release()
+    if passed:
+        return [item("interop", "ok", "OpenGL buffers are mapped into CUDA and back, nothing is copied")]
+    return [item("interop", "fail", "a buffer mapped into CUDA came back with wrong numbers", "update the driver; until "
+                 "then use --device cpu")]  # fmt: skip
+
+
+PROBES: dict[str, Callable[[], list[dict]]] = {
+    "OpenGL": _probe_opengl,
+    "window": _probe_window,
+    "network": _probe_network,
+    "interop": _probe_interop,
+}
+
+
+def compute_works(context: "moderngl.Context") -> bool:
+    """Mixes random words in a compute pass and compares each with NumPy's."""
+    import numpy as np
+
+    from viewer.render.shader import Programs
+
+    programs = Programs(context)
+    words = np.random.default_rng(0).integers(0, 2**32, _WORDS, np.uint32)
+    source, target = context.buffer(words.tobytes()), context.buffer(reserve=words.nbytes)
+    _run(programs, 0, source, target, _WORDS)
+    made = np.frombuffer(target.read(), np.uint32)
+    index = np.arange(_WORDS, dtype=np.uint32)
+    for owned in (source, target, programs):
+        owned.release()
+    return bool(np.array_equal(made, words * np.uint32(1664525) + (index ^ np.uint32(1013904223))))
+
+
+def bridge_works(context: "moderngl.Context", bridge: "Bridge", size: tuple[int, int]) -> bool:
+    """OpenGL writes a pattern, torch doubles it and adds one, OpenGL reads it.  size: the bridge's width and height."""
+    import numpy as np
+
+    from model.reconstruct import PACKED_IN, PACKED_OUT
+    from viewer.render.shader import Programs
+
+    class Doubler:
+        device = "cpu"
+
+        def __call__(self, packed):
+            return (packed[..., :PACKED_OUT] * 2 + 1).contiguous()
+
+    pixels = size[0] * size[1]
+    programs = Programs(context)
+    target = context.buffer(reserve=4 * PACKED_OUT * pixels)
+    _run(programs, 1, bridge.input, target, PACKED_IN * pixels // 2)
+    bridge.run(Doubler())  # type: ignore[arg-type]
+    _run(programs, 2, bridge.output, target, PACKED_OUT * pixels // 2)
+    made = np.frombuffer(target.read(), np.uint32).reshape(pixels, PACKED_OUT)
+    sent = (np.arange(PACKED_IN * pixels) % 1021).reshape(pixels, PACKED_IN)[:, :PACKED_OUT]
+    target.release()
+    programs.release()
+    return bool(np.array_equal(made, 2 * sent + 1))
+
+
+def _run(programs, mode: int, source, target, count: int) -> None:
+    program = programs.compute("self_test.comp", MODE=mode, IN_BINDING=0, OUT_BINDING=1)
+    source.bind_to_storage_buffer(0)
+    target.bind_to_storage_buffer(1)
+    program["count"] = count
+    program.run(-(-count // 64))
+    programs.context.memory_barrier()
+
+
+def _last(problems: list[str]) -> str:
+    return problems[-1] if problems else "no reason given"
+
+
+def _start(name: str) -> subprocess.Popen:
+    above = str(Path(viewer.__file__).resolve().parents[1])
+    path = os.pathsep.join(filter(None, [above, os.environ.get("PYTHONPATH")]))
+    return subprocess.Popen(
+        [sys.executable, "-m", "viewer.doctor", name], env=os.environ | {"PYTHONPATH": path},
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace",
+    )  # fmt: skip
+
+
+def _finish(name: str, process: subprocess.Popen) -> list[dict]:
+    """The probe's items, or one that says how it died."""
+    todo = "update the graphics driver; if it persists, report it with this output"
+    try:
+        out, err = process.communicate(timeout=_SECONDS)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return [item(name, "fail", f"the probe did not answer within {_SECONDS} s", todo)]
+    if process.returncode == 0 and out.strip():
+        return json.loads(out.splitlines()[-1])
+    last = err.strip().splitlines()[-1] if err.strip() else "no message"
+    how = f"crashed (signal {-process.returncode})" if process.returncode < 0 else f"failed ({last})"
+    return [item(name, "fail", f"the probe {how}", todo)]
+
+
+# -- what needs no driver -------------------------------------------------------------------------------------------
+
+
+def _memory() -> dict:
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        sizes = {line.split(":")[0]: int(line.split()[1]) * 1024 for line in lines if len(line.split()) > 1}
+        total, free = sizes["MemTotal"], sizes["MemAvailable"]
+    except (OSError, KeyError, ValueError):
+        return item("memory", "skipped", "this system does not say how much memory there is")
+    value = f"{total / _GB:.1f} GB, {free / _GB:.1f} GB of it available"
+    if free < 2 * _GB:
+        return item("memory", "warn", value, "close other programs; large scans want 2 GB or more")
+    return item("memory", "ok", value)
+
+
+def _processor() -> dict:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return item("processor", "ok", f"{cores} {'core' if cores == 1 else 'cores'} for this process")
+
+
+def _cache() -> dict:
+    folder = cache_dir()
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    todo = "set POINTGLASS_CACHE to a folder that can be written and has room"
+    try:
+        if not there.is_dir():
+            raise NotADirectoryError(20, "is a file")
+        with tempfile.TemporaryFile(dir=there):
+            pass
+    except OSError as error:
+        return item("cache", "fail", f"{folder}: cannot be written ({error.strerror}): scans cannot be kept", todo)
+    free = shutil.disk_usage(there).free
+    value = f"{folder}: writable, {free / _GB:.1f} GB free"
+    return item("cache", "ok", value) if free > 2 * _GB else item("cache", "warn", value, todo)
+
+
+def _libraries() -> dict:
+    found, missing = [], []
+    for name in (*LIBRARIES, *OPTIONAL):
+        try:
+            found.append(f"{name} {metadata.version(name)}")
+        except metadata.PackageNotFoundError:
+            if name not in OPTIONAL:
+                missing.append(name)
+    value = f"Python {sys.version.split()[0]}, {', '.join(found)}"
+    if missing:
+        return item("libraries", "fail", f"{value}; missing: {', '.join(missing)}", "install pointglass again")
+    return item("libraries", "ok", value)
+
+
+if __name__ == "__main__":
+    print(json.dumps(PROBES[sys.argv[1]]()))

@@ -1,0 +1,1 @@
+"""Work on scenes and pictures that needs no window: camera files, export, the demo."""

@@ -1,0 +1,85 @@
+"""The demo: the shipped scan in a window where there is a display, else pictures of it in all four views."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.paths import assets_dir
+from viewer.settings import VIEWS, Settings
+from viewer.tools.files import write_png
+
+
+def demo_scan() -> Path:
+    """The shipped scan.  Raises InputError where it is missing."""
+    path = assets_dir() / "demo.laz"
+    if not path.is_file():
+        raise InputError(f"{path}: the demo scan is not there; make it with `make assets`")
+    return path
+
+
+def has_display() -> bool:
+    """Whether a window can be expected to open."""
+    return sys.platform in ("darwin", "win32") or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def contact_sheet(rows: list[list[np.ndarray]], scale: int = 2, gap: int = 4) -> np.ndarray:
+    """Pictures (H, W, 3) uint8 side by side and in rows, each reduced ``scale`` times by averaging blocks of pixels."""
+
+    def small(image: np.ndarray) -> np.ndarray:
+        h, w = image.shape[0] // scale * scale, image.shape[1] // scale * scale
+        blocks = image[:h, :w, :3].reshape(h // scale, scale, w // scale, scale, 3)
+        return blocks.mean(axis=(1, 3)).round().astype(np.uint8)
+
+    tiles = [[small(image) for image in row] for row in rows]
+    height, width = tiles[0][0].shape[:2]
+    sheet = np.full((len(rows) * (height + gap) + gap, len(rows[0]) * (width + gap) + gap, 3), 24, np.uint8)
+    for r, row in enumerate(tiles):
+        for c, tile in enumerate(row):
+            y, x = gap + r * (height + gap), gap + c * (width + gap)
+            sheet[y : y + height, x : x + width] = tile
+    return sheet
+
+
+def demo_pictures(out: Path, settings: Settings) -> list[Path]:
+    """Renders the shipped cameras in every view into ``out`` with one contact sheet.  Returns the files, sheet first."""
+    from viewer.cloud import open_scene
+    from viewer.progress import progress
+    from viewer.render.context import create_context
+    from viewer.render.renderer import Renderer
+    from viewer.tools.camera_files import read_cameras
+
+    scene = open_scene([demo_scan()])
+    cameras = read_cameras(assets_dir() / "demo_cameras.json")
+    renderer = Renderer(create_context(), scene)
+    files, rows = [], []
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        with progress(len(cameras), "rendering the demo", "camera") as meter:
+            for camera in cameras:
+                frame = renderer.render(camera, settings, views=tuple(VIEWS))
+                pictures = [frame.image(view)[..., :3] for view in VIEWS]
+                for view, picture in zip(VIEWS, pictures, strict=True):
+                    files.append(out / f"{camera.name}-{view}.png")
+                    write_png(files[-1], picture)
+                rows.append(pictures)
+                meter.update(1)
+    finally:
+        renderer.release()
+    sheet = out / "contact-sheet.png"
+    write_png(sheet, contact_sheet(rows))
+    return [sheet, *files]
+
+
+def run_demo(out: Path, settings: Settings) -> int:
+    """What ``pointglass demo`` does.  Returns the exit code."""
+    if has_display():
+        from viewer.window.app import run
+
+        return run([demo_scan()], settings)
+    files = demo_pictures(out, settings)
+    print(f"no display here: {len(files) - 1} pictures (raw, filtered, filled, neural) in {out.resolve()}")
+    print(f"look at {files[0].resolve()} first")
+    return 0
