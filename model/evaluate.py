@@ -54,7 +54,7 @@ Picture = Callable[[Raster, Tensor, float, float], Tensor]
 
 def _network(path: Path) -> Picture:
     network, _ = load_weights(path)
-    network = network.to(memory_format=torch.channels_last)
+    network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
     @torch.inference_mode()
     def make(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:

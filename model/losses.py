@@ -42,7 +42,7 @@ class SqueezeDistance(nn.Module):
 
     def features(self, picture: Tensor) -> list[Tensor]:
         """Seven maps of unit-length feature vectors."""
-        x = self._convolve(picture.flip(1) * 255.0 - self.mean, "conv1", stride=2)
+        x = self._convolve(picture.flip(1) * 255.0 - self.get_buffer("mean"), "conv1", stride=2)
         maps = [x]
         for fire in _FIRES:
             if fire in _POOL_BEFORE:

@@ -23,7 +23,8 @@ from model.weights import load_weights, save_weights
 class TrainConfig:
     """What a training run is; saved beside its results.
 
-    pairs: folder made by :mod:`model.data.pairs`.  start_from: weights to go on from.  minutes: stop after this long in this call (0: by steps alone).
+    pairs: folder made by :mod:`model.data.pairs`.  start_from: weights to go on from.
+    minutes: stop after this long in this call (0: by steps alone).
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
     """
 
@@ -99,7 +100,7 @@ def train(config: TrainConfig) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     (out / "config.json").write_text(json.dumps(asdict(config), indent=1))
     torch.manual_seed(config.seed)
-    network = make_network(config.quality).to(memory_format=torch.channels_last)
+    network = make_network(config.quality).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     if config.start_from:
         network.load_state_dict(load_weights(Path(config.start_from))[0].state_dict())
     averaged = make_network(config.quality).requires_grad_(False)
@@ -140,7 +141,7 @@ def train(config: TrainConfig) -> Path:
         for group in optimiser.param_groups:
             group["lr"] = _rate(step, config, done)
         x, y = crops.batch(config.batch)
-        x = x.to(memory_format=torch.channels_last)
+        x = x.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         with torch.autocast("cpu", torch.bfloat16):
             made = network(x)
             loss = (made - y).abs().mean()

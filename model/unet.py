@@ -8,6 +8,7 @@ depth), so every convolution is wide and cheap and no detail is lost, and is ful
 cropped.
 """
 
+import itertools
 from dataclasses import dataclass
 
 import torch
@@ -53,8 +54,8 @@ class CompactUNet(nn.Module):
         self.multiple = 2 ** len(widths)
         self.stem = nn.Conv2d(4 * INPUT_CHANNELS, widths[0], 3, padding=1)
         self.down = nn.ModuleList(_convolutions(w, count) for w in widths)
-        self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in zip(widths, widths[1:], strict=False))
-        self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in zip(widths, widths[1:], strict=False))
+        self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in itertools.pairwise(widths))
+        self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in itertools.pairwise(widths))
         self.up = nn.ModuleList(_convolutions(w, count) for w in widths[:-1])
         self.head = nn.Conv2d(widths[0], 4 * (3 + BLENDS), 3, padding=1)
         nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture

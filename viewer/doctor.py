@@ -91,8 +91,8 @@ def _probe_opengl() -> list[dict]:
     except Exception as error:
         passed, problem = False, f"the self-test failed: {' '.join(str(error).split())}"
     limits = (
-        f"pictures up to {device.texture_limit} pixels a side, {device.storage_limit / 2**20:.0f} MiB a storage buffer, "
-        f"{context.info['GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS']} threads a work group"
+        f"pictures up to {device.texture_limit} pixels a side, {device.storage_limit / 2**20:.0f} MiB a storage "
+        f"buffer, {context.info['GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS']} threads a work group"
     )
     if not passed:
         status, value, todo = "fail", f"{what}; {problem}", "update the graphics driver, or use Mesa's software one"
@@ -112,11 +112,11 @@ def _probe_window() -> list[dict]:
             "`pointglass render` needs none; over ssh, use ssh -X, a remote desktop, or xvfb-run",
         )]  # fmt: skip
     where = ", ".join(f"{name}={os.environ[name]}" for name in names) or sys.platform
-    from imgui_bundle import imgui as _  # isort: skip  (brings the library that glfw then loads)
+    import imgui_bundle  # isort: skip  # noqa: F401  (brings the library that glfw then loads)
     import glfw  # isort: skip
 
     problems: list[str] = []
-    glfw.set_error_callback(lambda code, text: problems.append(text.decode(errors="replace")))
+    glfw.set_error_callback(lambda code, text: problems.append(os.fsdecode(text)))
     if not glfw.init():
         return [item("window", "fail", f"no window system answers on {where}: {_last(problems)}",
                      "check the display, or use `pointglass render`")]  # fmt: skip
@@ -185,8 +185,8 @@ def _probe_interop() -> list[dict]:
         bridge.release()
     if passed:
         return [item("interop", "ok", "OpenGL buffers are mapped into CUDA and back, nothing is copied")]
-    return [item("interop", "fail", "a buffer mapped into CUDA came back with wrong numbers", "update the driver; until "
-                 "then use --device cpu")]  # fmt: skip
+    wrong = "a buffer mapped into CUDA came back with wrong numbers"
+    return [item("interop", "fail", wrong, "update the driver; until then use --device cpu")]
 
 
 PROBES: dict[str, Callable[[], list[dict]]] = {

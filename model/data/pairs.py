@@ -46,10 +46,11 @@ def project_scan(scan: Scan, shot: Shot, seed: int = 0) -> Projected:
     camera = SimpleNamespace(
         width=shot.width, height=shot.height, fx=shot.fl, fy=shot.fl, cx=shot.width / 2, cy=shot.height / 2
     )
-    index, inside = pixels(*view.unbind(1), camera)
+    x, y, z = view.unbind(1)
+    index, inside = pixels(x, y, z, camera)
     rank = torch.rand(len(view), generator=torch.Generator().manual_seed(seed))
     return Projected(
-        index, view[inside, 2], torch.from_numpy(scan.rgb)[inside], torch.from_numpy(scan.station)[inside], rank[inside], camera
+        index, z[inside], torch.from_numpy(scan.rgb)[inside], torch.from_numpy(scan.station)[inside], rank[inside], camera
     )
 
 

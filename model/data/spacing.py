@@ -14,13 +14,13 @@ def median_spacing(xyz: np.ndarray, *, samples: int = 4096, seed: int = 0) -> fl
 
     xyz: (N, 3) float64.  Power-of-two scalings of ``xyz`` scale the result exactly.  A cloud without extent gives 1.0.
     """
-    from scipy.spatial import cKDTree
+    from scipy.spatial import KDTree
 
     if len(xyz) <= NEIGHBOURS:
         extent = float(np.ptp(xyz, axis=0).max(initial=0.0)) if len(xyz) else 0.0
         return extent or 1.0
     rng = np.random.default_rng(seed)
     pick = rng.choice(len(xyz), min(samples, len(xyz)), replace=False)
-    distance, _ = cKDTree(xyz).query(xyz[pick], NEIGHBOURS + 1, workers=-1)
+    distance, _ = KDTree(xyz).query(xyz[pick], NEIGHBOURS + 1, workers=-1)
     positive = distance[:, -1][distance[:, -1] > 0]
     return float(np.median(positive) * np.sqrt(np.pi / NEIGHBOURS)) if len(positive) else 1.0

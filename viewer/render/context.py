@@ -40,7 +40,7 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
             f"OpenGL 4.3 is needed and could not be had ({reason}); install a driver, or Mesa's software one "
             "(apt install libegl1 libgl1-mesa-dri), and see `pointglass doctor`"
         ) from None
-    context.gc_mode = None  # every resource here has an owner that releases it
+    context.gc_mode = None  # type: ignore[assignment]  # every resource here has an owner that releases it
     return context
 
 

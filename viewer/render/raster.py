@@ -153,6 +153,7 @@ class PointRasteriser(Rasteriser):
         self.nearest = context.texture((size[0], self.band_rows), 1, dtype="f4")
         self.target = context.framebuffer([self.nearest])
         self.empty = context.framebuffer([context.renderbuffer((size[0], self.band_rows), 1, dtype="f1")])
+        self._default = context.detect_framebuffer(0)
         self.commands = _Grown(context)
         self._programs = [
             programs.drawing("raster_points.vert", f"raster_points_{name}.frag") for name in ("depth", "colour")
@@ -192,11 +193,11 @@ class PointRasteriser(Rasteriser):
         context.viewport = viewport
         self.target.clear(np.inf, 0.0, 0.0, 0.0)
         context.enable(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
-        context.blend_equation = moderngl.MIN
+        context.blend_equation = moderngl.MIN  # type: ignore[assignment]
         context.blend_func = moderngl.ONE, moderngl.ONE
         self._draw(pages, 0)
         context.disable(moderngl.BLEND)
-        context.blend_equation = moderngl.FUNC_ADD
+        context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         context.memory_barrier()
         self.empty.use()
         context.viewport = viewport
@@ -205,6 +206,7 @@ class PointRasteriser(Rasteriser):
         self._draw(pages, 1)
         context.disable(moderngl.PROGRAM_POINT_SIZE)
         context.memory_barrier()
+        self._default.use()  # ours must not stay bound: they are released with the picture size
         self.nearest.use(0)
 
     def _draw(self, pages: "PointPages", number: int) -> None:

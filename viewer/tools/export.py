@@ -29,7 +29,9 @@ def parse_shard(text: str) -> tuple[int, int]:
     return int(part), int(parts)
 
 
-def export_pictures(renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False) -> int:
+def export_pictures(
+    renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False
+) -> int:
     """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask and stats.  Returns how many.
 
     Each file appears whole or not at all.

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 
 
-def write_whole(path: Path, write: Callable[[Path], None]) -> None:
-    """Calls ``write`` with a temporary name in the same folder and renames the result to ``path``; on any failure, Ctrl-C
-    included, the temporary file is removed and an older ``path`` stays as it was."""
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Calls ``write`` with a temporary name in the same folder and renames the result to ``path``.
+
+    On any failure, Ctrl-C included, the temporary file is removed and an older ``path`` stays as it was.
+    """
     beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         write(beside)

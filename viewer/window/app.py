@@ -6,6 +6,7 @@ the framebuffer's size.
 """
 
 import ctypes
+import os
 from collections import deque
 from pathlib import Path
 from time import perf_counter
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 SIZE = (1280, 720)
 _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
 _NAP = 0.5  # seconds of sleep at most while idle
+_BREATH = 0.06  # seconds between interface frames while only the interface changes: a load's bar, a tooltip's delay
+_LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
 
 
@@ -72,6 +75,7 @@ class App:
         self._frame = None
         self._shown: tuple[str, ...] = ()
         self._settle = _SETTLE
+        self._awake_until = 0.0
         self._intervals: deque[float] = deque(maxlen=20)
         self._last_picture = 0.0
         self._pointer = (0.0, 0.0)
@@ -165,6 +169,8 @@ class App:
         dx, dy = x - self._pointer[0], y - self._pointer[1]
         self._pointer = (x, y)
         self._wake()
+        if self._imgui.get_io().want_capture_mouse:
+            self._awake_until = perf_counter() + _LINGER
         if self.session.dragging_handle:
             self.session.move_split(x * self._density())
         elif self.session.looking:
@@ -245,24 +251,28 @@ class App:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self._glfw, self.session
         change = session.next_change()
-        idle = wait and not session.needs_picture and self._settle <= 0 and change != 0.0
-        if idle or (wait and min(session.size) == 0):
-            glfw.wait_events_timeout(min(_NAP, change) if change else _NAP)
+        stirring = session.load is not None or session.network_load is not None or perf_counter() < self._awake_until
+        busy = session.needs_picture or self._settle > 0 or change == 0.0
+        if wait and (not busy or min(session.size) == 0):
+            glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
         else:
             glfw.poll_events()
+        message = session.message
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
-        if session.load is not None or session.network_load is not None or session.message is not None:
-            self._settle = max(self._settle, 1)
+        if session.message is not message:
+            self._awake_until = perf_counter() + _LINGER
         if session.advance():
             self._wake()
+        if stirring:
+            self._settle = max(self._settle, 1)
         if min(session.size) == 0:
             return
         if session.needs_picture:
             self._make_picture()
             self._settle = max(self._settle, 1)
-        if self._settle > 0 or not idle:
-            self._settle -= 1
+        if self._settle > 0 or not wait:
+            self._settle = max(0, self._settle - 1)
             self._draw()
             glfw.swap_buffers(self.window)
 
@@ -424,7 +434,7 @@ class App:
 def _make_window(glfw, size: tuple[int, int]):
     """A window with an OpenGL 4.3 core context.  Raises DeviceError with the cause."""
     problems: list[str] = []
-    glfw.set_error_callback(lambda code, text: problems.append(text.decode(errors="replace")))
+    glfw.set_error_callback(lambda code, text: problems.append(os.fsdecode(text)))
 
     def cause() -> str:
         return problems[-1] if problems else "no reason given"
@@ -441,7 +451,9 @@ def _make_window(glfw, size: tuple[int, int]):
     glfw.window_hint(glfw.STENCIL_BITS, 0)
     glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
     window = glfw.create_window(*size, "pointglass", None, None)
-    if not window:
+    if window:
+        glfw.set_window_size_limits(window, 320, 200, glfw.DONT_CARE, glfw.DONT_CARE)
+    else:
         reason = cause()
         glfw.terminate()
         raise DeviceError(f"OpenGL 4.3 is needed and the window could not have it ({reason}); see `pointglass doctor`")

@@ -84,7 +84,7 @@ def draw_help(session: Session, look: Theme, key_name: Callable[[Control], str])
     imgui.text_unformatted("Controls")
     imgui.pop_font()
     for number, groups in enumerate(_HALVES):
-        if number:
+        if number and size.x > px(2 * _GROUP_WIDTH + 96):
             imgui.same_line(0, px(28))
         imgui.begin_group()
         for group in groups:
@@ -122,15 +122,15 @@ def draw_load(session: Session, look: Theme) -> None:
     _centre()
     imgui.begin("load", None, OVERLAY | imgui.WindowFlags_.always_auto_resize)
     imgui.push_font(look.bold, theme.FONT_SIZE)
-    imgui.text_unformatted(work.label[:1].upper() + work.label[1:])
+    imgui.text_unformatted(work.title)
     imgui.pop_font()
     fraction = work.fraction
     bar = fraction if fraction is not None else -0.6 * imgui.get_time()  # below zero: it only says that work goes on
     imgui.progress_bar(bar, ImVec2(width, px(8)), "")
-    if fraction is not None:
-        imgui.align_text_to_frame_padding()
-        text_in(theme.DIM, f"{100 * fraction:.0f} %")
-        imgui.same_line()
+    share = f", {100 * fraction:.0f} %" if fraction is not None else ""
+    imgui.align_text_to_frame_padding()
+    text_in(theme.DIM, work.label[:1].upper() + work.label[1:] + share)
+    imgui.same_line()
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x + width - px(110))
     if _button("Cancel", look, primary=False):
         session.cancel_load()

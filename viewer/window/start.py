@@ -19,6 +19,7 @@ FIELD_OF_VIEW = 60.0
 EYE_HEIGHT = 1.6  # metres
 _SAMPLE = 400_000
 _TOO_COARSE = 0.12  # metres between points: from there on, what stands at eye height cannot be made out
+_BLACK = 8  # of 255
 _CANDIDATES = 40  # places to stand that are looked around from
 _AZIMUTHS = 72
 _CROSSING = 12.0  # seconds to fly across the scene
@@ -26,10 +27,11 @@ _CROSSING = 12.0  # seconds to fly across the scene
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """points: (n, 3) float64.  low, high: (3,) float64, where 98 % of them lie along each axis.
+    """points: (n, 3) float64.  lit: (n,) bool, not black: nobody photographed the black ones.  low, high: (3,) float64, where 98 % of them lie along each axis.
     spacing, metre, speed: file units (a second).  limits: slowest and fastest flying speed."""
 
     points: np.ndarray
+    lit: np.ndarray
     low: np.ndarray
     high: np.ndarray
     spacing: float
@@ -44,14 +46,14 @@ def survey(scene: "Scene") -> Survey:
 
     ends = scene.offsets[len(scene.cell_coords) :: len(scene.cell_coords)]
     whole_layers = int(ends[max(0, int(np.searchsorted(ends, _SAMPLE, side="right")) - 1)])
-    points = unpack(scene, slice(0, whole_layers))[0]
+    points, rgb, _, _ = unpack(scene, slice(0, whole_layers))
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     metres = scene.meta.get("metres_per_unit")
     metre = 1.0 / metres if metres else 1.0
     diagonal = max(float(np.linalg.norm(high - low)), 10 * scene.step)
     spacing = min(max(float(scene.spacing), scene.step), diagonal)
     speed = max(diagonal / _CROSSING, 5 * spacing)
-    return Survey(points, low, high, spacing, metre, speed, (min(spacing, speed) / 4, 4 * diagonal))
+    return Survey(points, rgb.max(axis=1) > _BLACK, low, high, spacing, metre, speed, (min(spacing, speed) / 4, 4 * diagonal))
 
 
 def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:
@@ -128,8 +130,9 @@ def _standing_place(seen: Survey) -> np.ndarray | None:
 
 def view_worth(seen: Survey, position: np.ndarray) -> np.ndarray:
     """(72,) how much there is to see from ``position`` (3,) along azimuths -pi to pi: how much of the picture is
-    covered, and with far things rather than near ones.  Zero where nothing is."""
-    away = seen.points[:: max(1, len(seen.points) // 50_000)] - position
+    covered, and with far things rather than near ones.  Black points hide what is behind them and are worth nothing."""
+    some = slice(None, None, max(1, len(seen.points) // 50_000))
+    away = seen.points[some] - position
     flat = np.hypot(away[:, 0], away[:, 1])
     slope = away[:, 2] / np.maximum(flat, 1e-9)
     use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
@@ -138,8 +141,11 @@ def view_worth(seen: Survey, position: np.ndarray) -> np.ndarray:
     height = np.clip(((slope[use] + 0.6) / 1.2 * rows).astype(int), 0, rows - 1)
     bins = at * rows + height
     held = np.bincount(bins, minlength=_AZIMUTHS * rows)
-    depth = np.bincount(bins, np.log1p(flat[use] / seen.metre), _AZIMUTHS * rows)
-    worth = np.where(held > 0, depth / np.maximum(held, 1), 0.0).reshape(_AZIMUTHS, rows).sum(axis=1)
+    lit = np.bincount(bins, seen.lit[some][use], _AZIMUTHS * rows) / np.maximum(held, 1)
+    nearest = np.full(_AZIMUTHS * rows, np.inf)
+    np.minimum.at(nearest, bins, flat[use])
+    worth = np.where(held > 0, lit * np.log1p(np.where(held > 0, nearest, 0.0) / seen.metre), 0.0)
+    worth = worth.reshape(_AZIMUTHS, rows).sum(axis=1)
     spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])  # +-35 degrees, the middle counting most
     return sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(_AZIMUTHS))
 

@@ -75,7 +75,7 @@ class Theme:
             "text": TEXT, "text_disabled": DIM, "window_bg": PANEL, "popup_bg": _colour("#23262C", 0.98),
             "border": LINE, "separator": LINE, "frame_bg": FIELD, "frame_bg_hovered": FIELD_OVER,
             "frame_bg_active": FIELD_DOWN, "button": FIELD, "button_hovered": FIELD_OVER, "button_active": FIELD_DOWN,
-            "header": FIELD_OVER, "header_hovered": FIELD_OVER, "header_active": FIELD_DOWN, "check_mark": ACCENT,
+            "header": _colour("#5CC4C0", 0.28), "header_hovered": FIELD_OVER, "header_active": FIELD_DOWN, "check_mark": ACCENT,
             "slider_grab": _colour("#5CC4C0", 0.5), "slider_grab_active": _colour("#5CC4C0", 0.7),
             "plot_histogram": ACCENT, "nav_cursor": ACCENT,
             "text_selected_bg": _colour("#5CC4C0", 0.35), "modal_window_dim_bg": _colour("#000000", 0.45),

@@ -10,20 +10,20 @@ from viewer.progress import set_sink
 
 
 class Worker:
-    """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) whenever there is news.
+    """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) when it has ended.
 
-    label, done, total: the latest progress (total 0: unknown).  finished: result or error are there.
+    title: what it is all about.  label, done, total: the latest progress (total 0: unknown).  finished: result or error are there.
     error: the one line a person reads, or None.  cancelled: asked to stop; its result must not be used.
     """
 
-    def __init__(self, work: Callable[[], Any], label: str, wake: Callable[[], None] = lambda: None):
-        self.label, self.done, self.total = label, 0, 0
+    def __init__(self, work: Callable[[], Any], title: str, wake: Callable[[], None] = lambda: None):
+        self.title, self.label, self.done, self.total = title, "", 0, 0
         self.result: Any = None
         self.error: str | None = None
         self.cancelled = False
         self._wake = wake
         self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, args=(work,), name=f"pointglass {label}", daemon=True)
+        self._thread = threading.Thread(target=self._run, args=(work,), name=f"pointglass {title}", daemon=True)
         self._thread.start()
 
     @property
@@ -46,7 +46,6 @@ class Worker:
 
     def _sink(self, label: str, done: int, total: int) -> bool:
         self.label, self.done, self.total = label, done, total
-        self._wake()
         return not self.cancelled
 
     def _run(self, work: Callable[[], Any]) -> None:
@@ -58,10 +57,10 @@ class Worker:
         except PointglassError as error:
             self.error = str(error)
         except MemoryError:
-            self.error = f"{self.label}: not enough memory; close other programs or open a smaller scan"
+            self.error = f"{self.title}: not enough memory; close other programs or open a smaller scan"
         except Exception as error:  # a bug: the window lives on, and the terminal has what a report needs
             traceback.print_exc()
-            self.error = f"{self.label}: unexpected {type(error).__name__}: {error}; the terminal has the details"
+            self.error = f"{self.title}: unexpected {type(error).__name__}: {error}; the terminal has the details"
         finally:
             set_sink(None)
             self._over.set()

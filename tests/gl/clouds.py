@@ -1,0 +1,31 @@
+"""Random clouds and cameras for the OpenGL tests, seeded."""
+
+import numpy as np
+
+from viewer.camera import Camera, from_fov, look_at
+from viewer.cloud import scene_from_arrays
+
+
+def room(seed: int, points: int = 60_000, scale: float = 1.0, origin=(0.0, 0.0, 0.0)):
+    """A box seen from inside with a few boxes in it: surfaces, so that the filter has something to decide."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for low, high in [((0, 0, 0), (6, 5, 3)), *(((x := rng.uniform(0, 5)), (y := rng.uniform(0, 4)), 0) and
+                                              ((x, y, 0.0), (x + 0.7, y + 0.5, rng.uniform(0.4, 1.8))) for _ in range(5))]:
+        low, high = np.array(low, float), np.array(high, float)
+        p = rng.uniform(low, high, (points // 6, 3))
+        axis = rng.integers(0, 3, len(p))
+        side = rng.random(len(p)) < 0.5
+        p[np.arange(len(p)), axis] = np.where(side, low[axis], high[axis])
+        parts.append(p)
+    xyz = np.concatenate(parts) * scale + np.asarray(origin)
+    rgb = rng.integers(0, 256, (len(xyz), 3)).astype(np.uint8)
+    return scene_from_arrays(xyz, rgb)
+
+
+def camera_in(scene, seed: int, size=(320, 240), fov: float | None = None) -> Camera:
+    """A camera at a random place inside the scene's bounds, looking anywhere."""
+    rng = np.random.default_rng(seed)
+    low, high = scene.bounds
+    eye, target = rng.uniform(low, high, (2, 3))
+    return from_fov(*size, fov or rng.uniform(30, 110), look_at(eye, target), name=f"camera{seed}")

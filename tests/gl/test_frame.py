@@ -1,0 +1,188 @@
+"""The OpenGL frame against its torch twin on the same packed points, and against itself."""
+
+import numpy as np
+import pytest
+from clouds import camera_in, room
+from twin import twin_frame
+
+from viewer.camera import Camera
+from viewer.cloud import scene_from_arrays
+from viewer.render.renderer import Renderer
+from viewer.settings import FILTERS, SOFT_Z, Settings
+
+pytestmark = pytest.mark.gl
+ALL = ("raw", "filtered", "filled")
+
+
+@pytest.fixture(scope="module")
+def drawn(context):
+    scene = room(1)
+    renderer = Renderer(context, scene)
+    yield scene, renderer
+    renderer.release()
+
+
+def assert_agrees(frame, twin, tolerance_pixels: int = 0):
+    """Depth to the bit; colour and mask exact; the filled picture to the rounding of one level."""
+    assert np.array_equal(frame.depth(), twin.raster.depth.numpy())
+    colour = twin.raster.colour.permute(1, 2, 0).numpy()
+    assert (frame.image("raw")[..., :3] != colour).any(-1).sum() <= tolerance_pixels
+    assert (frame.mask() != twin.mask).sum() <= tolerance_pixels
+    filled = np.clip(twin.filled[:3], 0, 1).transpose(1, 2, 0) * 255
+    assert np.abs(frame.image("filled")[..., :3] - filled).max() <= 0.51
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("preset", list(FILTERS))
+def test_frame_agrees_with_twin(context, scale, preset):
+    scene = room(7, scale=scale)
+    renderer = Renderer(context, scene)
+    try:
+        for seed in range(3):
+            camera = camera_in(scene, seed)
+            settings = Settings(filter=preset)
+            assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+    finally:
+        renderer.release()
+
+
+@pytest.mark.parametrize("soft_z", list(SOFT_Z))
+def test_soft_z_presets_agree_with_twin(drawn, soft_z):
+    scene, renderer = drawn
+    camera, settings = camera_in(scene, 3), Settings(soft_z=soft_z)
+    assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 37), (53, 1), (127, 97), (2, 2), (333, 251)])
+def test_odd_and_prime_sizes_agree_with_twin(drawn, size):
+    scene, renderer = drawn
+    camera, settings = camera_in(scene, 5, size), Settings()
+    assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+
+
+@pytest.mark.parametrize("strength, levels", [(0.3, 2), (1.0, 1), (2.5, 7)])
+@pytest.mark.parametrize("preset", ["auto", "paper-code", "paper-text", "npbg++"])
+def test_filter_flags_agree_with_twin(drawn, preset, strength, levels):
+    scene, renderer = drawn
+    camera = camera_in(scene, 11)
+    settings = Settings(filter=preset, filter_strength=strength, filter_levels=levels)
+    assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+
+
+@pytest.mark.parametrize("lod", [None, 1.0, 4.0])
+def test_both_rasterisers_give_the_same_bytes(drawn, lod):
+    scene, renderer = drawn
+    for seed in range(4):
+        camera = camera_in(scene, 20 + seed)
+        images = []
+        for kind in ("compute", "points", "compute"):
+            frame = renderer.render(camera, Settings(raster=kind, lod=lod), views=ALL)
+            images.append([frame.image(v).tobytes() for v in ALL] + [frame.depth().tobytes(), frame.mask().tobytes()])
+        assert images[0] == images[1] == images[2]
+
+
+def test_a_million_points_in_one_pixel_keep_their_mean(context):
+    rng = np.random.default_rng(0)
+    rgb = np.full((1_000_000, 3), 254, np.uint8)
+    rgb[:500_001] = 255
+    xyz = np.zeros((len(rgb), 3)) + [0.0, 5.0, 0.0] + rng.uniform(-1e-6, 1e-6, (len(rgb), 3))
+    scene = scene_from_arrays(xyz, rgb)
+    camera = Camera(3, 3, 10.0, 10.0, 1.5, 1.5, np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]]))
+    renderer = Renderer(context, scene)
+    try:
+        for kind in ("compute", "points"):
+            frame = renderer.render(camera, Settings(raster=kind), views=("raw",))
+            assert frame.image("raw")[1, 1].tolist() == [255, 255, 255, 255]
+            assert np.isfinite(frame.depth()).sum() == 1
+    finally:
+        renderer.release()
+
+
+def test_pages_and_bands_change_no_pixel(context, drawn, monkeypatch):
+    """Storage blocks too small for the scene and for the picture: several pages of points, several bands of rows."""
+    scene, whole = drawn
+    camera = camera_in(scene, 31, (160, 120))
+    small = Renderer(context, scene)
+    limited = 16 * 160 * 17  # 17 rows of colour sums
+    small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited})
+    small._pages.release()
+    from viewer.render.points import PointPages
+
+    small._pages = PointPages(context, scene, limited)
+    try:
+        assert len(small._pages.buffers) > 3
+        for kind in ("compute", "points"):
+            a = whole.render(camera, Settings(raster=kind), views=ALL)
+            expected = [a.image(v).tobytes() for v in ALL] + [a.depth().tobytes()]
+            b = small.render(camera, Settings(raster=kind), views=ALL)
+            assert small._rasterisers[kind].band_rows == 17
+            assert [b.image(v).tobytes() for v in ALL] + [b.depth().tobytes()] == expected
+    finally:
+        small.release()
+
+
+@pytest.mark.parametrize("factor", [2.0**-7, 2.0**9])
+def test_power_of_two_scaling_changes_no_pixel(context, factor):
+    rng = np.random.default_rng(2)
+    xyz = rng.uniform(-3, 3, (40_000, 3))
+    rgb = rng.integers(0, 256, (len(xyz), 3)).astype(np.uint8)
+    frames = []
+    for s in (1.0, factor):
+        scene = scene_from_arrays(xyz * s, rgb)
+        camera = camera_in(scene_from_arrays(xyz, rgb), 4)
+        pose = camera.camera_to_world.copy()
+        pose[:3, 3] *= s
+        renderer = Renderer(context, scene)
+        frame = renderer.render(camera.moved(pose), Settings(), views=ALL)
+        frames.append([frame.image(v).tobytes() for v in ALL] + [(frame.depth() / np.float32(s)).tobytes()])
+        renderer.release()
+    assert frames[0] == frames[1]
+
+
+def test_shift_by_whole_cells_changes_no_pixel(context):
+    """No jitter at large coordinates: a shift that float64 holds exactly moves nothing."""
+    rng = np.random.default_rng(3)
+    xyz = np.round(rng.uniform(0, 8, (30_000, 3)) * 2**16) / 2**16
+    rgb = rng.integers(0, 256, (len(xyz), 3)).astype(np.uint8)
+    frames = []
+    for shift in (np.zeros(3), np.array([2.0**23, -(2.0**22), 2.0**12])):
+        scene = scene_from_arrays(xyz + shift, rgb)
+        camera = camera_in(scene_from_arrays(xyz, rgb), 9)
+        pose = camera.camera_to_world.copy()
+        pose[:3, 3] = np.round(pose[:3, 3] * 2**16) / 2**16 + shift
+        renderer = Renderer(context, scene)
+        frame = renderer.render(camera.moved(pose), Settings(), views=ALL)
+        frames.append([frame.image(v).tobytes() for v in ALL] + [frame.depth().tobytes()])
+        renderer.release()
+    assert frames[0] == frames[1]
+
+
+def test_colours_at_both_ends_and_points_behind_the_camera(context):
+    xyz = np.array([[0.0, 2, 0], [0.5, 2, 0], [0, -2, 0], [0, 0, 0], [0.2, 1e-12, 0.0]])
+    rgb = np.array([[0, 0, 0], [255, 255, 255], [255, 0, 0], [255, 0, 0], [255, 0, 0]], np.uint8)
+    camera = Camera(41, 31, 20.0, 20.0, 20.5, 15.5, np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]]))
+    renderer = Renderer(context, scene_from_arrays(xyz, rgb))
+    try:
+        frame = renderer.render(camera, Settings(), views=("raw",))
+        image = frame.image("raw")
+        assert image[15, 20].tolist() == [0, 0, 0, 255] and image[15, 25].tolist() == [255, 255, 255, 255]
+        assert np.isfinite(frame.depth()).sum() == 2  # neither behind nor in the camera's plane
+    finally:
+        renderer.release()
+
+
+def test_empty_view_is_empty(drawn):
+    scene, renderer = drawn
+    camera = camera_in(scene, 1)
+    pose = camera.camera_to_world.copy()
+    pose[:3, 3] += 1e4 * (pose[:3, 3] - scene.bounds.mean(axis=0)) + 1e5
+    away = pose.copy()
+    away[:3, 2] *= -1
+    away[:3, 0] *= -1
+    for matrix in (pose, away):
+        frame = renderer.render(camera.moved(matrix), Settings(), views=ALL)
+        if not np.isfinite(frame.depth()).any():
+            assert not frame.image("filled").any() and not frame.mask().any()
+            break
+    else:
+        pytest.fail("one of two opposite views from far outside must be empty")
