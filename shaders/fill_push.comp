@@ -1,5 +1,6 @@
 // Pull-push fill, push: what a pixel's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
-// At level 0 (BASE) it writes the filled picture and, with NETWORK, the network's input: eight half-precision channels
+// At level 0 (BASE) it writes the filled picture, void where neither the picture nor the directions around the camera
+// surround a hole (viewer/render/void.py), and, with NETWORK, the network's input: eight half-precision channels
 // a pixel (channels last), filled RGB, keep-mask, filled depth feature, three zeros.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
@@ -9,6 +10,10 @@ uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
 uniform sampler2D whole_weight;
 #ifdef BASE
+uniform sampler2D inside;         // blocks of 2x2 pixels surrounded by measured ones
+uniform isampler2D closed;        // directions surrounded by scanned ones: six cube faces one above the other
+uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
+uniform vec4 lens;                // fx, fy, cx, cy in pixels
 layout(rgba8, binding = 0) uniform writeonly image2D filled;
 #ifdef NETWORK
 layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[]; };
@@ -17,6 +22,24 @@ layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[
 uniform sampler2D value;
 uniform sampler2D weight;
 layout(rgba32f, binding = 0) uniform writeonly image2D out_value;
+#endif
+
+#ifdef BASE
+// The cube face and cell of a direction, as viewer/render/void.py numbers them.
+ivec2 cell_of(vec3 d) {
+    vec3 a = abs(d);
+    int axis = a.x >= a.y && a.x >= a.z ? 0 : (a.y >= a.z ? 1 : 2);
+    float along = d[axis], u = d[(axis + 1) % 3] / abs(along), v = d[(axis + 2) % 3] / abs(along);
+    int face = 2 * axis + (along < 0.0 ? 1 : 0), side = textureSize(closed, 0).x;
+    ivec2 cell = clamp(ivec2((vec2(u, v) * 0.5 + 0.5) * float(side)), ivec2(0), ivec2(side - 1));
+    return ivec2(cell.x, face * side + cell.y);
+}
+
+bool is_void(ivec2 at) {
+    if (texelFetch(inside, at >> 1, 0).x > 0.5) return false;
+    vec3 ray = to_world * vec3((vec2(at) + 0.5 - lens.zw) / lens.xy, 1.0);
+    return texelFetch(closed, cell_of(ray), 0).x == 0;
+}
 #endif
 
 vec4 from_coarse(ivec2 at) {
@@ -34,7 +57,8 @@ void main() {
     float w = measured(at, v);
     if (w < 0.5) v = from_coarse(at);
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    imageStore(filled, at, vec4(v.xyz, texelFetch(whole_weight, ivec2(0), 0).x > 0.0 ? 1.0 : 0.0));
+    float alpha = w < 0.5 && (texelFetch(whole_weight, ivec2(0), 0).x == 0.0 || is_void(at)) ? 0.0 : 1.0;
+    imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
         uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, 0.0)), 0u);

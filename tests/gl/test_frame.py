@@ -28,8 +28,11 @@ def assert_agrees(frame, twin, tolerance_pixels: int = 0):
     colour = twin.raster.colour.permute(1, 2, 0).numpy()
     assert (frame.image("raw")[..., :3] != colour).any(-1).sum() <= tolerance_pixels
     assert (frame.mask() != twin.mask).sum() <= tolerance_pixels
-    filled = np.clip(twin.filled[:3], 0, 1).transpose(1, 2, 0) * 255
-    assert np.abs(frame.image("filled")[..., :3] - filled).max() <= 0.51
+    image = frame.image("filled")
+    same_alpha = (image[..., 3] > 0) == twin.alpha
+    assert (~same_alpha).sum() <= 2e-4 * same_alpha.size + 2  # float32 rays on the border of a direction cell
+    filled = np.clip(twin.filled[:3], 0, 1).transpose(1, 2, 0) * 255 * twin.alpha[..., None]
+    assert np.abs(image[..., :3] - filled)[same_alpha].max() <= 0.51
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])

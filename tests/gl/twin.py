@@ -7,7 +7,9 @@ import torch
 
 from model.depth_filter import keep_mask
 from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
+from model.pull_push import surrounded
 from viewer.render.cull import Culler
+from viewer.render.void import Surroundings, cell_of
 
 
 @dataclass
@@ -15,6 +17,15 @@ class TwinFrame:
     raster: Raster
     mask: np.ndarray
     filled: np.ndarray
+    alpha: np.ndarray
+
+
+def closed_directions(scene, camera) -> np.ndarray:
+    """(H, W) bool: pixels whose direction the scan surrounds."""
+    i, j = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1)
+    closed = Surroundings(scene).closed(camera.position).ravel() > 0
+    return closed[cell_of((view @ camera.view_rotation).reshape(-1, 3))].reshape(camera.height, camera.width)
 
 
 def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
@@ -31,4 +42,6 @@ def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
         raster.depth, settings.filter, strength=settings.filter_strength, levels=settings.filter_levels, metre=metre
     )
     packed = network_input(raster, mask, camera.fx, scene.spacing)
-    return TwinFrame(raster, mask.numpy(), packed.numpy())
+    alpha = surrounded(mask).numpy() | closed_directions(scene, camera)
+    alpha &= bool(mask.any())
+    return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha)

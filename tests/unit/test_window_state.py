@@ -215,6 +215,17 @@ def test_comparison_never_shows_the_same_view_twice_at_first():
         made.compare(False)
 
 
+def test_what_is_odd_about_a_scan_is_said():
+    made, _ = session()
+    scene = room()
+    scene.meta["colour"] = {"source": "intensity", "note": "no colour in the file; showing intensity"}
+    scene.meta["warnings"].append("3 points without coordinates left out")
+    made.accept(Loaded(scene, survey(scene)))
+    assert [toast.text for toast in made.toasts] == [
+        "No colour in the file; showing intensity", "3 points without coordinates left out",
+    ]  # fmt: skip
+
+
 def test_a_cancelled_load_leaves_the_scene():
     started = threading.Event()
 

@@ -78,23 +78,23 @@ class Driver:
         key = getattr(self.glfw, f"KEY_{name}")
         code = self.glfw.get_key_scancode(key)
         if action in ("tap", "down"):
-            self.app.on_key(self.app.window, key, code, self.glfw.PRESS, 0)
+            self.app.hands.on_key(self.app.window, key, code, self.glfw.PRESS, 0)
         if action in ("tap", "up"):
-            self.app.on_key(self.app.window, key, code, self.glfw.RELEASE, 0)
+            self.app.hands.on_key(self.app.window, key, code, self.glfw.RELEASE, 0)
         if action == "tap":
             self.settle()
 
     def point(self, x: float, y: float) -> None:
-        self.app.on_enter(self.app.window, 1)
-        self.app.on_pointer(self.app.window, float(x), float(y))
+        self.app.hands.on_enter(self.app.window, 1)
+        self.app.hands.on_pointer(self.app.window, float(x), float(y))
         self.settle(2)
 
     def button(self, action: int, button: int | None = None) -> None:
-        self.app.on_button(self.app.window, self.glfw.MOUSE_BUTTON_LEFT if button is None else button, action, 0)
+        self.app.hands.on_button(self.app.window, self.glfw.MOUSE_BUTTON_LEFT if button is None else button, action, 0)
         self.settle(2)
 
     def drop(self, *paths: Path) -> None:
-        self.app.on_drop(self.app.window, [str(path) for path in paths])
+        self.app.hands.on_drop(self.app.window, [str(path) for path in paths])
 
     def canvas(self) -> np.ndarray:
         self.settle()
@@ -199,11 +199,11 @@ def check_still_camera_draws_nothing(d: Driver) -> None:
 def check_wheel_changes_speed_and_shows_it(d: Driver) -> None:
     d.point(320, 350)
     before = d.session.fly.speed
-    d.app.on_scroll(d.app.window, 0.0, 2.0)
+    d.app.hands.on_scroll(d.app.window, 0.0, 2.0)
     d.settle()
     assert d.session.fly.speed > 1.4 * before
     assert any(toast.text.startswith("Speed") for toast in d.session.toasts)
-    d.app.on_scroll(d.app.window, 0.0, -2.0)
+    d.app.hands.on_scroll(d.app.window, 0.0, -2.0)
 
 
 def check_dragging_looks_around(d: Driver) -> None:
@@ -212,8 +212,8 @@ def check_dragging_looks_around(d: Driver) -> None:
         d.point(320, 350)
         before, direction = d.bare(), d.session.camera.forward
         d.button(d.glfw.PRESS, button)
-        x, y = d.app._pointer
-        d.app.on_pointer(d.app.window, x + 60, y + 5)
+        x, y = d.app.hands.pointer
+        d.app.hands.on_pointer(d.app.window, x + 60, y + 5)
         d.settle(2)
         d.button(d.glfw.RELEASE, button)
         right = np.cross(direction, [0, 0, 1])
@@ -246,7 +246,7 @@ def check_split_compares_and_its_handle_drags(d: Driver) -> None:
     half = d.bare()
     assert np.array_equal(half[:, :320], raw[:, :320]) and np.array_equal(half[:, 320:], filled[:, 320:])
     d.point(320, 300)
-    assert d.app.over_handle
+    assert d.app.hands.over_handle
     d.button(d.glfw.PRESS)
     assert d.session.dragging_handle and not d.session.looking
     d.point(200, 300)
@@ -389,10 +389,10 @@ def check_resizing_and_minimising(d: Driver) -> None:
         d.glfw.set_window_size(d.app.window, *size)
         d.until(lambda size=size: d.session.size == size)
         assert d.bare().shape == (size[1], size[0], 3) and np.array_equal(d.bare(), d.rendered())
-    d.app.on_resize(d.app.window, 0, 0)
+    d.app.hands.on_resize(d.app.window, 0, 0)
     d.settle()
     d.key("F12")
-    d.app.on_resize(d.app.window, 333, 211)
+    d.app.hands.on_resize(d.app.window, 333, 211)
     d.glfw.set_window_size(d.app.window, *SIZE)
     d.until(lambda: d.session.size == SIZE)
     assert np.array_equal(d.bare(), d.rendered())
@@ -433,6 +433,21 @@ def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
     assert d.session.settings.view == "raw" and not np.array_equal(before, d.canvas())
     assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the panel looks around"
     d.session.panel = False
+
+
+def check_neural_view_where_there_are_weights(d: Driver) -> None:
+    d.key("4")
+    assert d.session.shown_settings.view == "neural"
+    d.until(lambda: d.session.network_load is None, 60.0)
+    if d.session.message is not None:
+        assert "weights" in d.session.message.text and d.session.shown_settings.view == "filled"
+        return
+    d.until(lambda: not d.session.needs_picture)
+    assert d.session.stats["network"] and np.array_equal(d.bare(), d.rendered())
+    d.key("V")
+    assert d.session.sides == ("raw", "neural") and d.bare().std() > 5
+    d.key("V")
+    d.key("3")
 
 
 def check_no_gl_error_is_left(d: Driver) -> None:

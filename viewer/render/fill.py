@@ -4,19 +4,28 @@
 storage buffer that CUDA can map as plain memory (see shaders/fill_push.comp).
 """
 
+from typing import TYPE_CHECKING
+
 import moderngl
 
+import numpy as np
+
 from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
+from model.pull_push import STRICT_FROM, surround_levels
 from viewer.render import shader
 from viewer.render.filter import level_sizes
+from viewer.render.void import SIDE
+
+if TYPE_CHECKING:
+    from viewer.camera import Camera
 
 INPUT_BYTES = 16  # a pixel
 _CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
 
 
 class Fill:
-    """Owns the pyramid for one picture size; ``run`` fills ``filled`` (RGBA8, alpha 0 only where nothing at all is
-    measured) and, where asked, the network's input."""
+    """Owns the pyramid for one picture size; ``run`` fills ``filled`` (RGBA8, alpha 0 in the void) and, where asked, the
+    network's input."""
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int]):
         context = programs.context
@@ -27,6 +36,15 @@ class Fill:
         self._values = [context.texture(s, 4, dtype="f4") for s in sizes]
         self._weights = [context.texture(s, 1, dtype="f4") for s in sizes]
         self._pushed = [context.texture(s, 4, dtype="f4") for s in sizes[:-1]]
+        self._inside = [context.texture(s, 1, dtype="f1") for s in sizes[: min(levels, surround_levels(*size))]]
+        self._closed = context.texture((SIDE, 6 * SIDE), 1, dtype="i1", alignment=1)
+        last = len(self._inside) - 1
+        self._surround = [  # level index + 1 above the picture
+            programs.compute(
+                "fill_inside.comp", TOP=1 if index == last else None, STRICT=1 if index + 1 >= STRICT_FROM else None
+            )
+            for index in range(len(self._inside))
+        ]
         self._pull_base = programs.compute("fill_pull.comp", BASE=1, **_CONSTANTS)
         self._pull = programs.compute("fill_pull.comp", **_CONSTANTS)
         self._push = programs.compute("fill_push.comp", **_CONSTANTS)
@@ -35,9 +53,11 @@ class Fill:
             for wanted in (0, 1)
         }
 
-    def run(self, raw: moderngl.Texture, depth: moderngl.Texture, mask: moderngl.Texture, *, feature_scale: float,
-            network: moderngl.Buffer | None = None) -> None:
-        """feature_scale: 1 / (focal length in pixels x point spacing).  network: the input buffer to write, or None."""
+    def run(self, raw: moderngl.Texture, depth: moderngl.Texture, mask: moderngl.Texture, *, camera: "Camera",
+            closed: np.ndarray, spacing: float, network: moderngl.Buffer | None = None) -> None:
+        """closed: (6 SIDE, SIDE) uint8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
+        network: the input buffer to write, or None."""
+        feature_scale = 1.0 / (camera.fx * spacing)
         base = {"raw": raw, "depth": depth, "mask": mask}
         for index, (value, weight) in enumerate(zip(self._values, self._weights, strict=True)):
             inputs = {"value": self._values[index - 1], "weight": self._weights[index - 1]} if index else base
@@ -47,10 +67,18 @@ class Fill:
             inputs = {"coarse": coarse, "value": self._values[index], "weight": self._weights[index]}
             self._pass(self._push, self._pushed[index].size, [self._pushed[index]], inputs, feature_scale, is_sum)
             coarse, is_sum = self._pushed[index], 0
+        for index in range(len(self._inside) - 1, -1, -1):
+            top = index == len(self._inside) - 1
+            inputs = {"weight": self._weights[index]} | ({} if top else {"coarse_inside": self._inside[index + 1]})
+            self._pass(self._surround[index], self._inside[index].size, [self._inside[index]], inputs, feature_scale)
+        self._closed.write(closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
         push = self._push_base[0 if network is None else 1]
-        self._pass(push, self.size, [self.filled], {**base, "coarse": coarse}, feature_scale, is_sum)
+        push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
+        push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
+        inputs = {**base, "coarse": coarse, "inside": self._inside[0], "closed": self._closed}
+        self._pass(push, self.size, [self.filled], inputs, feature_scale, is_sum)
 
     def _pass(self, program: moderngl.ComputeShader, size: tuple[int, int], outputs: list[moderngl.Texture],
               inputs: dict[str, moderngl.Texture], feature_scale: float, is_sum: int = 0) -> None:
@@ -68,5 +96,5 @@ class Fill:
         self.context.memory_barrier()
 
     def release(self) -> None:
-        for resource in (self.filled, *self._values, *self._weights, *self._pushed):
+        for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed, *self._inside):
             resource.release()

@@ -16,6 +16,7 @@ from viewer.render.frame import Frame, Stages
 from viewer.render.points import PointPages
 from viewer.render.raster import RASTERISERS, Rasteriser
 from viewer.render.shader import Programs
+from viewer.render.void import Surroundings
 from viewer.settings import VIEWS, Settings
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Renderer:
         self._raster, self._device = raster, device
         self._programs = Programs(context)
         self._culler = Culler(scene)
+        self._surroundings = Surroundings(scene)
         self._pages = PointPages(context, scene, self.device.storage_limit)
         self._stages = Stages(context, software=self.device.software)
         self._rasterisers: dict[str, Rasteriser] = {}
@@ -89,7 +91,7 @@ class Renderer:
                 fill = self._fill = self._fill or Fill(self._programs, self._size)
                 stages.run("fill", lambda: fill.run(
                     rasteriser.colour, rasteriser.depth, step.mask,
-                    feature_scale=1.0 / (camera.fx * self.scene.spacing),
+                    camera=camera, closed=self._surroundings.closed(camera.position), spacing=self.scene.spacing,
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
                 if neural:

@@ -16,7 +16,8 @@ import numpy as np
 
 from viewer.errors import DeviceError, PointglassError
 from viewer.settings import Settings
-from viewer.window import capture, controls
+from viewer.window import capture
+from viewer.window.hands import Hands
 from viewer.window.present import Canvas, composite, split_column
 from viewer.window.session import Session
 
@@ -30,7 +31,6 @@ _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hov
 _NAP = 0.5  # seconds of sleep at most while idle
 _BREATH = 0.06  # seconds between interface frames while only the interface changes: a load's bar, a tooltip's delay
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
-_GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
 
 
 def run(paths: list[Path], settings: Settings) -> int:
@@ -60,10 +60,10 @@ class App:
         from imgui_bundle import imgui  # isort: skip  (before glfw: it brings the library that glfw then loads)
         import glfw  # isort: skip
 
-        self._glfw, self._imgui = glfw, imgui
+        self.glfw, self.imgui = glfw, imgui
         self._folder, self._scale = folder or Path.cwd(), scale
         self.window = _make_window(glfw, size)
-        self._address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
+        self.address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
         try:
             self._start_graphics()
         except Exception:
@@ -78,7 +78,6 @@ class App:
         self._awake_until = 0.0
         self._intervals: deque[float] = deque(maxlen=20)
         self._last_picture = 0.0
-        self._pointer = (0.0, 0.0)
         self._actions = {
             "home": self.session.go_home,
             "frame": self.session.frame_scene,
@@ -91,17 +90,16 @@ class App:
             "record": self.record,
             "help": lambda: setattr(self.session, "help", not self.session.help),
             "interface": lambda: setattr(self.session, "interface", not self.session.interface),
-            "escape": self._escape,
+            "escape": self.escape,
         }
-        self._by_key = {getattr(glfw, f"KEY_{key}"): control for key, control in controls.by_key().items()}
-        self._connect()
+        self.hands = Hands(self)
 
     def _start_graphics(self) -> None:
         from viewer.render.context import create_context
         from viewer.render.shader import Programs
         from viewer.window.theme import Theme
 
-        glfw, imgui = self._glfw, self._imgui
+        glfw, imgui = self.glfw, self.imgui
         glfw.make_context_current(self.window)
         glfw.swap_interval(1)
         self.context: moderngl.Context = create_context(headless=False)
@@ -110,134 +108,35 @@ class App:
         imgui.create_context()
         io = imgui.get_io()
         io.set_ini_filename("")
-        imgui.backends.glfw_init_for_opengl(self._address, False)
+        imgui.backends.glfw_init_for_opengl(self.address, False)
         imgui.backends.opengl3_init("#version 430")
-        self.theme = Theme(self._interface_scale())
+        self.theme = Theme(self.interface_scale())
 
-    def _interface_scale(self) -> float:
+    def interface_scale(self) -> float:
         """Interface pixels per logical pixel: the screen's scale, less what the framebuffer already brings."""
         if self._scale is not None:
             return self._scale
-        glfw = self._glfw
+        glfw = self.glfw
         width, drawn = glfw.get_window_size(self.window)[0], glfw.get_framebuffer_size(self.window)[0]
         ratio = drawn / width if width and drawn else 1.0
         return float(np.clip(glfw.get_window_content_scale(self.window)[0] / ratio, 0.75, 4.0))
 
-    # -- events ------------------------------------------------------------------------------------------------------
-
-    def _connect(self) -> None:
-        glfw, window = self._glfw, self.window
-        glfw.set_key_callback(window, self.on_key)
-        glfw.set_char_callback(window, self.on_char)
-        glfw.set_cursor_pos_callback(window, self.on_pointer)
-        glfw.set_cursor_enter_callback(window, self.on_enter)
-        glfw.set_mouse_button_callback(window, self.on_button)
-        glfw.set_scroll_callback(window, self.on_scroll)
-        glfw.set_drop_callback(window, self.on_drop)
-        glfw.set_window_focus_callback(window, self.on_focus)
-        glfw.set_framebuffer_size_callback(window, self.on_resize)
-        glfw.set_window_content_scale_callback(window, lambda *_: self.theme.rescale(self._interface_scale()))
-        glfw.set_window_refresh_callback(window, lambda _: self._wake())
-
-    def _wake(self) -> None:
+    def wake(self) -> None:
+        """Draws the interface for a few frames: something happened."""
         self._settle = _SETTLE
 
-    def on_key(self, _window, key: int, scancode: int, action: int, mods: int) -> None:
-        glfw, imgui = self._glfw, self._imgui
-        self._wake()
-        imgui.backends.glfw_key_callback(self._address, key, scancode, action, mods)
-        control = self._by_key.get(key)
-        if control is None:
-            return
-        if control.kind in ("hold", "modifier"):
-            if action == glfw.RELEASE:
-                self.session.held.discard(control.action)
-            elif action == glfw.PRESS and not imgui.get_io().want_text_input and not mods & glfw.MOD_CONTROL:
-                self.session.held.add(control.action)
-        elif action == glfw.PRESS and not imgui.get_io().want_text_input:
-            self.act(control.action)
-
-    def on_char(self, _window, character: int) -> None:
-        self._imgui.backends.glfw_char_callback(self._address, character)
-
-    def on_enter(self, _window, entered: int) -> None:
-        self._wake()
-        self._imgui.backends.glfw_cursor_enter_callback(self._address, entered)
-
-    def on_pointer(self, _window, x: float, y: float) -> None:
-        self._imgui.backends.glfw_cursor_pos_callback(self._address, x, y)
-        dx, dy = x - self._pointer[0], y - self._pointer[1]
-        self._pointer = (x, y)
-        self._wake()
-        if self._imgui.get_io().want_capture_mouse:
-            self._awake_until = perf_counter() + _LINGER
-        if self.session.dragging_handle:
-            self.session.move_split(x * self._density())
-        elif self.session.looking:
-            self.session.look(dx, dy)
-
-    def on_button(self, _window, button: int, action: int, mods: int) -> None:
-        glfw, session = self._glfw, self.session
-        self._wake()
-        self._imgui.backends.glfw_mouse_button_callback(self._address, button, action, mods)
-        if button not in (glfw.MOUSE_BUTTON_LEFT, glfw.MOUSE_BUTTON_RIGHT):
-            return
-        if action == glfw.RELEASE:
-            self._release_pointer()
-        elif not self._imgui.get_io().want_capture_mouse and session.scene is not None:
-            if button == glfw.MOUSE_BUTTON_LEFT and self.over_handle:
-                session.dragging_handle = True
-            else:
-                session.looking = True
-                glfw.set_input_mode(self.window, glfw.CURSOR, glfw.CURSOR_DISABLED)
-
-    def _release_pointer(self) -> None:
-        if self.session.looking:
-            self._glfw.set_input_mode(self.window, self._glfw.CURSOR, self._glfw.CURSOR_NORMAL)
-            self._pointer = self._glfw.get_cursor_pos(self.window)
-        self.session.looking = self.session.dragging_handle = False
-
-    @property
-    def over_handle(self) -> bool:
-        """Whether the pointer is on the line of a comparison."""
-        session = self.session
-        at = session.split_at * session.size[0] / self._density()
-        return session.split and abs(self._pointer[0] - at) <= _GRIP * self.theme.scale
-
-    def on_scroll(self, _window, dx: float, dy: float) -> None:
-        self._wake()
-        self._imgui.backends.glfw_scroll_callback(self._address, dx, dy)
-        if not self._imgui.get_io().want_capture_mouse:
-            self.session.wheel(dy)
-
-    def on_drop(self, _window, paths: list[str]) -> None:
-        self._wake()
-        if paths:
-            self.session.open([Path(path) for path in paths])
-
-    def on_focus(self, _window, focused: int) -> None:
-        self._wake()
-        self._imgui.backends.glfw_window_focus_callback(self._address, focused)
-        if not focused:
-            self._release_pointer()
-            self.session.let_go()
-
-    def on_resize(self, _window, width: int, height: int) -> None:
-        self._wake()
-        self.session.resize((width, height))
-
-    def _density(self) -> float:
-        """Framebuffer pixels per logical pixel."""
-        width = self._glfw.get_window_size(self.window)[0]
-        return self.session.size[0] / width if width else 1.0
+    def linger(self) -> None:
+        """Keeps the interface going for a moment: a tooltip waits, a dialog fades in."""
+        self._awake_until = perf_counter() + _LINGER
 
     def act(self, action: str) -> None:
         """Does what a control asks for, by the name it has in the table."""
         self._actions[action]()
 
-    def _escape(self) -> None:
+    def escape(self) -> None:
+        """Lets go of the pointer, or closes one thing."""
         if self.session.looking or self.session.dragging_handle:
-            self._release_pointer()
+            self.hands.release_pointer()
         else:
             self.session.escape()
 
@@ -245,11 +144,11 @@ class App:
 
     @property
     def closing(self) -> bool:
-        return bool(self._glfw.window_should_close(self.window))
+        return bool(self.glfw.window_should_close(self.window))
 
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
-        glfw, session = self._glfw, self.session
+        glfw, session = self.glfw, self.session
         change = session.next_change()
         stirring = session.load is not None or session.network_load is not None or perf_counter() < self._awake_until
         busy = session.needs_picture or self._settle > 0 or change == 0.0
@@ -261,9 +160,9 @@ class App:
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
         if session.message is not message:
-            self._awake_until = perf_counter() + _LINGER
+            self.linger()
         if session.advance():
-            self._wake()
+            self.wake()
         if stirring:
             self._settle = max(self._settle, 1)
         if min(session.size) == 0:
@@ -280,7 +179,7 @@ class App:
         """Puts a loaded scene on the GPU; where that fails the scene before it stays."""
         from viewer.render.renderer import Renderer
 
-        self._wake()
+        self.wake()
         try:
             renderer = Renderer(self.context, loaded.scene)
         except (PointglassError, MemoryError) as error:
@@ -291,7 +190,7 @@ class App:
         self.renderer, self._frame, self._shown = renderer, None, ()
         self.session.accept(loaded)
         self._intervals.clear()
-        self._glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
+        self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
 
     def _make_picture(self) -> None:
         session, renderer = self.session, self.renderer
@@ -338,11 +237,11 @@ class App:
     def _interface(self) -> None:
         from viewer.window import dialogs, hud, panels
 
-        imgui, session, look = self._imgui, self.session, self.theme
+        imgui, session, look = self.imgui, self.session, self.theme
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         imgui.new_frame()
-        over = self.over_handle and not imgui.get_io().want_capture_mouse
+        over = self.hands.over_handle and not imgui.get_io().want_capture_mouse
         if over or session.dragging_handle:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         if session.interface:
@@ -353,18 +252,11 @@ class App:
                 panels.draw_panel(session, look)
             hud.draw_recording(session, look)
             hud.draw_toasts(session, look)
-        dialogs.draw_help(session, look, self._key_name)
+        dialogs.draw_help(session, look, self.hands.key_name)
         dialogs.draw_load(session, look)
         dialogs.draw_message(session, look)
         imgui.render()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
-
-    def _key_name(self, control: controls.Control) -> str:
-        """What this keyboard prints on a letter's key; the table's name otherwise."""
-        if len(control.name) != 1 or not control.name.isalpha():
-            return control.name
-        key = getattr(self._glfw, f"KEY_{control.keys[0]}")
-        return (self._glfw.get_key_name(key, 0) or control.name).upper()
 
     # -- captures ----------------------------------------------------------------------------------------------------
 
@@ -423,12 +315,12 @@ class App:
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None
-        imgui = self._imgui
+        imgui = self.imgui
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()
         imgui.destroy_context()
-        self._glfw.destroy_window(self.window)
-        self._glfw.terminate()
+        self.glfw.destroy_window(self.window)
+        self.glfw.terminate()
 
 
 def _make_window(glfw, size: tuple[int, int]):

@@ -145,7 +145,9 @@ def draw_toasts(session: Session, look: Theme) -> None:
     for number, text in enumerate(reversed(lines)):
         imgui.set_next_window_pos(ImVec2(size.x / 2, bottom), 0, ImVec2(0.5, 1.0))
         imgui.begin(f"toast{number}", None, PASSIVE)
+        imgui.push_text_wrap_pos(min(px(640), 0.8 * size.x))
         imgui.text_unformatted(text)
+        imgui.pop_text_wrap_pos()
         bottom -= imgui.get_window_height() + px(8)
         imgui.end()
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from viewer.cloud.scene import Scene
 
 TOAST_SECONDS = 4.0
+_NOTE_SECONDS = 10.0
 SLOW_NETWORK = 150.0
 """Milliseconds of network a frame from which on flying shows the filled view, and the neural one at rest."""
 _REST = 0.25  # seconds without a change of camera that count as rest
@@ -361,6 +362,11 @@ class Session:
         width, height = self.size if min(self.size) > 0 else (16, 9)
         self.fly = self.home = start_state(loaded.scene, loaded.seen, width / height)
         self.stats, self.dirty, self._drawn, self._moved = None, True, (), self._clock() - _REST
+        meta = loaded.scene.meta
+        colour = meta.get("colour") or {}
+        notes = [] if colour.get("source", "rgb") == "rgb" else [str(colour.get("note") or f"colour: {colour['source']}")]
+        for note in [*notes, *meta.get("warnings", [])][:3]:
+            self.toast(note[:1].upper() + note[1:], seconds=_NOTE_SECONDS)
 
     @property
     def title(self) -> str:
@@ -375,6 +381,8 @@ class Session:
         self.cancel_load()
         for work in self._abandoned:
             work.join(15.0)
+        if self.network_load is not None:
+            self.network_load.join(15.0)
 
     # -- messages ----------------------------------------------------------------------------------------------------
 

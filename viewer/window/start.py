@@ -27,7 +27,8 @@ _CROSSING = 12.0  # seconds to fly across the scene
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """points: (n, 3) float64.  lit: (n,) bool, not black: nobody photographed the black ones.  low, high: (3,) float64, where 98 % of them lie along each axis.
+    """points: (n, 3) float64.  lit: (n,) bool, not black: nobody photographed the black ones.
+    low, high: (3,) float64, where 98 % of them lie along each axis.
     spacing, metre, speed: file units (a second).  limits: slowest and fastest flying speed."""
 
     points: np.ndarray

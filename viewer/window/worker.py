@@ -12,7 +12,8 @@ from viewer.progress import set_sink
 class Worker:
     """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) when it has ended.
 
-    title: what it is all about.  label, done, total: the latest progress (total 0: unknown).  finished: result or error are there.
+    title: what it is all about.  label, done, total: the latest progress (total 0: unknown).
+    finished: result or error are there.
     error: the one line a person reads, or None.  cancelled: asked to stop; its result must not be used.
     """
 
