@@ -195,7 +195,7 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
     made.advance()
     assert made.views == ("filled",)
     made.drew(made.views, stats())
-    assert "filled shown for neural while moving" in made.approximations
+    assert "filled while moving" in made.approximations
     made.held.clear()
     for _ in range(200):
         clock.now += 1 / 60
@@ -222,7 +222,7 @@ def test_what_is_odd_about_a_scan_is_said():
     scene.meta["warnings"].append("3 points without coordinates left out")
     made.accept(Loaded(scene, survey(scene)))
     assert [toast.text for toast in made.toasts] == [
-        "No colour in the file; showing intensity", "3 points without coordinates left out",
+        "no colour in the file; showing intensity", "3 points without coordinates left out",
     ]  # fmt: skip
 
 

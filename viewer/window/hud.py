@@ -125,7 +125,7 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
         draw.add_triangle_filled(
             ImVec2(tip, middle), ImVec2(wing, middle - side * px(5)), ImVec2(wing, middle + side * px(5)), packed(line)
         )
-    for view, side in zip(session.sides, (-1, 1)):
+    for view, side in zip(session.drawn, (-1, 1)):
         text = imgui.calc_text_size(view)
         pad, gap = ImVec2(px(10), px(5)), px(14)
         left = x - gap - text.x - 2 * pad.x if side < 0 else x + gap

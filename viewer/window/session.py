@@ -143,6 +143,11 @@ class Session:
         return tuple(self.stand_in(view) for view in self.sides)
 
     @property
+    def drawn(self) -> tuple[str, ...]:
+        """The views on the screen, in the order of ``sides``; those to come where there is no picture yet."""
+        return self._drawn if len(self._drawn) == len(self.sides) else self.sides
+
+    @property
     def needs_picture(self) -> bool:
         """Whether the picture on the screen is not the one to be shown."""
         return self.scene is not None and min(self.size) > 0 and (self.dirty or self._drawn != self.views)
@@ -173,7 +178,7 @@ class Session:
         """Everything about the picture on the screen that is not exact, in words."""
         made = list(self.stats["approximations"]) if self.stats else []
         if self._drawn != self.sides and "neural" in self.sides:
-            made.append("filled shown for neural while moving")
+            made.append("filled while moving")
         return made
 
     # -- time and movement -------------------------------------------------------------------------------------------
@@ -362,11 +367,8 @@ class Session:
         width, height = self.size if min(self.size) > 0 else (16, 9)
         self.fly = self.home = start_state(loaded.scene, loaded.seen, width / height)
         self.stats, self.dirty, self._drawn, self._moved = None, True, (), self._clock() - _REST
-        meta = loaded.scene.meta
-        colour = meta.get("colour") or {}
-        notes = [] if colour.get("source", "rgb") == "rgb" else [str(colour.get("note") or f"colour: {colour['source']}")]
-        for note in [*notes, *meta.get("warnings", [])][:3]:
-            self.toast(note[:1].upper() + note[1:], seconds=_NOTE_SECONDS)
+        for note in _notes(loaded.scene.meta)[:3]:
+            self.toast(note, seconds=_NOTE_SECONDS)
 
     @property
     def title(self) -> str:
@@ -411,6 +413,14 @@ def start_camera(scene: "Scene", width: int, height: int) -> Camera:
     """The camera a visit to ``scene`` begins with, width and height in pixels."""
     state = start_state(scene, survey(scene), width / height)
     return from_fov(width, height, FIELD_OF_VIEW, state.camera_to_world)
+
+
+def _notes(meta: dict) -> list[str]:
+    """What a person should know about a scan: the reader's warnings, and where its colours are from if not from it."""
+    notes, colour = list(meta.get("warnings", [])), meta.get("colour") or {}
+    if colour.get("source", "rgb") != "rgb" and not any("colour" in note for note in notes):
+        notes.insert(0, str(colour.get("note") or f"coloured by {colour['source']}"))
+    return notes
 
 
 def _network_key(settings: Settings) -> tuple:

@@ -1,0 +1,316 @@
+"""Rays against boxes, cylinders, capsules, ellipsoids and quads: the numba kernels below every synthetic place.
+
+A place is a struct of arrays, `Shapes`: each primitive has a local frame (world -> local rotation and a centre) in which
+it is axis-aligned, a kind and four numbers.  A bounding volume hierarchy with one primitive per leaf lies over them.
+Frame: world metres.  Ray directions are unit vectors, so that t is metres; float64 throughout.
+
+kind      params                             local shape
+BOX       hx, hy, hz                         |x| <= hx, |y| <= hy, |z| <= hz
+ROUND     hx, hy, hz, r                      the same box with edges rounded by r (sphere traced)
+CYLINDER  r0, r1, h, caps                    radius r0 at z = -h to r1 at z = h; with end discs where caps > 0
+CAPSULE   r, h                               all within r of the segment z = -h .. h
+SPHERE    rx, ry, rz                         ellipsoid
+QUAD      hx, hy, outline                    in z = 0; outline 0 rectangle, 1 ellipse, 2 leaf (pointed at x = -hx, hx)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)
+EPSILON = 1e-6  # metres: hits nearer than this are the surface that the ray leaves
+_STACK = 64
+
+
+@dataclass(frozen=True)
+class Shapes:
+    """P primitives and their hierarchy.
+
+    kind (P,) int64; params (P,4); centre (P,3); rotation (P,3,3) world -> local; casts (P,) bool: stops light;
+    lows, highs (M,3): boxes of the M nodes; links (M,2) int64: the two children, or (-1 - primitive, 0) at a leaf.
+    """
+
+    kind: np.ndarray
+    params: np.ndarray
+    centre: np.ndarray
+    rotation: np.ndarray
+    casts: np.ndarray
+    lows: np.ndarray
+    highs: np.ndarray
+    links: np.ndarray
+
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """What every kernel takes, in order."""
+        return (self.kind, self.params, self.centre, self.rotation, self.casts, self.lows, self.highs, self.links)
+
+    def trace(self, origins: np.ndarray, directions: np.ndarray):
+        """Nearest hits of N rays.  origins, directions: (N,3) float64, directions of unit length.
+
+        Returns t (N,) metres, inf where nothing is hit; primitive (N,) int64, -1 there; normal (N,3) world, towards
+        the ray's origin; uv (N,2) metres on the face hit (see `_surface`).
+        """
+        origins = np.ascontiguousarray(origins, np.float64)
+        directions = np.ascontiguousarray(directions, np.float64)
+        return trace_rays(origins, directions, *self.arrays())
+
+
+def half_extents(kind: np.ndarray, params: np.ndarray) -> np.ndarray:
+    """(P,3): half the size of each primitive along its local axes, metres."""
+    p = np.asarray(params, np.float64)
+    radius = np.maximum(p[:, 0], p[:, 1])
+    out = p[:, :3].copy()
+    out[kind == CYLINDER] = np.stack([radius, radius, p[:, 2]], 1)[kind == CYLINDER]
+    out[kind == CAPSULE] = np.stack([p[:, 0], p[:, 0], p[:, 0] + p[:, 1]], 1)[kind == CAPSULE]
+    out[kind == QUAD] = np.stack([p[:, 0], p[:, 1], 0 * radius], 1)[kind == QUAD]
+    return out
+
+
+def make_shapes(kind, params, centre, rotation, casts=None) -> Shapes:
+    """Checks nothing, copies all; builds the hierarchy by median splits along the longest side of the centres."""
+    kind = np.asarray(kind, np.int64)
+    params, centre = np.array(params, np.float64), np.array(centre, np.float64)
+    rotation = np.array(rotation, np.float64)
+    casts = np.ones(len(kind), bool) if casts is None else np.array(casts, bool)
+    reach = np.einsum("pji,pj->pi", np.abs(rotation), half_extents(kind, params)) + 1e-9
+    low, high = centre - reach, centre + reach
+    lows, highs, links = [], [], []
+
+    def node(members: np.ndarray) -> int:
+        index = len(links)
+        lows.append(low[members].min(0))
+        highs.append(high[members].max(0))
+        links.append((-1 - int(members[0]), 0))
+        if len(members) > 1:
+            axis = int(np.ptp(centre[members], 0).argmax())
+            order = members[np.argsort(centre[members, axis], kind="stable")]
+            half = len(order) // 2
+            links[index] = (node(order[:half]), node(order[half:]))
+        return index
+
+    node(np.arange(len(kind)))
+    return Shapes(kind, params, centre, rotation, casts, np.array(lows), np.array(highs), np.array(links, np.int64))
+
+
+@njit(nogil=True, cache=True)
+def _box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz):
+    """Where a ray enters and leaves the box |x| <= hx, ...: (near, far), near > far where it misses."""
+    near, far = -np.inf, np.inf
+    for axis in range(3):
+        o, d, h = (ox, dx, hx) if axis == 0 else ((oy, dy, hy) if axis == 1 else (oz, dz, hz))
+        if d == 0.0:
+            if abs(o) > h:
+                return np.inf, -np.inf
+        else:
+            a, b = (-h - o) / d, (h - o) / d
+            near, far = max(near, min(a, b)), min(far, max(a, b))
+    return near, far
+
+
+@njit(nogil=True, cache=True)
+def _hit_tube(ox, oy, oz, dx, dy, dz, r0, r1, h, caps):
+    """First t > EPSILON on the side of a cone frustum, and on its end discs where ``caps``; inf for none."""
+    best = np.inf
+    m, k = 0.5 * (r0 + r1), 0.5 * (r1 - r0) / h
+    w, g = m + k * oz, k * dz
+    a = dx * dx + dy * dy - g * g
+    b = ox * dx + oy * dy - w * g
+    c = ox * ox + oy * oy - w * w
+    disc = b * b - a * c
+    if disc >= 0.0 and abs(a) > 1e-15:
+        root = np.sqrt(disc)
+        for sign in (-1.0, 1.0):
+            t = (-b + sign * root) / a
+            if EPSILON < t < best and abs(oz + t * dz) <= h:
+                best = t
+    if caps > 0.0 and dz != 0.0:
+        for end in (-1.0, 1.0):
+            t = (end * h - oz) / dz
+            r = r0 if end < 0.0 else r1
+            if EPSILON < t < best and (ox + t * dx) ** 2 + (oy + t * dy) ** 2 <= r * r:
+                best = t
+    return best
+
+
+@njit(nogil=True, cache=True)
+def _hit_ellipsoid(ox, oy, oz, dx, dy, dz, rx, ry, rz):
+    """First t > EPSILON on an ellipsoid; inf for none."""
+    ox, oy, oz, dx, dy, dz = ox / rx, oy / ry, oz / rz, dx / rx, dy / ry, dz / rz
+    a, b, c = dx * dx + dy * dy + dz * dz, ox * dx + oy * dy + oz * dz, ox * ox + oy * oy + oz * oz - 1.0
+    disc = b * b - a * c
+    if disc < 0.0:
+        return np.inf
+    root = np.sqrt(disc)
+    if (-b - root) / a > EPSILON:
+        return (-b - root) / a
+    return (-b + root) / a if (-b + root) / a > EPSILON else np.inf
+
+
+@njit(nogil=True, cache=True)
+def _hit_round(ox, oy, oz, dx, dy, dz, hx, hy, hz, r):
+    """First t on a rounded box, by sphere tracing between the plain box's two faces; inf for none."""
+    near, far = _box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz)
+    t = max(near, EPSILON)
+    for _ in range(96):
+        if not t < far:
+            break
+        qx = max(abs(ox + t * dx) - hx + r, 0.0)
+        qy = max(abs(oy + t * dy) - hy + r, 0.0)
+        qz = max(abs(oz + t * dz) - hz + r, 0.0)
+        gap = np.sqrt(qx * qx + qy * qy + qz * qz) - r
+        if gap < 2e-5:
+            return t
+        t += gap
+    return np.inf
+
+
+@njit(nogil=True, cache=True)
+def _hit_quad(ox, oy, oz, dx, dy, dz, hx, hy, outline):
+    """t where the ray passes through the outline in z = 0; inf for none."""
+    if dz == 0.0 or -oz / dz <= EPSILON:
+        return np.inf
+    t = -oz / dz
+    x, y = (ox + t * dx) / hx, (oy + t * dy) / hy
+    if outline == 1.0:
+        inside = x * x + y * y <= 1.0
+    elif outline == 2.0:
+        inside = abs(x) <= 1.0 and abs(y) <= 1.0 - x * x
+    else:
+        inside = abs(x) <= 1.0 and abs(y) <= 1.0
+    return t if inside else np.inf
+
+
+@njit(nogil=True, cache=True)
+def _hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
+    """t of a world ray on primitive i; inf for none."""
+    px, py, pz = px - centre[i, 0], py - centre[i, 1], pz - centre[i, 2]
+    ox = rotation[i, 0, 0] * px + rotation[i, 0, 1] * py + rotation[i, 0, 2] * pz
+    oy = rotation[i, 1, 0] * px + rotation[i, 1, 1] * py + rotation[i, 1, 2] * pz
+    oz = rotation[i, 2, 0] * px + rotation[i, 2, 1] * py + rotation[i, 2, 2] * pz
+    dx = rotation[i, 0, 0] * vx + rotation[i, 0, 1] * vy + rotation[i, 0, 2] * vz
+    dy = rotation[i, 1, 0] * vx + rotation[i, 1, 1] * vy + rotation[i, 1, 2] * vz
+    dz = rotation[i, 2, 0] * vx + rotation[i, 2, 1] * vy + rotation[i, 2, 2] * vz
+    p0, p1, p2, p3 = params[i, 0], params[i, 1], params[i, 2], params[i, 3]
+    k = kind[i]
+    if k == BOX:
+        near, far = _box_span(ox, oy, oz, dx, dy, dz, p0, p1, p2)
+        if near > far or far <= EPSILON:
+            return np.inf
+        return near if near > EPSILON else far
+    if k == QUAD:
+        return _hit_quad(ox, oy, oz, dx, dy, dz, p0, p1, p2)
+    if k == CYLINDER:
+        return _hit_tube(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
+    if k == SPHERE:
+        return _hit_ellipsoid(ox, oy, oz, dx, dy, dz, p0, p1, p2)
+    if k == ROUND:
+        return _hit_round(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
+    best = _hit_tube(ox, oy, oz, dx, dy, dz, p0, p0, p1, 0.0)
+    for end in (-p1, p1):
+        t = _hit_ellipsoid(ox, oy, oz - end, dx, dy, dz, p0, p0, p0)
+        if t < best and (oz + t * dz) * np.sign(end) >= p1:
+            best = t
+    return best
+
+
+@njit(nogil=True, cache=True)
+def nearest(ox, oy, oz, dx, dy, dz, limit, shadow, kind, params, centre, rotation, casts, lows, highs, links):
+    """(t, primitive) of the nearest hit before ``limit``, (limit, -1) for none.
+
+    With ``shadow`` it returns the first hit found on a primitive that casts shadows, whichever it is.
+    """
+    stack = np.empty(_STACK, np.int64)
+    stack[0] = 0
+    depth, best, found = 1, limit, -1
+    ix = 1.0 / dx if dx != 0.0 else 1e300
+    iy = 1.0 / dy if dy != 0.0 else 1e300
+    iz = 1.0 / dz if dz != 0.0 else 1e300
+    while depth > 0:
+        depth -= 1
+        n = stack[depth]
+        ax, bx = (lows[n, 0] - ox) * ix, (highs[n, 0] - ox) * ix
+        ay, by = (lows[n, 1] - oy) * iy, (highs[n, 1] - oy) * iy
+        az, bz = (lows[n, 2] - oz) * iz, (highs[n, 2] - oz) * iz
+        near = max(max(min(ax, bx), min(ay, by)), max(min(az, bz), 0.0))
+        if near > min(min(max(ax, bx), max(ay, by)), min(max(az, bz), best)):
+            continue
+        left = links[n, 0]
+        if left >= 0:
+            stack[depth], stack[depth + 1] = left, links[n, 1]
+            depth += 2
+            continue
+        i = -1 - left
+        if shadow and not casts[i]:
+            continue
+        t = _hit(i, ox, oy, oz, dx, dy, dz, kind, params, centre, rotation)
+        if t < best:
+            best, found = t, i
+            if shadow:
+                break
+    return best, found
+
+
+@njit(nogil=True, cache=True)
+def _surface(k, x, y, z, p0, p1, p2, p3):
+    """Outward local normal and uv (metres) at a local surface point.
+
+    A flat face has the two other coordinates, in order, as uv; a round one arc length around z, and z.
+    """
+    if k == QUAD:
+        return 0.0, 0.0, 1.0, x, y
+    if k == BOX or k == ROUND:
+        r = p3 if k == ROUND else 0.0
+        nx, ny, nz = abs(x) - p0, abs(y) - p1, abs(z) - p2
+        if k == ROUND:
+            nx, ny, nz = max(nx + r, 0.0), max(ny + r, 0.0), max(nz + r, 0.0)
+        face = 0 if nx >= ny and nx >= nz else (1 if ny >= nz else 2)
+        u, v = (y, z) if face == 0 else ((x, z) if face == 1 else (x, y))
+        if k == BOX:
+            nx, ny, nz = float(face == 0), float(face == 1), float(face == 2)
+        length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+        sx, sy, sz = (-1.0 if x < 0 else 1.0), (-1.0 if y < 0 else 1.0), (-1.0 if z < 0 else 1.0)
+        return sx * nx / length, sy * ny / length, sz * nz / length, u, v
+    angle = np.arctan2(y, x)
+    if k == CYLINDER:
+        if p3 > 0.0 and abs(z) > p2 - 1e-7:
+            return 0.0, 0.0, np.sign(z), x, y
+        slope = 0.5 * (p1 - p0) / p2
+        length = np.sqrt(1.0 + slope * slope)
+        return np.cos(angle) / length, np.sin(angle) / length, -slope / length, angle * 0.5 * (p0 + p1), z
+    if k == CAPSULE:
+        axial = z - min(max(z, -p1), p1)
+        return x / p0, y / p0, axial / p0, angle * p0, z
+    nx, ny, nz = x / (p0 * p0), y / (p1 * p1), z / (p2 * p2)
+    length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
+    return nx / length, ny / length, nz / length, angle * p0, z
+
+
+@njit(nogil=True, cache=True)
+def trace_rays(origins, directions, kind, params, centre, rotation, casts, lows, highs, links):
+    """The kernel of `Shapes.trace`."""
+    n = len(origins)
+    ts, primitives = np.empty(n), np.empty(n, np.int64)
+    normals, uvs = np.zeros((n, 3)), np.zeros((n, 2))
+    for j in range(n):
+        o, d = origins[j], directions[j]
+        t, i = nearest(
+            o[0], o[1], o[2], d[0], d[1], d[2], np.inf, False, kind, params, centre, rotation, casts, lows, highs, links
+        )
+        ts[j], primitives[j] = t, i
+        if i < 0:
+            continue
+        local = np.zeros(3)
+        for a in range(3):
+            for b in range(3):
+                local[a] += rotation[i, a, b] * (o[b] + t * d[b] - centre[i, b])
+        nx, ny, nz, u, v = _surface(
+            kind[i], local[0], local[1], local[2], params[i, 0], params[i, 1], params[i, 2], params[i, 3]
+        )
+        facing = 0.0
+        for a in range(3):
+            normals[j, a] = rotation[i, 0, a] * nx + rotation[i, 1, a] * ny + rotation[i, 2, a] * nz
+            facing += normals[j, a] * d[a]
+        if facing > 0.0:
+            normals[j] = -normals[j]
+        uvs[j, 0], uvs[j, 1] = u, v
+    return ts, primitives, normals, uvs
