@@ -5,7 +5,8 @@ nearest values (max of w) it counts how many level-0 pixels support each block's
 hidden if the eight blocks around its own hold, in every direction, something clearly nearer: for each two
 consecutive blocks of the ring at least one.  "Clearly" allows a relative tolerance and the slope of the surrounding
 surface.  A level only speaks where the surface in front is so sparse that a gap of one finer block could be
-chance; where it is dense, a gap is a real opening and coarser levels keep silent.  At a silhouette the nearer surface lies
+chance (or the block holds that surface itself); where it is dense, a gap is a real opening and coarser levels keep
+silent.  At a silhouette the nearer surface lies
 on one side only, so the background beside it stays, however coarse the level.  No threshold carries a unit.
 
 ``paper-code`` follows the published program, ``paper-text`` the paper's description (Vanherck et al. 2025, "Depth
@@ -26,6 +27,7 @@ SLOPE = 0.5  # of a block's slope, both axes summed, allowed on top
 SAME_SURFACE = 0.02  # of inverse depth: children this close belong to the block's front surface
 TWIST = 0.015  # of inverse depth: four children this close to a plane may differ by that plane's slope
 SUPPORT = 1.75  # expected points in a finer block above which that block's emptiness is no chance
+SUPPORT_SHARED = 2.5  # the same for blocks that hold the nearer surface themselves: no opening shows there
 
 EMPTY = 1e30  # what the published code reads as depth where there is none
 PARENT_RATIO = 0.025
@@ -80,11 +82,13 @@ def _hiding_threshold(near: Tensor, support: Tensor, strength: float) -> Tensor:
     slope = _slope(((east, west), (north_east, north_west), (south_east, south_west)))
     slope = slope + _slope(((south, north), (south_west, north_west), (south_east, north_east)))
     limit = front * (1.0 - SAME_SURFACE)
-    count = torch.where(near >= limit, support, torch.zeros_like(support))
+    shared = near >= limit
+    count = torch.where(shared, support, torch.zeros_like(support))
     for w, n in zip(ring, counts, strict=True):
         count = count + torch.where(w >= limit, n, torch.zeros_like(n))
     threshold = front * (1.0 - TOLERANCE * strength) - slope * (SLOPE * strength)
-    return torch.where(count < 36.0 * SUPPORT, threshold.clamp_min(0.0), torch.zeros_like(threshold))
+    sparse = (count < 36.0 * SUPPORT) | (shared & (count < 36.0 * SUPPORT_SHARED))  # nine blocks of four finer ones
+    return torch.where(sparse, threshold.clamp_min(0.0), torch.zeros_like(threshold))
 
 
 def _slope(pairs) -> Tensor:

@@ -41,7 +41,8 @@ float hiding_threshold(ivec2 at, ivec2 extent, vec2 own) {
     float across = narrower(narrower(narrower(EMPTY, e.x, w.x), ne.x, nw.x), se.x, sw.x);
     float along = narrower(narrower(narrower(EMPTY, s.x, n.x), sw.x, nw.x), se.x, ne.x);
     precise float limit = front * SAME_SURFACE_FACTOR;
-    float count = own.x >= limit ? own.y : 0.0;
+    bool shared_surface = own.x >= limit;
+    float count = shared_surface ? own.y : 0.0;
     count += e.x >= limit ? e.y : 0.0;
     count += se.x >= limit ? se.y : 0.0;
     count += s.x >= limit ? s.y : 0.0;
@@ -52,7 +53,8 @@ float hiding_threshold(ivec2 at, ivec2 extent, vec2 own) {
     count += ne.x >= limit ? ne.y : 0.0;
     precise float slope = (across + along) * tolerance.y;
     precise float value = front * tolerance.x - slope;
-    return count < SUPPORT_LIMIT ? max(value, 0.0) : 0.0;
+    bool sparse = count < SUPPORT_LIMIT || (shared_surface && count < SUPPORT_LIMIT_SHARED);
+    return sparse ? max(value, 0.0) : 0.0;
 }
 
 void main() {

@@ -14,6 +14,7 @@ _SHARED = {
     "TWIST": twin.TWIST,
     "SAME_SURFACE_FACTOR": 1.0 - twin.SAME_SURFACE,
     "SUPPORT_LIMIT": 36.0 * twin.SUPPORT,
+    "SUPPORT_LIMIT_SHARED": 36.0 * twin.SUPPORT_SHARED,
 }
 
 

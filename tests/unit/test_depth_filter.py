@@ -1,0 +1,116 @@
+"""The depth filter's claims, in torch, without OpenGL: what it keeps, what it drops, and that no unit enters it."""
+
+import numpy as np
+import pytest
+import torch
+
+from model.data.pairs import project_scan
+from model.data.stations import load_scene, scan_stations
+from model.depth_filter import keep_mask
+from model.evaluate import true_visibility
+from model.project import SoftZ, rasterise
+from model.pyramid import bilinear, half, parents, quads
+
+SIZE = (240, 320)
+
+
+def two_layers(front_share: float, near: float, far: float, seed: int, scale: float = 1.0):
+    """A near plane covering the left two thirds at ``front_share`` points a pixel, a dense far plane behind it all.
+    Returns depth (H, W), and which pixels show near, leaked far and open far."""
+    rng = np.random.default_rng(seed)
+    h, w = SIZE
+    front = (rng.random(SIZE) < front_share) & (np.arange(w) < 2 * w // 3)
+    depth = np.where(front, near, far).astype(np.float32)
+    covered = np.broadcast_to(np.arange(w) < 2 * w // 3, SIZE)
+    return torch.from_numpy(depth * np.float32(scale)), front, covered & ~front, ~covered
+
+
+@pytest.mark.parametrize("share", [0.9, 0.5, 0.2, 0.1])
+@pytest.mark.parametrize("distance", [1.0, 8.0, 60.0])
+def test_auto_drops_what_shows_through_and_keeps_what_is_seen(share, distance):
+    depth, near, leaked, open_far = two_layers(share, distance, 1.5 * distance, seed=3)
+    keep = keep_mask(depth).numpy()
+    assert keep[near].all()
+    assert keep[leaked].mean() < {0.9: 0.03, 0.5: 0.05, 0.2: 0.08, 0.1: 0.25}[share]
+    assert keep[open_far].mean() > 0.97  # beside the silhouette too
+
+
+@pytest.mark.parametrize("distance", [2.0, 10.0, 40.0, 60.0])
+def test_auto_keeps_a_bare_floor_at_any_distance(distance):
+    """A plane is affine in inverse depth: nothing of a dense floor seen at a grazing angle may go."""
+    h, w = SIZE
+    rows = np.arange(h)[:, None] + 0.5
+    inverse = np.broadcast_to((rows / h) * 0.9 + 0.1, SIZE) / distance
+    assert keep_mask(torch.from_numpy((1 / inverse).astype(np.float32))).float().mean() > 0.999
+
+
+@pytest.mark.parametrize("preset", ["auto", "paper-text"])
+@pytest.mark.parametrize("scale", [2.0**-12, 2.0**10, 1e-3, 1e6])
+def test_scale_changes_no_pixel(preset, scale):
+    """Exactly so for powers of two, and but for rounding ties for the rest."""
+    reference = keep_mask(two_layers(0.3, 2.0, 3.0, 5)[0], preset)
+    scaled = keep_mask(two_layers(0.3, 2.0, 3.0, 5, scale)[0], preset)
+    assert (reference != scaled).sum() <= (0 if np.log2(scale) % 1 == 0 else 2)
+
+
+def test_a_smaller_strength_keeps_fewer():
+    rng = np.random.default_rng(1)
+    depth = torch.from_numpy((2 + 0.06 * rng.random(SIZE)).astype(np.float32))
+    for preset in ("auto", "paper-code", "paper-text", "npbg++"):
+        kept = [int(keep_mask(depth, preset, strength=s).sum()) for s in (0.1, 1.0, 10.0)]
+        assert kept[0] <= kept[1] <= kept[2] and kept[0] < kept[2], preset
+
+
+@pytest.mark.parametrize("preset", ["auto", "paper-code", "paper-text", "npbg++", "off"])
+def test_empty_stays_empty_and_a_lone_point_stays(preset):
+    depth = torch.full(SIZE, torch.inf)
+    assert not keep_mask(depth, preset).any()
+    depth[100, 77] = 3.0
+    assert keep_mask(depth, preset).nonzero().tolist() == [[100, 77]]
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 4), (13, 31)])
+def test_pyramid_steps_equal_a_plain_loop(shape):
+    rng = np.random.default_rng(0)
+    image = torch.from_numpy(rng.random(shape))
+    h, w = half(shape[0]), half(shape[1])
+    a, b, c, d = quads(image, -1.0)
+    for y in range(h):
+        for x in range(w):
+            block = [image[2 * y + j, 2 * x + i] if 2 * y + j < shape[0] and 2 * x + i < shape[1] else -1.0
+                     for j in (0, 1) for i in (0, 1)]
+            assert [float(q[y, x]) for q in (a, b, c, d)] == [float(v) for v in block]
+    coarse = torch.from_numpy(rng.random((h, w)))
+    fine, own = bilinear(coarse, *shape), parents(coarse, *shape)
+    for y in range(shape[0]):
+        for x in range(shape[1]):
+            assert own[y, x] == coarse[y // 2, x // 2]
+            ny = min(max(y // 2 + (1 if y % 2 else -1), 0), h - 1)
+            nx = min(max(x // 2 + (1 if x % 2 else -1), 0), w - 1)
+            py, px = y // 2, x // 2
+            expected = (9 * coarse[py, px] + 3 * coarse[py, nx] + 3 * coarse[ny, px] + coarse[ny, nx]) / 16
+            assert abs(float(fine[y, x] - expected)) < 1e-12
+
+
+@pytest.mark.slow
+def test_auto_is_above_the_papers_filter_on_real_rooms(shared_data):
+    """Against true visibility at densities from 100 % to 3 %: F1 of kept and dropped pixels, the mean of four views."""
+    scores: dict[tuple[str, float], list[float]] = {}
+    for room in ("living-room-2", "kitchen"):
+        scene = load_scene(shared_data / "renders" / room)
+        scan = scan_stations(scene, 1)
+        for number in (0, 14):
+            shot = scene.views[number]
+            seen = project_scan(scan, shot)
+            truth = torch.from_numpy(shot.depth())
+            for density in (1.0, 0.3, 0.1, 0.03):
+                keep = seen.rank < density
+                soft = SoftZ(1 / 128, 0.005 / density**0.5)
+                raster = rasterise(seen.index[keep], seen.z[keep], seen.rgb[keep], shot.width, shot.height, soft)
+                visible, hidden = true_visibility(raster.depth, truth)
+                for preset in ("auto", "paper-code"):
+                    kept = keep_mask(raster.depth, preset)
+                    hits, leaks, lost = (kept & visible).sum(), (kept & hidden).sum(), (~kept & visible).sum()
+                    scores.setdefault((preset, density), []).append(float(2 * hits / (2 * hits + leaks + lost)))
+    for density in (1.0, 0.3, 0.1, 0.03):
+        assert np.mean(scores["auto", density]) > np.mean(scores["paper-code", density]), (density, scores)

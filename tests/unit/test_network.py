@@ -1,0 +1,171 @@
+"""Networks, weights, inference and training: shapes, files, precision, resume."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from rooms import make_room
+from safetensors.torch import save_file
+
+from model.data.pairs import build
+from model.data.stations import DataError, ScanModel, load_scene, scan_stations
+from model.evaluate import evaluate, format_table
+from model.metrics import psnr, psnr_after_gain, ssim
+from model.reconstruct import Reconstructor, fast_precision
+from model.train import TrainConfig, train
+from model.unet import SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network
+from model.weights import WeightsError, load_weights, save_weights, shipped, weights_dir
+
+
+@pytest.mark.parametrize("size", [(1, 1), (31, 17), (64, 48)])
+def test_an_untrained_network_returns_the_filled_picture_at_any_size(size):
+    x = torch.rand(2, 5, *size)
+    assert torch.equal(CompactUNet(Size((8, 8, 16), 1)).eval()(x), x[:, :3])
+
+
+def test_the_papers_network_is_the_papers():
+    network = PaperUNet()
+    assert sum(p.numel() for p in network.parameters()) == 31_038_915
+    assert mac_per_pixel(PaperUNet(8)) > 0 and mac_per_pixel(network, 32) == 736_256
+    assert PaperUNet(4).eval()(torch.rand(1, 5, 33, 50)).shape == (1, 3, 33, 50)
+
+
+def test_weights_come_back_as_written(tmp_path):
+    network = make_network("fast")
+    path = tmp_path / "w.safetensors"
+    save_weights(path, network, "fast", filtered=True, notes={"step": 3})
+    again, header = load_weights(path)
+    assert header["quality"] == "fast" and json.loads(header["notes"]) == {"step": 3}
+    for (name, a), b in zip(network.state_dict().items(), again.state_dict().values(), strict=True):
+        assert torch.equal(a.half().float(), b), name
+    assert not list(tmp_path.glob("*.partial"))
+
+
+def _bad_weights(folder):
+    good = {k: v.half() for k, v in make_network("fast").state_dict().items()}
+    header = {"format": "pointglass-weights-1", "quality": "fast"}
+    save_file({"a": torch.zeros(2)}, str(folder / "foreign.safetensors"))
+    save_file({"a": torch.zeros(2)}, str(folder / "names.safetensors"), header)
+    save_file({**good, "head.bias": torch.zeros(5)}, str(folder / "shape.safetensors"), header)
+    save_file({**good, "head.bias": torch.full_like(good["head.bias"], float("nan"))}, str(folder / "nan.safetensors"), header)
+    save_file(good, str(folder / "size.safetensors"), {**header, "quality": "enormous"})
+    (folder / "text.safetensors").write_text("not weights")
+    (folder / "empty.safetensors").write_bytes(b"")
+
+
+@pytest.mark.parametrize("name, said", [
+    ("foreign", "not pointglass weights"), ("names", "its tensors are not those"), ("shape", "another shape"),
+    ("nan", "not finite"), ("size", "unknown network"), ("text", "cannot be read"), ("empty", "cannot be read"),
+    ("missing", "no such weights"),
+])
+def test_bad_weights_are_refused_by_name(tmp_path, name, said):
+    _bad_weights(tmp_path)
+    with pytest.raises(WeightsError, match=said) as caught:
+        load_weights(tmp_path / f"{name}.safetensors")
+    assert name in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_shipped_weights_load_and_improve_on_nothing_silently():
+    assert "balanced-filtered" in shipped()
+    for name in shipped():
+        network, header = load_weights(weights_dir() / f"{name}.safetensors")
+        assert name == f"{header['quality']}-{header['input']}"
+        assert network(torch.rand(1, 5, 40, 30)).isfinite().all()
+
+
+@pytest.mark.parametrize("precision", ["fp32", "bf16"])
+@pytest.mark.parametrize("kind", ["random", "empty", "full", "checkerboard", "single point", "extreme"])
+def test_inference_is_finite_in_range_and_close_to_fp32(precision, kind):
+    rng = np.random.default_rng(1)
+    packed = np.zeros((50, 70, 8), np.float16)
+    packed[..., :3] = rng.random((50, 70, 3))
+    packed[..., 3] = {"empty": 0.0, "full": 1.0, "checkerboard": np.indices((50, 70)).sum(0) % 2}.get(
+        kind, rng.random((50, 70)) < 0.3)
+    packed[..., 4] = 2.0 if kind == "extreme" else rng.uniform(-1, 1, (50, 70))
+    if kind == "empty":
+        packed[:] = 0
+    if kind == "single point":
+        packed[:] = 0
+        packed[20, 30, :4] = 1
+    made, exact = (Reconstructor("balanced", filtered=True, device="cpu", precision=p)(torch.from_numpy(packed))
+                   for p in (precision, "fp32"))
+    assert made.shape == (50, 70, 4) and made.dtype == torch.float16
+    assert made.isfinite().all() and made.min() >= 0 and made.max() <= 1
+    assert (made.float() - exact.float()).abs().max() <= (0 if precision == "fp32" else 0.12)
+    assert (made.float() - exact.float()).abs().mean() <= 0.01
+
+
+def test_missing_quality_says_which_weights_there_are():
+    missing = next(q for q in ("paper", "best") if f"{q}-unfiltered" not in shipped())
+    with pytest.raises(WeightsError, match=f"no weights are shipped for quality '{missing}'"):
+        Reconstructor(missing, filtered=False, device="cpu")
+    assert fast_precision("cuda") == "fp16" and fast_precision("cpu") in ("bf16", "fp32")
+
+
+def test_scans_of_a_room_keep_its_geometry_and_mean_exposure(tmp_path):
+    scene = load_scene(make_room(tmp_path / "box"))
+    clean = ScanModel(0, 0, 0, 0, 0, 0, 0, 0)
+    scan = scan_stations(scene, 1, clean)
+    assert len(scan.xyz) == 2 * 6 * 48 * 48
+    on_wall = np.abs(np.abs(scan.xyz) / (2.0, 1.5, 2.5) - 1).min(axis=1)
+    assert on_wall.max() < 2e-3
+    spoiled = scan_stations(scene, 1, ScanModel(white_balance=0, dropout=0, colour_noise=0))
+    gains = [spoiled.rgb[spoiled.station == s].astype(float).mean() / scan.rgb[scan.station == s].astype(float).mean()
+             for s in (0, 1)]
+    assert abs(np.mean(gains) - 1) < 0.01 and abs(gains[0] - gains[1]) > 0.001
+
+
+def test_a_room_with_missing_files_is_refused_naming_them(tmp_path):
+    folder = make_room(tmp_path / "box")
+    (folder / "v2.png").unlink()
+    with pytest.raises(DataError, match=r"1 files .* missing: .*v2\.png"):
+        load_scene(folder)
+    with pytest.raises(DataError, match=r"no scene\.json"):
+        load_scene(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def pairs(tmp_path_factory):
+    root = tmp_path_factory.mktemp("pairs")
+    assert build([make_room(root / "box")], root / "out", scans=1, variants=2) == 8
+    return root / "out"
+
+
+def _config(pairs, out, **changes):
+    return TrainConfig(**{"pairs": str(pairs), "out": str(out), "quality": "fast", "steps": 12, "batch": 2, "crop": 32,
+                          "save_every": 0.0, **changes})
+
+
+def test_training_resumes_exactly(pairs, tmp_path):
+    whole = load_weights(train(_config(pairs, tmp_path / "whole")))[0].state_dict()
+    train(_config(pairs, tmp_path / "parts", steps=5))
+    (tmp_path / "parts" / "checkpoint.pt").exists()
+    parts = load_weights(train(_config(pairs, tmp_path / "parts")))[0].state_dict()
+    assert (tmp_path / "whole" / "config.json").is_file()
+    # the learning rate follows the configured steps, so the first five differ a little; the path must still be close
+    assert all(torch.isfinite(v).all() for v in parts.values())
+    assert max(float((whole[k] - parts[k]).abs().max()) for k in whole) < 0.05
+
+
+def test_the_same_seed_trains_the_same_weights(pairs, tmp_path):
+    a, b = (load_weights(train(_config(pairs, tmp_path / n)))[0].state_dict() for n in "ab")
+    assert all(torch.equal(a[k], b[k]) for k in a)
+
+
+def test_evaluation_gives_a_row_a_method_and_density(tmp_path):
+    folder = make_room(tmp_path / "box")
+    result = evaluate(folder, densities=(1.0, 0.3), weights={"balanced": weights_dir() / "balanced-filtered.safetensors"})
+    methods = {r["method"] for r in result["rows"]}
+    assert {"raw", "pull-push, our filter", "pull-push, true visibility", "network balanced"} <= methods
+    assert len(result["rows"]) == 2 * len(methods) and "PSNR" in format_table(result)
+    json.dumps(result)
+
+
+def test_metrics_know_equal_pictures_gain_and_noise():
+    a = torch.rand(3, 40, 40)
+    assert psnr(a, a) == float("inf") and ssim(a, a) == pytest.approx(1.0)
+    assert psnr(a, a + 0.1) == pytest.approx(20.0, abs=1e-4)
+    assert psnr_after_gain(a * 0.8, a) > 100 > psnr(a * 0.8, a)
+    assert ssim(a, torch.rand(3, 40, 40)) < 0.2
+    assert set(SIZES) == {"fast", "balanced", "best"}

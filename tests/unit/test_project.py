@@ -1,0 +1,98 @@
+"""The torch twin against a plain loop: rasterising with the soft z-buffer, fill, void and the network's input."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from model.project import SoftZ, depth_feature, network_input, pixels, rasterise, unpack_points
+from model.pull_push import pull_push, surrounded
+
+CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+@settings(max_examples=30, deadline=None)
+def test_rasteriser_equals_a_plain_loop(seed, rounded):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(0, 2, (300, 3))
+    rgb = rng.integers(0, 256, (300, 3))
+    soft = SoftZ(0.02, 0.1, rounded)
+    x, y, z = torch.from_numpy(points).unbind(1)
+    index, inside = pixels(x, y, z, CAMERA, rounded=rounded)
+    raster = rasterise(index, z[inside], torch.from_numpy(rgb)[inside], CAMERA.width, CAMERA.height, soft)
+    cells: dict = {}
+    for (px, py, pz), colour in zip(points, rgb, strict=True):
+        if pz <= 0:
+            continue
+        u, v = CAMERA.fx * (px * (1 / pz)) + CAMERA.cx, CAMERA.fy * (py * (1 / pz)) + CAMERA.cy
+        u, v = (u + 0.5, v + 0.5) if rounded else (u, v)
+        if 0 <= u < CAMERA.width and 0 <= v < CAMERA.height:
+            cells.setdefault((int(v), int(u)), []).append((pz, colour))
+    for j in range(CAMERA.height):
+        for i in range(CAMERA.width):
+            held = cells.get((j, i))
+            if not held:
+                assert torch.isinf(raster.depth[j, i]) and raster.count[j, i] == 0
+                continue
+            nearest = min(d for d, _ in held)
+            chosen = [c for d, c in held if d <= max(nearest * 1.02, nearest + 0.1)]
+            assert raster.depth[j, i] == nearest and raster.count[j, i] == len(chosen)
+            mean = np.floor(np.mean(chosen, axis=0) + 0.5)
+            assert raster.colour[:, j, i].tolist() == mean.tolist()
+
+
+def test_unpack_reads_every_field():
+    words = torch.tensor([[0x0002_0001, 0xABCD_0003, 0x07_30_20_10]])
+    steps, rgb = unpack_points(words)
+    assert steps.tolist() == [[1, 2, 3]] and rgb.tolist() == [[0x10, 0x20, 0x30]]
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 5), (17, 12), (64, 64)])
+def test_fill_leaves_measured_pixels_and_stays_within_their_range(shape):
+    rng = np.random.default_rng(4)
+    image = torch.from_numpy(rng.random((3, *shape)))
+    mask = torch.from_numpy(rng.random(shape) < 0.2)
+    mask.view(-1)[0] = True
+    filled = pull_push(image, mask)
+    assert torch.equal(filled[:, mask], image[:, mask])
+    low, high = image[:, mask].amin(1), image[:, mask].amax(1)
+    assert (filled >= low[:, None, None] - 1e-12).all() and (filled <= high[:, None, None] + 1e-12).all()
+
+
+def test_fill_of_a_constant_is_constant_and_of_nothing_is_zero():
+    mask = torch.from_numpy(np.random.default_rng(0).random((30, 41)) < 0.05)
+    assert torch.allclose(pull_push(torch.full((3, 30, 41), 0.4, dtype=torch.float64), mask), torch.tensor(0.4).double())
+    assert not pull_push(torch.ones(3, 30, 41), torch.zeros(30, 41, dtype=torch.bool)).any()
+
+
+def test_surrounded_fills_holes_and_leaves_the_sky():
+    mask = torch.zeros(256, 256, dtype=torch.bool)
+    mask[100:, :] = True
+    mask[150:170, 100:120] = False  # a hole in the ground
+    inside = surrounded(mask)
+    assert inside[150:170, 100:120].all()
+    assert not inside[:90].any()
+    sparse = torch.rand(256, 256, generator=torch.Generator().manual_seed(0)) < 0.1
+    assert surrounded(sparse)[32:-32, 32:-32].float().mean() > 0.999
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_depth_feature_has_no_unit(scale):
+    depth = torch.tensor([[0.5, 2.0], [50.0, torch.inf]]) * scale
+    feature = depth_feature(depth, 700.0, 0.01 * scale)
+    assert torch.allclose(feature, depth_feature(depth / scale, 700.0, 0.01), atol=1e-5)
+    assert feature[1, 1] == 0 and feature.abs().max() <= 2.0
+
+
+def test_network_input_has_its_five_channels():
+    index = torch.tensor([0, 4])
+    raster = rasterise(index, torch.tensor([1.0, 2.0]), torch.tensor([[255, 0, 51], [0, 255, 51]]), 3, 2, SoftZ(0.01, 0.0))
+    made = network_input(raster, torch.isfinite(raster.depth), 10.0, 0.1)
+    assert made.shape == (5, 2, 3)
+    assert made[3].flatten().tolist() == [1, 0, 0, 0, 1, 0]
+    assert made[:3, 0, 0].tolist() == pytest.approx([1.0, 0.0, 0.2])
+    assert (made[2] - 0.2).abs().max() < 1e-6
