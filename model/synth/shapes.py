@@ -266,7 +266,7 @@ def _surface(k, x, y, z, p0, p1, p2, p3):
         face = 0 if nx >= ny and nx >= nz else (1 if ny >= nz else 2)
         u, v = (y, z) if face == 0 else ((x, z) if face == 1 else (x, y))
         if k == BOX:
-            nx, ny, nz = float(face == 0), float(face == 1), float(face == 2)
+            nx, ny, nz = (1.0, 0.0, 0.0) if face == 0 else ((0.0, 1.0, 0.0) if face == 1 else (0.0, 0.0, 1.0))
         length = max(np.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
         sx, sy, sz = (-1.0 if x < 0 else 1.0), (-1.0 if y < 0 else 1.0), (-1.0 if z < 0 else 1.0)
         return sx * nx / length, sy * ny / length, sz * nz / length, u, v

@@ -1,0 +1,116 @@
+"""The scan that ships: two furnished rooms, three stations; `python -m model.synth.demo assets/demo.laz` remakes it.
+
+Beside the scan it writes ``demo_cameras.json``, eight views in nerfstudio's camera path form.  Frame: metres, z up.
+"""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from .place import Place
+from .scanner import Scan, ScannerModel, VirtualScanner
+
+STATIONS = np.array([[3.55, 2.95, 1.55], [6.15, 1.15, 1.6], [1.2, 1.15, 1.5]])
+SPREAD = 0.12  # exposures lie within 1 +- this, and their mean is 1
+SCALE = 0.0005  # metres per LAS step
+SIZE, FPS, SECONDS = (960, 720), 24, 24
+# name, camera position, what it looks at, vertical field of view (degrees)
+VIEWS = [
+    ("01-living-room", (4.55, 3.75, 1.55), (1.2, 0.9, 0.85), 62.0),
+    ("02-through-the-opening", (3.3, 2.75, 1.5), (7.4, 1.95, 1.0), 58.0),
+    ("03-dining-table", (6.05, 3.2, 1.5), (7.7, 1.7, 0.85), 52.0),
+    ("04-chairs", (6.2, 0.75, 0.85), (7.5, 2.1, 0.55), 48.0),
+    ("05-bookshelf", (1.75, 2.2, 1.4), (0.15, 2.35, 1.2), 55.0),
+    ("06-posters", (2.6, 2.3, 1.5), (2.45, 0.0, 1.35), 52.0),
+    ("07-window-and-plant", (2.9, 1.6, 1.45), (4.0, 4.5, 1.25), 58.0),
+    ("08-railing", (7.0, 2.95, 1.25), (5.75, 4.2, 0.75), 52.0),
+]
+
+
+def exposures(seed: int, count: int = len(STATIONS)) -> np.ndarray:
+    """(count,) camera gains within 1 +- SPREAD whose mean is 1 to the last bit."""
+    gains = np.random.default_rng([7, seed]).permutation(np.linspace(-1, 1, count)) * SPREAD
+    # Whole 1/1024ths add up without rounding.
+    steps = np.round(gains * 1024).astype(int)
+    steps[-1] -= steps.sum()
+    return 1 + steps / 1024
+
+
+def simulate(points: int, seed: int = 1) -> Scan:
+    """The scan of `Place` (seed) from STATIONS: exactly ``points`` points, or the few fewer that the pulses gave."""
+    model = ScannerModel()
+    place = Place(seed)
+    scanner = VirtualScanner(place.trace, model, place.ranges)
+    rng = np.random.default_rng([31, seed])
+    scan = scanner.scan(STATIONS, int(points * 1.1 / len(STATIONS)), rng, exposures(seed, len(STATIONS)))
+    if len(scan) > points:
+        scan = scan.taken(np.sort(rng.permutation(len(scan))[:points]))
+    return scan
+
+
+def write_laz(scan: Scan, path: Path) -> None:
+    """LAZ: millimetre halves, 16-bit colour (value * 257), intensity, the station as point source.  ``path`` appears
+    whole or not at all."""
+    import laspy
+
+    header = laspy.LasHeader(point_format=2, version="1.2")
+    header.scales, header.offsets = np.full(3, SCALE), np.zeros(3)
+    header.system_identifier, header.generating_software = "simulated", "pointglass"
+    header.creation_date = None  # the same scan is the same file on every day
+    las = laspy.LasData(header)
+    las.X, las.Y, las.Z = np.round(scan.xyz / SCALE).astype(np.int32).T
+    las.red, las.green, las.blue = scan.rgb.astype(np.uint16).T * 257
+    las.intensity = scan.intensity
+    las.point_source_id = scan.station.astype(np.uint16)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.stem}-{os.getpid()}{path.suffix}")
+    try:
+        las.write(str(part))
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def looking(position, target) -> np.ndarray:
+    """(4,4) camera_to_world, OpenGL axes, upright."""
+    position, target = np.asarray(position, float), np.asarray(target, float)
+    back = (position - target) / np.linalg.norm(position - target)
+    right = np.cross([0, 0, 1.0], back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3] = np.stack([right, np.cross(back, right), back, position], 1)
+    return matrix
+
+
+def camera_path() -> dict:
+    """VIEWS in the form of nerfstudio's camera_path.json."""
+    width, height = SIZE
+    return {
+        "camera_type": "perspective", "render_width": width, "render_height": height, "fps": FPS, "seconds": SECONDS,
+        "camera_path": [
+            {
+                "camera_to_world": [round(float(v), 9) for v in looking(position, target).ravel()],
+                "fov": fov, "aspect": round(width / height, 6), "name": name,
+            }
+            for name, position, target, fov in VIEWS
+        ],
+    }
+
+
+def main(out: Path, points: int = 1_200_000, seed: int = 1) -> None:
+    """Simulates, and writes ``out`` (LAZ) with ``<stem>_cameras.json`` beside it."""
+    out = Path(out)
+    write_laz(simulate(points, seed), out)
+    cameras = out.with_name(f"{out.stem}_cameras.json")
+    part = cameras.with_name(f".{cameras.name}-{os.getpid()}")
+    part.write_text(json.dumps(camera_path(), indent=1) + "\n")
+    os.replace(part, cameras)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("usage: python -m model.synth.demo OUT.laz [POINTS [SEED]]")
+    main(Path(sys.argv[1]), *(int(v) for v in sys.argv[2:4]))

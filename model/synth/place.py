@@ -1,0 +1,127 @@
+"""A furnished place: what a ray hits and what colour is there, and pictures of it, the truth for what a scan shows.
+
+Frame: world metres, z up.  Colours leave as sRGB 0..1 after one fixed exposure and a soft shoulder, as a camera's would.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .light import Lighting
+from .prints import to_srgb
+from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
+from .textures import Patch, albedo
+
+EXPOSURE = 1.25
+SKY = np.array([0.95, 1.0, 1.08])
+STREET_LIGHT = np.array([0.92, 0.97, 1.05]) * 0.95  # irradiance / pi on what stands outdoors
+_CHUNK = 1 << 18
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What N rays met.
+
+    t (N,): metres along the ray, inf where there is nothing.  rgb (N,3): sRGB 0..1.  normal (N,3): unit, towards the
+    ray's origin, 0 where nothing.  shininess (N,): 0 matt .. 1 mirror.  darkness (N,): 1 - albedo's luminance.
+    primitive (N,) int64: what was hit, -1 for nothing.
+    """
+
+    t: np.ndarray
+    rgb: np.ndarray
+    normal: np.ndarray
+    shininess: np.ndarray
+    darkness: np.ndarray
+    primitive: np.ndarray
+
+
+def tone(radiance: np.ndarray) -> np.ndarray:
+    """Linear radiance to sRGB 0..1: exposure, then a shoulder above 0.6 so that windows and lamps do not clip at once."""
+    x = np.maximum(radiance * EXPOSURE, 0)
+    knee = 0.6
+    over = np.maximum(x - knee, 0)
+    return to_srgb(np.where(x > knee, knee + (1 - knee) * (1 - np.exp(-over / (1 - knee))), x))
+
+
+class Place:
+    """Two furnished rooms made from a seed: same seed, same place to the last bit.
+
+    quality: multiplies the shadow and ambient samples; baked: False leaves out the bounced light's bake (about 3 s),
+    for callers that need geometry alone.
+    """
+
+    def __init__(self, seed: int = 1, *, baked: bool = True):
+        self.seed = seed
+        builder, lights = furnish(seed)
+        self.shapes, self.finish = builder.finish()
+        rooms = [((0, 0, 0), (PARTING[0], DEPTH, HEIGHT)), ((PARTING[1], 0, 0), (WIDTH, DEPTH, HEIGHT))]
+        self.lighting = Lighting(self.shapes, lights, [(np.array(a), np.array(b)) for a, b in rooms], sum(PARTING) / 2)
+        if baked:
+            self.lighting.bake(self._surface, seed=seed)
+
+    def ranges(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(N,) metres along each ray, inf for nothing: `trace` without the colours."""
+        return self.shapes.trace(origins, directions)[0]
+
+    def trace(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
+        """What N rays meet.  origins, directions: (N,3) float64 world, directions of unit length."""
+        origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
+        parts = [
+            self._trace(origins[i : i + _CHUNK], directions[i : i + _CHUNK])
+            for i in range(0, max(len(origins), 1), _CHUNK)
+        ]
+        return Hits(*(np.concatenate([getattr(p, name) for p in parts]) for name in Hits.__dataclass_fields__))
+
+    def _trace(self, origins, directions) -> Hits:
+        t, primitive, normal, uv = self.shapes.trace(origins, directions)
+        missed = primitive < 0
+        points = origins + np.where(missed, 0, t)[:, None] * directions
+        colour, glow, lit = self._surface(t, primitive, uv, points)
+        light = self.lighting.irradiance(points, normal, lit)
+        light[self.finish.outdoors[primitive] & ~missed] = STREET_LIGHT
+        radiance = colour * light + glow
+        radiance[missed] = SKY * (1.0 + 0.25 * directions[missed, 2:])
+        luminance = colour @ np.array([0.2126, 0.7152, 0.0722])
+        shininess = np.where(missed, 0, self.finish.shininess[primitive])
+        return Hits(t, tone(radiance), normal, shininess, np.where(missed, 1, 1 - luminance), primitive)
+
+    def _surface(self, t, primitive, uv, points):
+        """Albedo (N,3), radiance given off (N,3) and whether the lights of the rooms reach (N,) at hits."""
+        hit = primitive >= 0
+        which = np.where(hit, primitive, 0)
+        offset = points - self.shapes.centre[which]
+        local = np.einsum("nij,nj->ni", self.shapes.rotation[which], offset)
+        look = self.finish
+        patch = Patch(uv, local, look.half[which], look.colour[which], look.accent[which], look.seed[which])
+        colour = albedo(look.material[which], patch)
+        glow = look.glow[which] * hit[:, None]
+        return colour, glow, hit & ~look.outdoors[which]
+
+    def render(self, camera_to_world, fx, fy, cx, cy, width: int, height: int, *, samples: int = 2):
+        """The truth from a pinhole camera.
+
+        camera_to_world: (4,4) OpenGL axes; fx, fy, cx, cy: pixels, pixel centres at +0.5; samples: rays per pixel side
+        for the colours.  Returns rgb (H,W,3) uint8 and depth (H,W) float32: metres along the view axis at the pixel's
+        centre, inf for nothing.
+        """
+        total = np.zeros((height * width, 3))
+        for i in range(samples):
+            for j in range(samples):
+                origins, rays, _ = _pixel_rays(
+                    camera_to_world, fx, fy, cx, cy, width, height, (i + 0.5) / samples, (j + 0.5) / samples
+                )
+                total += self.trace(origins, rays).rgb
+        origins, rays, cosine = _pixel_rays(camera_to_world, fx, fy, cx, cy, width, height, 0.5, 0.5)
+        depth = (self.ranges(origins, rays) * cosine).astype(np.float32).reshape(height, width)
+        rgb = np.round(total / samples**2 * 255).astype(np.uint8).reshape(height, width, 3)
+        return rgb, depth
+
+
+def _pixel_rays(camera_to_world, fx, fy, cx, cy, width, height, du, dv):
+    """Origins (N,3), unit directions (N,3) and cosines to the view axis (N,) through (column + du, row + dv)."""
+    column, row = np.meshgrid(np.arange(width) + du, np.arange(height) + dv)
+    rays = np.stack([(column - cx) / fx, -(row - cy) / fy, -np.ones_like(column)], -1).reshape(-1, 3)
+    length = np.linalg.norm(rays, axis=1)
+    matrix = np.asarray(camera_to_world, np.float64)
+    directions = (rays / length[:, None]) @ matrix[:3, :3].T
+    return np.broadcast_to(matrix[:3, 3], directions.shape).copy(), directions, 1 / length
