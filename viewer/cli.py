@@ -6,7 +6,6 @@ imports nothing heavy before a command needs it.
 
 import argparse
 import json
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -122,11 +121,12 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _view(options: argparse.Namespace) -> int:
+    for path in options.scans:
+        if not path.exists():
+            raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     from viewer.window.app import run
 
-    if options.no_cache:
-        os.environ["POINTGLASS_NO_CACHE"] = "1"
-    return run(options.scans, _settings(options))
+    return run(options.scans, _settings(options), cache=not options.no_cache)
 
 
 def _demo(options: argparse.Namespace) -> int:

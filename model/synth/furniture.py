@@ -9,11 +9,11 @@ from .builder import Builder, Look, frame_along, tilt
 
 OAK = Look("wood", "#b98a58", "#8a5f37", 0.15)
 WALNUT = Look("wood", "#7a5236", "#4f3220", 0.2)
-BLACK = Look("plain", "#26262a", "#26262a", 0.35)
+BLACK = Look("plain", "#34343a", "#34343a", 0.25)
 STEEL = Look("plain", "#a9acb0", "#a9acb0", 0.8)
 WHITE = Look("plain", "#e6e4de", "#e6e4de", 0.2)
 BRASS = Look("plain", "#b08a45", "#b08a45", 0.7)
-LEAF = Look("leaf", "#3f7a3a", "#93b56c", 0.25)
+LEAF = Look("leaf", "#5d9450", "#b2cc8a", 0.25)
 
 
 def table(b: Builder, width: float, depth: float, height: float = 0.74, look: Look = OAK) -> None:
@@ -132,7 +132,7 @@ def pendant(b: Builder, ceiling: float, height: float, shade: Look, bulb: Look) 
     """A lamp hanging on a cable from ``ceiling``, its bulb at ``height``; returns the bulb's position (3,)."""
     b.rod((0, 0, ceiling - 0.025), (0, 0, ceiling), 0.05, BLACK)
     b.capsule((0, 0, height + 0.2), (0, 0, ceiling - 0.02), 0.0035, BLACK)
-    b.rod((0, 0, height + 0.13), (0, 0, height + 0.21), 0.03, BRASS, end=0.02)
+    b.rod((0, 0, height + 0.13), (0, 0, height + 0.21), 0.042, BRASS, end=0.02)
     b.rod((0, 0, height - 0.04), (0, 0, height + 0.15), 0.22, shade, end=0.035, caps=False)
     b.ball((0, 0, height + 0.03), 0.045, bulb)
     return np.array([0, 0, height + 0.03])
@@ -157,9 +157,9 @@ def plant(b: Builder, rng: np.random.Generator, height: float = 1.5, stems: int 
                 spread = angle + side * rng.uniform(0.4, 1.4)
                 along = np.array([np.cos(spread), np.sin(spread), rng.uniform(-0.5, 0.35)])
                 axes = frame_along(along)
-                size = rng.uniform(0.09, 0.16)
+                size = rng.uniform(0.09, 0.16) * min(1.0, 0.45 + 0.4 * height)
                 right = axes[:, 2] * size
-                up = axes[:, 0] * size * 0.3 if abs(axes[2, 0]) < 0.5 else axes[:, 1] * size * 0.3
+                up = axes[:, 0] * size * 0.36 if abs(axes[2, 0]) < 0.5 else axes[:, 1] * size * 0.36
                 b.quad(line[i] + right, right, up, LEAF, outline=2, seed=int(rng.integers(1 << 20)))
 
 

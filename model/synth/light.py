@@ -195,7 +195,7 @@ class Lighting:
             direct, _ = self._direct(points, normal, lit, 0)
             # A probe inside furniture sees only what is a hand away: it must not darken its neighbours.
             distances = np.where(np.isfinite(t), t, 9.0).reshape(len(nodes), rays)
-            valid = np.quantile(distances, 0.8, axis=1) > 0.12
+            valid = np.quantile(distances, 0.8, axis=1) > 0.3
             weights = np.maximum(directions @ _CUBE.T, 0)
             weights /= weights.sum(1, keepdims=True)
             jobs.append((grid, points, normal, albedo, emission, direct, lit, weights, valid))
@@ -203,7 +203,7 @@ class Lighting:
             cubes = []
             for grid, points, normal, albedo, emission, direct, lit, weights, valid in jobs:
                 bounced = self.indirect(points + 0.05 * normal, normal)
-                radiance = emission + lit[:, None] * albedo * (direct + 0.8 * bounced)
+                radiance = emission + lit[:, None] * albedo * (direct + 0.92 * bounced)
                 radiance = np.minimum(radiance, 4.0).reshape(*weights.shape[:2], 3)
                 cube = np.einsum("nrs,nrc->nsc", weights, radiance)
                 cube[~valid] = cube[valid].mean(0)
@@ -216,7 +216,7 @@ class Lighting:
         share = np.clip((points[:, 0] - self.parting) / 0.3 + 0.5, 0, 1)[:, None]
         return (1 - share) * self.grids[0](points, normals) + share * self.grids[1](points, normals)
 
-    def irradiance(self, points: np.ndarray, normals: np.ndarray, lit: np.ndarray, ambient: int = 6) -> np.ndarray:
+    def irradiance(self, points: np.ndarray, normals: np.ndarray, lit: np.ndarray, ambient: int = 10) -> np.ndarray:
         """(N,3) irradiance / pi at surface points (N,3) with normals (N,3); zero where ``lit`` (N,) is False."""
         direct, openness = self._direct(points, normals, lit, ambient)
         bounced = self.indirect(points + 0.12 * normals, normals)

@@ -12,9 +12,9 @@ from .prints import to_srgb
 from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
 from .textures import Patch, albedo
 
-EXPOSURE = 1.25
+EXPOSURE = 1.5
 SKY = np.array([0.95, 1.0, 1.08])
-STREET_LIGHT = np.array([0.92, 0.97, 1.05]) * 0.95  # irradiance / pi on what stands outdoors
+STREET_LIGHT = np.array([0.92, 0.97, 1.05]) * 1.15  # irradiance / pi on what stands outdoors
 _CHUNK = 1 << 18
 
 
@@ -46,8 +46,7 @@ def tone(radiance: np.ndarray) -> np.ndarray:
 class Place:
     """Two furnished rooms made from a seed: same seed, same place to the last bit.
 
-    quality: multiplies the shadow and ambient samples; baked: False leaves out the bounced light's bake (about 3 s),
-    for callers that need geometry alone.
+    baked: False leaves out the bounced light's bake (about 5 s), for callers that need geometry alone.
     """
 
     def __init__(self, seed: int = 1, *, baked: bool = True):
@@ -94,7 +93,7 @@ class Place:
         look = self.finish
         patch = Patch(uv, local, look.half[which], look.colour[which], look.accent[which], look.seed[which])
         colour = albedo(look.material[which], patch)
-        glow = look.glow[which] * hit[:, None]
+        glow = look.glow[which] * hit[:, None] * np.clip(colour / np.maximum(look.colour[which], 0.02), 0, 1)
         return colour, glow, hit & ~look.outdoors[which]
 
     def render(self, camera_to_world, fx, fy, cx, cy, width: int, height: int, *, samples: int = 2):

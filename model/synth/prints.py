@@ -57,16 +57,25 @@ def _lines(draw, rng, x, y, width, rows, size, colour) -> None:
 
 
 def _shapes_poster(draw, w, h, rng, colours) -> None:
-    for _ in range(5):
-        x, y, r = rng.uniform(0.1, 0.9) * w, rng.uniform(0.1, 0.62) * h, rng.uniform(0.1, 0.3) * w
-        colour = colours[rng.integers(1, 4)]
-        kind = rng.integers(3)
+    side = 0.29 * w
+    for number in range(9):
+        x, y = 0.065 * w + number % 3 * side, 0.04 * h + number // 3 * side * 1.06
+        ground, figure = colours[1 + number % 3], colours[(2 + number * 2) % 4]
+        draw.rectangle((x, y, x + side, y + side), fill=ground)
+        box, turn = (x, y, x + side, y + side), 90 * int(rng.integers(4))
+        kind = (number + int(rng.integers(3))) % 4
         if kind == 0:
-            draw.ellipse((x - r, y - r, x + r, y + r), fill=colour)
+            inset = 0.16 * side
+            draw.ellipse((x + inset, y + inset, x + side - inset, y + side - inset), fill=figure)
         elif kind == 1:
-            draw.pieslice((x - r, y - r, x + r, y + r), 90 * rng.integers(4), 90 * rng.integers(4) + 180, fill=colour)
+            draw.pieslice(box, turn, turn + 180, fill=figure)
+        elif kind == 2:
+            corners = [(x, y), (x + side, y), (x + side, y + side), (x, y + side)]
+            draw.polygon(corners[turn // 90 :][:3] + corners[: max(0, turn // 90 - 1)], fill=figure)
         else:
-            draw.rectangle((x - r, y - 0.18 * r, x + r, y + 0.18 * r), fill=colour)
+            for k in range(4):
+                top = y + side * (0.06 + 0.25 * k)
+                draw.rectangle((x, top, x + side, top + 0.12 * side), fill=figure)
 
 
 def _landscape_poster(draw, w, h, rng, colours) -> None:

@@ -15,6 +15,7 @@ PARTING = (5.2, 5.35)  # the wall between the rooms, x
 OPENING = (1.45, 3.15, 2.2)  # y from, y to, height
 WINDOWS = ((1.2, 3.5, 0.85, 2.3), (6.7, 8.3, 0.85, 2.3))  # x from, x to, z from, z to
 SUN_DIRECTION = np.array([0.42, 0.68, 0.6]) / np.linalg.norm([0.42, 0.68, 0.6])
+LANTERN = (2.55, 2.3, 2.28)  # centre of the paper lantern in the living room
 SHELL = 0.25  # metres, thickness of the outer walls
 
 _PALETTES = [  # living-room wall, accent wall, sofa, cushions, rug
@@ -92,15 +93,14 @@ def _window(b: Builder, x0: float, x1: float, z0: float, z1: float) -> None:
 def _outside(b: Builder) -> None:
     """What the windows look out on: a house across the street, a hedge, paving."""
     y = DEPTH + 7.0
-    look = Look("facade", "#9c5d45", "#b3aa9c", outdoors=True)
+    look = Look("facade", "#a8745c", "#b9b2a6", outdoors=True)
     b.quad((5, y, 3.5), (-13, 0, 0), (0, 0, 5.5), look)
     b.quad((5, y - 3.4, -0.6), (13, 0, 0), (0, 3.4, 0), Look("plaster", "#8d8b86", "#8d8b86", outdoors=True))
     rng = np.random.default_rng(5)
-    hedge = Look("plain", "#4b6b3a", "#3a5530", outdoors=True)
     for k in range(34):
         shade = ("#4b6b3a", "#57793f", "#3d5a33")[k % 3]
         spot = (-3 + 0.5 * k + rng.uniform(-0.1, 0.1), y - 2.6 + rng.uniform(-0.2, 0.2), rng.uniform(-0.1, 0.25))
-        b.ball(spot, (0.42, 0.4, rng.uniform(0.55, 0.75)), Look("plain", shade, shade, outdoors=hedge.outdoors))
+        b.ball(spot, (0.42, 0.4, rng.uniform(0.55, 0.75)), Look("foliage", shade, "#1f2f1a", outdoors=True))
 
 
 def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug) -> np.ndarray:
@@ -129,13 +129,15 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
     with b.at(4.62, 4.05):
         f.plant(b, rng, 1.75, 12)
     for k, (x, z, w) in enumerate(((1.75, 1.62, 0.5), (2.5, 1.66, 0.56), (3.25, 1.62, 0.5))):
-        f.picture(b, x, z, w, (seed_of(b) * 7 + k * 5 + (2, 0, 1)[k]) , (f.BLACK, f.OAK, f.BLACK)[k])
+        f.picture(b, x, z, w, _print(b, (1, 0, 3)[k], k), (f.BLACK, f.OAK, f.BLACK)[k])
     with b.at(5.2, 0.78, yaw=90):
-        f.picture(b, 0, 1.55, 0.62, seed_of(b) * 4 + 2, f.OAK)
+        f.picture(b, 0, 1.55, 0.62, _print(b, 2, 3), f.OAK)
     with b.at(2.35, DEPTH - 0.13):
         f.radiator(b, 1.4)
     with b.at(3.95, 4.15, yaw=200):  # an armchair of a chair, by the window
         f.chair(b, f.BLACK, Look("weave", cushions[0], "#e9dfc7"))
+    b.capsule((*LANTERN[:2], LANTERN[2] + 0.2), (*LANTERN[:2], HEIGHT), 0.0035, f.BLACK)
+    b.ball(LANTERN, (0.21, 0.21, 0.185), Look("paper", "#f6ead2", "#c9b48c", glow=(1.1, 0.86, 0.56), casts=False))
     # A string of small lamps along the ceiling, and its cable down to a socket.
     anchors = [(0.05, 4.45, 2.55), (1.6, 4.3, 2.6), (3.3, 4.3, 2.6), (5.1, 4.4, 2.55)]
     for start, end in zip(anchors[:-1], anchors[1:]):
@@ -182,9 +184,9 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
             b.turned_box((0.85, 0.22, z + 0.015), (0.095, 0.0155, 0.13), Look("book"), axes=axes, seed=int(rng.integers(1 << 20)))
         with b.at(1.45, 0.23, 0.78):
             f.plant(b, rng, 0.6, 8, "#e2dccd")
-        f.picture(b, 0.85, 1.72, 0.56, seed_of(b) * 4 + 3, f.BLACK)
+        f.picture(b, 0.85, 1.72, 0.56, _print(b, 0, 4), f.BLACK)
     for k, (x, w) in enumerate(((6.3, 0.5), (7.1, 0.5))):
-        f.picture(b, x, 1.6, w, seed_of(b) * 11 + (1, 4)[k] + 4 * k, f.OAK)
+        f.picture(b, x, 1.6, w, _print(b, (3, 1)[k], 5 + k), f.OAK)
     # A wall shelf with jars, hooks and hanging utensils on y = 0.
     b.box((7.75, 0, 1.62), (9.1, 0.2, 1.645), f.OAK)
     for k in range(8):
@@ -215,9 +217,9 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
     return bulb
 
 
-def seed_of(b: Builder) -> int:
-    """The seed that the prints follow."""
-    return b.seed
+def _print(b: Builder, kind: int, number: int) -> int:
+    """A poster's seed: its kind (0 shapes, 1 landscape, 2 lettering, 3 chart), its number in the place."""
+    return kind + 4 * (10 * b.seed + number)
 
 
 def _bulb() -> Look:
@@ -233,18 +235,17 @@ def _sag(start, end, depth: float, parts: int) -> np.ndarray:
 
 
 def _lights(lamp_a: np.ndarray, lamp_b: np.ndarray) -> Lights:
-    """Windows full of sky, the sun, two warm lamps and a ceiling spot's glow in each room."""
+    """Windows full of sky, the sun, two warm lamps and a paper lantern."""
     rows = []
     for x0, x1, z0, z1 in WINDOWS:
-        centre, u, v = ((x0 + x1) / 2, DEPTH + 0.2, (z0 + z1) / 2), ((x1 - x0) / 2, 0, 0), (0, 0, (z1 - z0) / 2)
-        area = (x1 - x0) * (z1 - z0)
-        rows.append((WINDOW, centre, u, v, 0.0, np.array([0.86, 0.97, 1.12]) * 0.85 * area, 6))
+        centre, u, v = ((x0 + x1) / 2, DEPTH + 0.45, (z0 + z1) / 2), ((x1 - x0) / 1.7, 0, 0), (0, 0, (z1 - z0) / 1.7)
+        area = (x1 - x0) * (z1 - z0) * (2 / 1.7) ** 2
+        rows.append((WINDOW, centre, u, v, 0.0, np.array([0.86, 0.97, 1.12]) * 0.95 * area, 14))
     zero = (0, 0, 0)
-    rows.append((SUN, SUN_DIRECTION, zero, zero, 0.012, np.array([1.0, 0.86, 0.66]) * 2.6, 3))
-    rows.append((LAMP, lamp_a, zero, zero, 0.06, np.array([1.0, 0.68, 0.38]) * 0.55, 3))
-    rows.append((LAMP, lamp_b, zero, zero, 0.06, np.array([1.0, 0.74, 0.46]) * 0.7, 3))
-    rows.append((LAMP, (2.6, 2.3, 2.62), zero, zero, 0.12, np.array([1.0, 0.9, 0.78]) * 0.35, 3))
-    rows.append((LAMP, (6.2, 3.1, 2.62), zero, zero, 0.12, np.array([1.0, 0.88, 0.72]) * 0.3, 3))
+    rows.append((SUN, SUN_DIRECTION, zero, zero, 0.012, np.array([1.0, 0.86, 0.66]) * 2.6, 5))
+    rows.append((LAMP, lamp_a, zero, zero, 0.06, np.array([1.0, 0.68, 0.38]) * 0.5, 5))
+    rows.append((LAMP, lamp_b, zero, zero, 0.06, np.array([1.0, 0.74, 0.46]) * 0.75, 5))
+    rows.append((LAMP, LANTERN, zero, zero, 0.17, np.array([1.0, 0.84, 0.62]) * 0.42, 6))
     kind, position, u, v, radius, power, samples = zip(*rows)
     return Lights(
         np.array(kind, np.int64), np.array(position, np.float64), np.array(u, np.float64), np.array(v, np.float64),

@@ -162,7 +162,7 @@ class VirtualScanner:
         """Probability that a pulse gives no point."""
         if self.model.dropout == 0:
             return np.zeros(len(cosine))
-        dark = 0.75 * np.clip((darkness - 0.9) / 0.1, 0, 1) ** 2
+        dark = 0.4 * np.clip((darkness - 0.9) / 0.1, 0, 1) ** 2
         mirror = 0.8 * shininess**2 * (1 - cosine) ** 0.5
         graze = np.clip((0.09 - cosine) / 0.07, 0, 1)
         return 1 - (1 - self.model.dropout) * (1 - dark) * (1 - mirror) * (1 - graze)

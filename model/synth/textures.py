@@ -69,7 +69,7 @@ def plain(p: Patch) -> np.ndarray:
 def plaster(p: Patch) -> np.ndarray:
     """Painted plaster: broad tone changes, roller grain, a few scuffs near the floor."""
     u, v = p.uv.T
-    tone = 1 + 0.035 * fractal(u * 1.3, v * 1.3, p.seed) + 0.03 * fractal(u * 45, v * 45, p.seed + 5, 2)
+    tone = 1 + 0.035 * fractal(u * 1.3, v * 1.3, p.seed) + 0.014 * fractal(u * 45, v * 45, p.seed + 5, 2)
     return p.colour * tone[:, None]
 
 
@@ -165,6 +165,19 @@ def rug(p: Patch) -> np.ndarray:
     return albedo * wear[:, None]
 
 
+def foliage(p: Patch) -> np.ndarray:
+    """A clipped hedge: clumps of leaves, dark between them."""
+    u, v = p.local[:, 0] + 0.6 * p.local[:, 1], p.local[:, 2] + 0.3 * p.local[:, 1]
+    clump = 0.55 + 0.5 * fractal(u * 14, v * 14, p.seed) + 0.35 * fractal(u * 45, v * 45, p.seed + 9, 2)
+    return _mix(p.accent, p.colour * 1.25, clump)
+
+
+def paper(p: Patch) -> np.ndarray:
+    """A paper lantern: thin ribs around z every 3 cm."""
+    rib = _edge(np.abs((p.local[:, 2] / 0.03) % 1 - 0.5) - 0.06, 0.06)
+    return _mix(p.colour, p.accent, rib)
+
+
 def leaf(p: Patch) -> np.ndarray:
     """A leaf: lighter midrib along x, veins, tone per leaf."""
     x, y = p.local[:, 0], p.local[:, 1]
@@ -232,7 +245,7 @@ def facade(p: Patch) -> np.ndarray:
 
 MATERIALS = {
     f.__name__: f
-    for f in (plain, plaster, wood, planks, brick, tiles, weave, stripes, rug, leaf, poster, page, book, carton, facade)
+    for f in (plain, plaster, wood, planks, brick, tiles, weave, stripes, rug, foliage, paper, leaf, poster, page, book, carton, facade)
 }
 NAMES = list(MATERIALS)
 
