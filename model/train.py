@@ -5,6 +5,7 @@ random state) every few minutes; called again with the same configuration it goe
 """
 
 import json
+import math
 import os
 import time
 from dataclasses import asdict, dataclass
@@ -83,7 +84,8 @@ class Crops:
 
 def _rate(step: int, config: TrainConfig, done: float) -> float:
     """Warm-up, then a cosine over the share of the run that is done (0..1), by steps or by minutes."""
-    return float(config.rate) * min(1.0, (step + 1) / config.warmup) * (0.02 + 0.98 * 0.5 * (1 + np.cos(np.pi * min(done, 1.0))))
+    warm = min(1.0, (step + 1) / config.warmup)
+    return config.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))))
 
 
 def _average(target: nn.Module, source: nn.Module, keep: float) -> None:
@@ -139,7 +141,7 @@ def train(config: TrainConfig) -> Path:
     while step < config.steps and (not limit or spent < limit):
         done = max(step / config.steps, spent / limit if limit else 0.0)
         for group in optimiser.param_groups:
-            group["lr"] = float(_rate(step, config, done))
+            group["lr"] = _rate(step, config, done)
         x, y = crops.batch(config.batch)
         x = x.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         with torch.autocast("cpu", torch.bfloat16):

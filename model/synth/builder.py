@@ -5,6 +5,7 @@ Frame: world metres, or the frame set with `Builder.at` (a yaw about z and a shi
 
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -105,7 +106,7 @@ class Builder:
 
     def cable(self, points, radius: float, look: Look) -> None:
         """Capsules along a polyline (K,3)."""
-        for a, b in zip(points[:-1], points[1:]):
+        for a, b in pairwise(points):
             self.capsule(a, b, radius, look)
 
     def ball(self, centre, radii, look: Look) -> None:

@@ -13,20 +13,21 @@ import numpy as np
 from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner
 
-STATIONS = np.array([[3.55, 2.95, 1.55], [6.15, 1.15, 1.6], [1.2, 1.15, 1.5]])
+STATIONS = np.array([[2.55, 3.2, 1.5], [5.4, 2.05, 1.6], [7.3, 3.5, 1.5]])
+DEMO_POINTS = 1_400_000  # as many as stay below 8 MB
 SPREAD = 0.12  # exposures lie within 1 +- this, and their mean is 1
 SCALE = 0.0005  # metres per LAS step
 SIZE, FPS, SECONDS = (960, 720), 24, 24
 # name, camera position, what it looks at, vertical field of view (degrees)
 VIEWS = [
-    ("01-living-room", (4.8, 3.2, 1.55), (1.1, 1.15, 0.9), 62.0),
+    ("01-living-room", (4.8, 3.2, 1.55), (1.25, 1.0, 0.92), 64.0),
     ("02-through-the-opening", (3.3, 2.75, 1.5), (7.4, 1.95, 1.0), 58.0),
     ("03-dining-table", (6.05, 3.2, 1.5), (7.7, 1.7, 0.85), 52.0),
     ("04-chairs", (5.75, 0.55, 1.15), (7.5, 2.1, 0.6), 50.0),
     ("05-bookshelf", (2.35, 2.75, 1.5), (0.15, 2.3, 1.15), 55.0),
     ("06-posters", (2.6, 2.3, 1.5), (2.45, 0.0, 1.35), 52.0),
     ("07-window-and-plant", (2.9, 1.6, 1.45), (4.0, 4.5, 1.25), 58.0),
-    ("08-railing", (7.0, 2.95, 1.25), (5.75, 4.2, 0.75), 52.0),
+    ("08-railing", (7.6, 2.75, 1.4), (5.95, 4.05, 0.8), 52.0),
 ]
 
 
@@ -113,4 +114,4 @@ def main(out: Path, points: int = 1_200_000, seed: int = 1) -> None:
 if __name__ == "__main__":
     if len(sys.argv) < 2:
         sys.exit("usage: python -m model.synth.demo OUT.laz [POINTS [SEED]]")
-    main(Path(sys.argv[1]), *(int(v) for v in sys.argv[2:4]))
+    main(Path(sys.argv[1]), *(int(v) for v in sys.argv[2:4] or [DEMO_POINTS]))

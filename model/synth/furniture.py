@@ -13,6 +13,8 @@ BLACK = Look("plain", "#34343a", "#34343a", 0.25)
 STEEL = Look("plain", "#a9acb0", "#a9acb0", 0.8)
 WHITE = Look("plain", "#e6e4de", "#e6e4de", 0.2)
 BRASS = Look("plain", "#b08a45", "#b08a45", 0.7)
+# Columns: local axes of a book lying flat, its spine towards +x, its thickness upward.
+LYING = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
 LEAF = Look("leaf", "#5d9450", "#b2cc8a", 0.25)
 
 
@@ -102,19 +104,11 @@ def _fill_shelf(b: Builder, start, stop, z, room, depth, rng, kind: int) -> None
         b.rod((at[1], at[0], z + 0.135), (at[1], at[0], z + 0.2), 0.018, Look("plain", colour, colour, 0.5), end=0.027)
     elif kind == 2:
         for k in range(4):
-            lay = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]).T
-            lay = tilt("z", rng.uniform(-8, 8)) @ np.stack([lay[:, 1], lay[:, 2], lay[:, 0]], 1)
             b.turned_box((depth / 2 + 0.02, stop - 0.13, z + 0.018 + 0.036 * k), (0.085, 0.017, 0.11 - 0.008 * k),
-                         Look("book"), axes=_lying(lay), seed=int(rng.integers(1 << 20)))
+                         Look("book"), axes=tilt("z", rng.uniform(-8, 8)) @ LYING, seed=int(rng.integers(1 << 20)))
     elif kind == 3:
         colour = str(rng.choice(["#d9c9a3", "#8b9a86", "#35506b"]))
         b.box((0.05, stop - 0.14, z), (depth - 0.04, stop, z + 0.16), Look("weave", colour, "#efe6d2"))
-
-
-def _lying(axes: np.ndarray) -> np.ndarray:
-    """Axes of a book lying flat, its spine (+x) forward: thickness (y) up, height (z) along the shelf."""
-    forward = axes @ np.array([0, 0, 0.0]) + np.array([1.0, 0, 0])
-    return np.stack([forward, [0, 0, 1.0], [0, -1.0, 0]], 1)
 
 
 def floor_lamp(b: Builder, shade: Look, bulb: Look) -> np.ndarray:

@@ -15,7 +15,10 @@ PALETTES = [
     ("#e9e3d2", "#3a5a40", "#bc6c25", "#dda15e"),
     ("#f2eee8", "#5b3758", "#e07a5f", "#81b29a"),
 ]
-WORDS = "light field point cloud scan room echo depth north harbour garden winter letters music atlas river bridge".split()
+WORDS = [
+    "light", "field", "point", "cloud", "scan", "room", "echo", "depth", "north",
+    "harbour", "garden", "winter", "letters", "music", "atlas", "river", "bridge",
+]
 TITLES = [
     "A HISTORY OF LIGHT", "THE ATLAS", "GARDENS", "NORTH SEA", "ON SURFACES", "COLOUR", "THE LONG ROOM", "RIVERS",
     "LETTERS", "OPTICS", "THE HOUSE", "WINTER", "FIELD NOTES", "MAPS", "TREES OF EUROPE", "BREAD", "SOUND", "FORM",

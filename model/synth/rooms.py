@@ -4,6 +4,8 @@ Frame: metres, z up, floor at z = 0, both rooms y 0 .. 4.6 and 2.7 high; the win
 changes the palette, what hangs, stands and lies where, the books and the prints; the plan stays.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from . import furniture as f
@@ -14,7 +16,8 @@ WIDTH, DEPTH, HEIGHT = 9.4, 4.6, 2.7
 PARTING = (5.2, 5.35)  # the wall between the rooms, x
 OPENING = (1.45, 3.15, 2.2)  # y from, y to, height
 WINDOWS = ((1.2, 3.5, 0.85, 2.3), (6.7, 8.3, 0.85, 2.3))  # x from, x to, z from, z to
-SUN_DIRECTION = np.array([0.42, 0.68, 0.6]) / np.linalg.norm([0.42, 0.68, 0.6])
+SUN_DIRECTION = np.array([0.42, 0.68, 0.6])
+SUN_DIRECTION /= np.linalg.norm(SUN_DIRECTION)
 LANTERN = (2.55, 2.3, 2.28)  # centre of the paper lantern in the living room
 SHELL = 0.25  # metres, thickness of the outer walls
 
@@ -108,7 +111,9 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
     b.cushion((2.55, 2.05, 0.006), (1.3, 0.9, 0.006), 0.004, Look("rug", rug[0], rug[1]))
     with b.at(2.5, 0.06):
         f.sofa(b, 2.25, Look("weave", sofa, "#9aa7ad"), [
-            Look("stripes", cushions[0], "#efe6d2"), Look("weave", cushions[1], "#ffffff"), Look("stripes", cushions[2], "#e9dfc7"),
+            Look("stripes", cushions[0], "#efe6d2"),
+            Look("weave", cushions[1], "#ffffff"),
+            Look("stripes", cushions[2], "#e9dfc7"),
         ])
     with b.at(2.55 + rng.uniform(-0.05, 0.05), 2.0, 0.012, rng.uniform(-5, 5)):
         f.table(b, 1.05, 0.58, 0.4, f.WALNUT)
@@ -140,7 +145,7 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
     b.ball(LANTERN, (0.21, 0.21, 0.185), Look("paper", "#f6ead2", "#c9b48c", glow=(1.1, 0.86, 0.56), casts=False))
     # A string of small lamps along the ceiling, and its cable down to a socket.
     anchors = [(0.05, 4.45, 2.55), (1.6, 4.3, 2.6), (3.3, 4.3, 2.6), (5.1, 4.4, 2.55)]
-    for start, end in zip(anchors[:-1], anchors[1:]):
+    for start, end in pairwise(anchors):
         line = _sag(start, end, 0.16, 12)
         b.cable(line, 0.003, f.BLACK)
         for p in line[1::2]:
@@ -179,9 +184,9 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
         b.ball((0.5, 0.22, 0.86), 0.08, Look("plain", "#d8d2c2", "#d8d2c2", 0.3))
         for k in range(5):
             z = 0.78 + 0.032 * k
-            axes = np.array([[0, 0, 1.0], [1, 0, 0], [0, 1, 0]]).T
-            axes = tilt("z", rng.uniform(-10, 10)) @ np.stack([[0, 1.0, 0], [0, 0, 1.0], [1.0, 0, 0]], 1)
-            b.turned_box((0.85, 0.22, z + 0.015), (0.095, 0.0155, 0.13), Look("book"), axes=axes, seed=int(rng.integers(1 << 20)))
+            axes = tilt("z", 90 + rng.uniform(-10, 10)) @ f.LYING
+            b.turned_box((0.85, 0.22, z + 0.015), (0.095, 0.0155, 0.13), Look("book"), axes=axes,
+                         seed=int(rng.integers(1 << 20)))
         with b.at(1.45, 0.23, 0.78):
             f.plant(b, rng, 0.6, 8, "#e2dccd")
         f.picture(b, 0.85, 1.72, 0.56, _print(b, 0, 4), f.BLACK)
@@ -240,7 +245,7 @@ def _lights(lamp_a: np.ndarray, lamp_b: np.ndarray) -> Lights:
     for x0, x1, z0, z1 in WINDOWS:
         centre, u, v = ((x0 + x1) / 2, DEPTH + 0.45, (z0 + z1) / 2), ((x1 - x0) / 1.7, 0, 0), (0, 0, (z1 - z0) / 1.7)
         area = (x1 - x0) * (z1 - z0) * (2 / 1.7) ** 2
-        rows.append((WINDOW, centre, u, v, 0.0, np.array([0.86, 0.97, 1.12]) * 0.95 * area, 14))
+        rows.append((WINDOW, centre, u, v, 0.0, np.array([0.86, 0.97, 1.12]) * (0.95 if x0 < PARTING[0] else 1.4) * area, 14))
     zero = (0, 0, 0)
     rows.append((SUN, SUN_DIRECTION, zero, zero, 0.012, np.array([1.0, 0.86, 0.66]) * 2.6, 5))
     rows.append((LAMP, lamp_a, zero, zero, 0.06, np.array([1.0, 0.68, 0.38]) * 0.5, 5))

@@ -258,7 +258,7 @@ def _surface(k, x, y, z, p0, p1, p2, p3):
     """
     if k == QUAD:
         return 0.0, 0.0, 1.0, x, y
-    if k == BOX or k == ROUND:
+    if k in (BOX, ROUND):
         r = p3 if k == ROUND else 0.0
         nx, ny, nz = abs(x) - p0, abs(y) - p1, abs(z) - p2
         if k == ROUND:

@@ -161,8 +161,9 @@ def rug(p: Patch) -> np.ndarray:
     border = np.where(checker[:, None], p.colour * 0.55, cream)
     albedo = np.where((inset < 0.16)[:, None], border, albedo)
     albedo = np.where(((inset < 0.04) | ((inset > 0.16) & (inset < 0.2)))[:, None], p.accent * 0.7, albedo)
-    wear = 0.86 + 0.14 * fractal(p.uv[:, 0] * 4, p.uv[:, 1] * 4, p.seed) + 0.14 * fractal(p.local[:, 0] * 130, p.local[:, 1] * 130, p.seed)
-    return albedo * wear[:, None]
+    u, v = p.uv.T
+    pile = 0.86 + 0.14 * fractal(u * 4, v * 4, p.seed) + 0.14 * fractal(u * 130, v * 130, p.seed)
+    return albedo * pile[:, None]
 
 
 def foliage(p: Patch) -> np.ndarray:
@@ -245,7 +246,10 @@ def facade(p: Patch) -> np.ndarray:
 
 MATERIALS = {
     f.__name__: f
-    for f in (plain, plaster, wood, planks, brick, tiles, weave, stripes, rug, foliage, paper, leaf, poster, page, book, carton, facade)
+    for f in (
+        plain, plaster, wood, planks, brick, tiles, weave, stripes, rug, foliage, paper, leaf, poster, page, book, carton,
+        facade,
+    )
 }
 NAMES = list(MATERIALS)
 

@@ -133,3 +133,21 @@ def test_units_come_from_wkt_and_geotiff_keys(tmp_path):
     xyz, rgb = surface(50)
     meta = open_scene(write_las(tmp_path / "a.las", xyz, rgb, wkt=feet), cache=False).meta
     assert (meta["units"], meta["metres_per_unit"], meta["crs"]) == ("foot", 0.3048, "Oregon")
+
+
+def test_ply_reader_agrees_with_open3d(tmp_path):
+    """An independent reader, and writer, of the same format."""
+    o3d = pytest.importorskip("open3d", reason="open3d is a development dependency")
+    rng = np.random.default_rng(5)
+    xyz, rgb = rng.uniform(-5, 5, (500, 3)), rng.integers(0, 256, (500, 3))
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(xyz))
+    cloud.colors = o3d.utility.Vector3dVector(rgb / 255)
+    for ascii_form in (True, False):
+        path = tmp_path / f"cloud-{ascii_form}.ply"
+        assert o3d.io.write_point_cloud(str(path), cloud, write_ascii=ascii_form)
+        theirs = np.asarray(o3d.io.read_point_cloud(str(path)).points)
+        scene = open_scene([path], cache=False)
+        ours, colours, _, _ = unpack(scene)
+        order, other = np.lexsort(ours.round(3).T), np.lexsort(theirs.round(3).T)
+        assert np.abs(ours[order] - theirs[other]).max() <= scene.step
+        assert np.array_equal(colours[order], rgb[other])

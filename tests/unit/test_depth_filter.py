@@ -18,7 +18,7 @@ def two_layers(front_share: float, near: float, far: float, seed: int, scale: fl
     """A near plane covering the left two thirds at ``front_share`` points a pixel, a dense far plane behind it all.
     Returns depth (H, W), and which pixels show near, leaked far and open far."""
     rng = np.random.default_rng(seed)
-    h, w = SIZE
+    w = SIZE[1]
     front = (rng.random(SIZE) < front_share) & (np.arange(w) < 2 * w // 3)
     depth = np.where(front, near, far).astype(np.float32)
     covered = np.broadcast_to(np.arange(w) < 2 * w // 3, SIZE)
@@ -38,7 +38,7 @@ def test_auto_drops_what_shows_through_and_keeps_what_is_seen(share, distance):
 @pytest.mark.parametrize("distance", [2.0, 10.0, 40.0, 60.0])
 def test_auto_keeps_a_bare_floor_at_any_distance(distance):
     """A plane is affine in inverse depth: nothing of a dense floor seen at a grazing angle may go."""
-    h, w = SIZE
+    h = SIZE[0]
     rows = np.arange(h)[:, None] + 0.5
     inverse = np.broadcast_to((rows / h) * 0.9 + 0.1, SIZE) / distance
     assert keep_mask(torch.from_numpy((1 / inverse).astype(np.float32))).float().mean() > 0.999

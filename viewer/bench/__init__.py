@@ -4,7 +4,6 @@ Every result carries the machine it was had on.  Speed is shown here, not by tim
 """
 
 import argparse
-import json
 import os
 import platform
 from pathlib import Path

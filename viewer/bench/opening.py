@@ -44,4 +44,6 @@ def run_open(scans: list[Path], size: tuple[int, int], settings: Settings) -> di
                 os.environ["POINTGLASS_CACHE"] = before
     names = ("from the cache", "OpenGL context", "points to the GPU", "first raw picture")
     times["cache to first picture"] = sum(times[name] for name in names)
-    return {"scans": [str(s) for s in scans], "points": scene.count, "size": list(size), "opengl": opengl, "milliseconds": times}
+    return {
+        "scans": [str(s) for s in scans], "points": scene.count, "size": list(size), "opengl": opengl, "milliseconds": times,
+    }

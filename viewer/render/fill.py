@@ -7,7 +7,6 @@ storage buffer that CUDA can map as plain memory (see shaders/fill_push.comp).
 from typing import TYPE_CHECKING
 
 import moderngl
-
 import numpy as np
 
 from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE

@@ -1,0 +1,65 @@
+"""The camera's geometry and what it refuses."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from viewer.camera import Camera, from_fov, look_at
+from viewer.errors import InputError
+
+coordinate = st.floats(-1e7, 1e7)
+point = st.tuples(coordinate, coordinate, coordinate)
+
+
+@given(point, point)
+def test_look_at_is_a_rotation_that_looks_there(position, target):
+    matrix = look_at(position, target)
+    rotation = matrix[:3, :3]
+    assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9) and np.linalg.det(rotation) > 0
+    ahead = np.subtract(target, position)
+    if np.linalg.norm(ahead) > 1e-3:
+        assert np.allclose(-matrix[:3, 2], ahead / np.linalg.norm(ahead), atol=1e-9)
+
+
+@given(point, point, st.floats(1, 170))
+def test_view_rotation_and_inverse_agree(position, target, fov):
+    camera = from_fov(80, 60, fov, look_at(position, target))
+    assert np.allclose(camera.world_to_camera @ camera.camera_to_world, np.eye(4), atol=1e-6 * (1 + np.abs(position).max()))
+    ahead = camera.view_rotation @ camera.forward
+    assert np.allclose(ahead, [0, 0, 1], atol=1e-9) and camera.vertical_fov == pytest.approx(fov)
+    assert np.allclose(camera.view_rotation @ camera.up, [0, -1, 0], atol=1e-9)
+
+
+def test_resized_keeps_the_vertical_field_of_view_and_the_centre():
+    camera = Camera(640, 480, 500, 510, 300, 250, np.eye(4))
+    twice = camera.resized(1280, 960)
+    assert (twice.fx, twice.fy, twice.cx, twice.cy) == (1000, 1020, 600, 500)
+    assert camera.resized(960, 480).cx == 460 and camera.resized(960, 480).vertical_fov == camera.vertical_fov
+
+
+@pytest.mark.parametrize("factor", [0.01, 3.0, 1000.0])
+def test_a_scale_in_the_rotation_is_taken_out(factor):
+    matrix = look_at((1, 2, 3), (4, 5, 6))
+    scaled = matrix.copy()
+    scaled[:3, :3] *= factor
+    assert np.allclose(from_fov(8, 6, 60, scaled).camera_to_world, matrix, atol=1e-9)
+
+
+def test_an_exact_rotation_stays_to_the_bit():
+    matrix = look_at((0.1, 0.2, 0.3), (4, 5, 6))
+    assert np.array_equal(from_fov(8, 6, 60, matrix).camera_to_world, matrix)
+
+
+@pytest.mark.parametrize("changes, said", [
+    ({"width": 0}, "width 0"), ({"height": 20000}, "height 20000"), ({"width": 3.5}, "width 3.5"),
+    ({"fx": 0.0}, "fx 0.0"), ({"fy": float("nan")}, "fy nan"), ({"cx": float("inf")}, "principal point"),
+    ({"camera_to_world": np.zeros((4, 4))}, "singular"), ({"camera_to_world": np.diag([1.0, 1, -1, 1])}, "mirrored"),
+    ({"camera_to_world": np.eye(3)}, "4x4"), ({"camera_to_world": np.full((4, 4), np.nan)}, "finite"),
+    ({"camera_to_world": np.diag([1.0, 2.0, 1.0, 1.0])}, "not a rotation"),
+])
+def test_bad_cameras_are_refused_by_name_and_value(changes, said):
+    good = {"width": 8, "height": 6, "fx": 5.0, "fy": 5.0, "cx": 4.0, "cy": 3.0, "camera_to_world": np.eye(4), "name": "c7"}
+    with pytest.raises(InputError, match=said) as caught:
+        Camera(**{**good, **changes})
+    assert "'c7'" in str(caught.value)
