@@ -119,7 +119,9 @@ def look_at(position, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
     """
     position, target, up = (np.asarray(v, np.float64) for v in (position, target, up))
     back = position - target
-    back = back / max(np.linalg.norm(back), 1e-300) if np.any(back) else np.array([0.0, -1.0, 0.0])
+    reach = np.abs(back).max()
+    back = back / reach if reach > 1e-200 else np.array([0.0, -1.0, 0.0])  # first to size 1: squares must not vanish
+    back = back / np.linalg.norm(back)
     right = np.cross(up, back)
     if np.linalg.norm(right) < 1e-9:
         right = np.cross(np.roll(up, 1), back)
