@@ -183,8 +183,8 @@ def picture(b: Builder, x: float, z: float, width: float, seed: int, frame: Look
     b.quad((x, 0.012, z), (-hx, 0, 0), (0, 0, hz), Look("poster", shininess=0.1), seed=seed)
     b.box((x - hx - margin, 0, z - hz - margin), (x + hx + margin, 0.009, z + hz + margin), WHITE)
     ox, oz = hx + margin, hz + margin
-    for low, high in (((-ox - t, -oz - t), (ox + t, -oz)), ((-ox - t, oz), (ox + t, oz + t)), ((-ox - t, -oz), (-ox, oz)),
-                      ((ox, -oz), (ox + t, oz))):
+    for low, high in (((-ox - t, -oz - t), (ox + t, -oz)), ((-ox - t, oz), (ox + t, oz + t)),
+                      ((-ox - t, -oz), (-ox, oz)), ((ox, -oz), (ox + t, oz))):
         b.box((x + low[0], 0, z + low[1]), (x + high[0], 0.025, z + high[1]), frame)
 
 

@@ -18,8 +18,11 @@ _CUBE = np.vstack([np.eye(3), -np.eye(3)])
 
 @dataclass(frozen=True)
 class Lights:
-    """L lights.  kind (L,); position (L,3): a window's or lamp's centre, the direction towards the sun; side_u, side_v
-    (L,3): a window's half sides; radius (L,): a lamp's, or the sun's spread (radians); power (L,3); samples (L,) int."""
+    """L lights.
+
+    kind (L,); position (L,3): a window's or lamp's centre, or the direction towards the sun; side_u, side_v (L,3): a
+    window's half sides; radius (L,): a lamp's, or the sun's spread (radians); power (L,3); samples (L,) int64.
+    """
 
     kind: np.ndarray
     position: np.ndarray
@@ -75,7 +78,9 @@ def light_points(
                 b = (s * 0.5698402909980532 + shift_b) % 1.0
                 if kind[light] == SUN:
                     r, phi = radius[light] * np.sqrt(a), 6.283185307179586 * b
-                    dx, dy, dz = position[light, 0] + r * np.cos(phi), position[light, 1], position[light, 2] + r * np.sin(phi)
+                    dx = position[light, 0] + r * np.cos(phi)
+                    dy = position[light, 1]
+                    dz = position[light, 2] + r * np.sin(phi)
                     gain, reach = 1.0, 7.0  # what stands farther off is the view out of the window
                 elif kind[light] == LAMP:
                     cz, phi = 2.0 * a - 1.0, 6.283185307179586 * b
@@ -177,7 +182,7 @@ class Lighting:
             counts = np.maximum(np.ceil((high - low) / 0.4).astype(int) + 1, 2)
             self.grids.append(ProbeGrid(low, high, np.zeros((*counts, 6, 3))))
 
-    def bake(self, surface, rays: int = 96, bounces: int = 3, seed: int = 0) -> None:
+    def bake(self, surface, rays: int = 48, bounces: int = 3, seed: int = 0) -> None:
         """Fills the probes.  surface: callable (t, primitive, uv, points) -> albedo (N,3), emission (N,3), lit (N,)."""
         rng = np.random.default_rng(seed)
         k = np.arange(rays) + 0.5

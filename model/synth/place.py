@@ -1,6 +1,6 @@
 """A furnished place: what a ray hits and what colour is there, and pictures of it, the truth for what a scan shows.
 
-Frame: world metres, z up.  Colours leave as sRGB 0..1 after one fixed exposure and a soft shoulder, as a camera's would.
+Frame: world metres, z up.  Colours leave as sRGB 0..1, after one fixed exposure and a soft shoulder.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Hits:
 
 
 def tone(radiance: np.ndarray) -> np.ndarray:
-    """Linear radiance to sRGB 0..1: exposure, then a shoulder above 0.6 so that windows and lamps do not clip at once."""
+    """Linear radiance to sRGB 0..1: exposure, then a shoulder above 0.6, so that windows do not clip at once."""
     x = np.maximum(radiance * EXPOSURE, 0)
     knee = 0.6
     over = np.maximum(x - knee, 0)

@@ -23,6 +23,10 @@ TITLES = [
     "A HISTORY OF LIGHT", "THE ATLAS", "GARDENS", "NORTH SEA", "ON SURFACES", "COLOUR", "THE LONG ROOM", "RIVERS",
     "LETTERS", "OPTICS", "THE HOUSE", "WINTER", "FIELD NOTES", "MAPS", "TREES OF EUROPE", "BREAD", "SOUND", "FORM",
 ]
+CLOTHS = [
+    "#7a2e2a", "#23405a", "#2f4f3e", "#c9a227", "#d8d0bd", "#3b3b40", "#a6532b", "#5f6f86", "#8a3f5c", "#e4ddcc",
+    "#b8c4bb", "#1f2a38", "#c65d3b", "#40706a",
+]
 HEADLINES = ["LICHT", "POINT", "SCAN", "RAUM", "ECHO", "DEPTH"]
 
 
@@ -51,12 +55,11 @@ def _fitted(draw: ImageDraw.ImageDraw, text: str, width: float, size: float):
 
 def _lines(draw, rng, x, y, width, rows, size, colour) -> None:
     """A block of made-up running text."""
+    font = _font(size)
     for row in range(rows):
         words = " ".join(rng.choice(WORDS, 12))
-        font = _font(size)
-        while draw.textlength(words, font=font) > width:
-            words = words[:-1]
-        draw.text((x, y + row * size * 1.35), words, font=font, fill=colour)
+        fits = int(len(words) * width / draw.textlength(words, font=font))
+        draw.text((x, y + row * size * 1.35), words[:fits], font=font, fill=colour)
 
 
 def _shapes_poster(draw, w, h, rng, colours) -> None:
@@ -147,8 +150,7 @@ def page(seed: int) -> np.ndarray:
 def spine(seed: int) -> np.ndarray:
     """A book's spine, 320 px tall and 48 wide: cloth colour, bands, a title running down."""
     rng = np.random.default_rng([73, seed])
-    cloth = ["#7a2e2a", "#23405a", "#2f4f3e", "#c9a227", "#d8d0bd", "#3b3b40", "#a6532b", "#5f6f86", "#8a3f5c", "#e4ddcc",
-             "#b8c4bb", "#1f2a38", "#c65d3b", "#40706a"][rng.integers(14)]
+    cloth = CLOTHS[rng.integers(len(CLOTHS))]
     ink = "#f4ecd8" if sum(int(cloth[i : i + 2], 16) for i in (1, 3, 5)) < 420 else "#2a2622"
     image = Image.new("RGB", (320, 48), cloth)
     draw = ImageDraw.Draw(image)

@@ -66,8 +66,9 @@ def _shell(b: Builder, wall: str, accent: str) -> None:
     b.box((edge, DEPTH, 0), (WIDTH, DEPTH + SHELL, HEIGHT), paint, seed=12)
     trim = f.WHITE
     for low, high in (((0, 0), (x0, 0.015)), ((0, 0), (0.015, DEPTH)), ((0, DEPTH - 0.015), (x0, DEPTH)),
-                      ((x0 - 0.015, 0), (x0, y0)), ((x0 - 0.015, y1), (x0, DEPTH)), ((x1, 0), (WIDTH, 0.015)),
-                      ((x1, DEPTH - 0.015), (WIDTH, DEPTH)), ((x1, 0), (x1 + 0.015, y0)), ((x1, y1), (x1 + 0.015, DEPTH))):
+                      ((x0 - 0.015, 0), (x0, y0)), ((x0 - 0.015, y1), (x0, DEPTH)),
+                      ((x1, 0), (WIDTH, 0.015)), ((x1, DEPTH - 0.015), (WIDTH, DEPTH)),
+                      ((x1, 0), (x1 + 0.015, y0)), ((x1, y1), (x1 + 0.015, DEPTH))):
         b.box((*low, 0), (*high, 0.09), trim)
     for y in (y0, y1):
         b.box((x0 - 0.02, y - 0.035, 0), (x1 + 0.02, y + 0.035, top), trim)
@@ -78,7 +79,8 @@ def _shell(b: Builder, wall: str, accent: str) -> None:
 def _window(b: Builder, x0: float, x1: float, z0: float, z1: float) -> None:
     """Frame, mullions, sill, handle, and gathered curtains on a rod."""
     y, w = DEPTH + 0.13, 0.055
-    for low, high in (((x0, z0), (x1, z0 + w)), ((x0, z1 - w), (x1, z1)), ((x0, z0), (x0 + w, z1)), ((x1 - w, z0), (x1, z1)),
+    for low, high in (((x0, z0), (x1, z0 + w)), ((x0, z1 - w), (x1, z1)),
+                      ((x0, z0), (x0 + w, z1)), ((x1 - w, z0), (x1, z1)),
                       (((x0 + x1) / 2 - w / 2, z0), ((x0 + x1) / 2 + w / 2, z1)),
                       ((x0, z1 - 0.47), (x1, z1 - 0.43))):
         b.box((low[0], y - 0.03, low[1]), (high[0], y + 0.03, high[1]), f.WHITE)
@@ -126,8 +128,8 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
         f.bookshelf(b, 2.2, 2.12, rng)
         for k, size in enumerate(((0.3, 0.4, 0.2), (0.26, 0.3, 0.17))):
             f.carton(b, 0.16, 0.4 + 0.55 * k, 2.12, size, rng.uniform(-6, 6), rng)
-        with b.at(0.15, 1.85, 1.87):
-            f.plant(b, rng, 0.62, 7, "#b5694a")
+        with b.at(0.17, 1.85, 2.12):
+            f.plant(b, rng, 0.52, 7, "#b5694a")
     with b.at(0.48, 0.55):
         bulb = f.floor_lamp(b, Look("weave", "#f1e3c4", "#e3d0a6", glow=(0.85, 0.62, 0.34)), _bulb()) + (0.48, 0.55, 0)
     b.cable(_sag((0.48, 0.5, 0.02), (0.9, 0.02, 0.25), 0.0, 6), 0.004, f.BLACK)
@@ -245,7 +247,8 @@ def _lights(lamp_a: np.ndarray, lamp_b: np.ndarray) -> Lights:
     for x0, x1, z0, z1 in WINDOWS:
         centre, u, v = ((x0 + x1) / 2, DEPTH + 0.45, (z0 + z1) / 2), ((x1 - x0) / 1.7, 0, 0), (0, 0, (z1 - z0) / 1.7)
         area = (x1 - x0) * (z1 - z0) * (2 / 1.7) ** 2
-        rows.append((WINDOW, centre, u, v, 0.0, np.array([0.86, 0.97, 1.12]) * (0.95 if x0 < PARTING[0] else 1.4) * area, 14))
+        sky = np.array([0.86, 0.97, 1.12]) * (0.95 if x0 < PARTING[0] else 1.4)
+        rows.append((WINDOW, centre, u, v, 0.0, sky * area, 14))
     zero = (0, 0, 0)
     rows.append((SUN, SUN_DIRECTION, zero, zero, 0.012, np.array([1.0, 0.86, 0.66]) * 2.6, 5))
     rows.append((LAMP, lamp_a, zero, zero, 0.06, np.array([1.0, 0.68, 0.38]) * 0.5, 5))

@@ -6,7 +6,7 @@ one beam meets both, no return from dark, shiny or grazing surfaces, nothing und
 own exposure and white balance per station, and stations registered a few millimetres off.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -42,7 +42,9 @@ class ScannerModel:
     colour_noise: float = 0.8
 
 
-IDEAL = ScannerModel(noise=0, noise_per_metre=0, divergence=0, dropout=0, turn=0, shift=0, white_balance=0, colour_noise=0)
+IDEAL = ScannerModel(
+    noise=0, noise_per_metre=0, divergence=0, dropout=0, turn=0, shift=0, white_balance=0, colour_noise=0
+)
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,8 @@ def pitch_for(pulses: float, model: ScannerModel) -> float:
 class VirtualScanner:
     """Scans whatever ``trace`` sees.
 
-    trace: (origins (N,3), directions (N,3)) -> an object with t (N,), rgb (N,3) sRGB 0..1, normal (N,3), shininess (N,),
-    darkness (N,), as `place.Hits`.  ranges: the same arguments -> t alone, where that is cheaper.
+    trace: (origins (N,3), directions (N,3)) -> an object with t (N,), rgb (N,3) sRGB 0..1, normal (N,3),
+    shininess (N,), darkness (N,), as `place.Hits`.  ranges: the same arguments -> t alone, where that is cheaper.
     """
 
     def __init__(self, trace: Callable, model: ScannerModel | None = None, ranges: Callable | None = None):
@@ -100,16 +102,16 @@ class VirtualScanner:
         self.model = model or ScannerModel()
         self.ranges = ranges or (lambda origins, rays: trace(origins, rays).t)
 
-    def scan(self, positions: Sequence, pulses: int, rng: np.random.Generator, exposures=None) -> Scan:
+    def scan(self, positions, pulses: int, rng: np.random.Generator, exposures=None) -> Scan:
         """Stations at ``positions`` (S,3), about ``pulses`` pulses each; exposures (S,): camera gains, 1 by default.
 
         Points come station after station, ring after ring.
         """
-        positions = np.asarray(positions, np.float64)
-        exposures = np.ones(len(positions)) if exposures is None else np.asarray(exposures, np.float64)
-        parts = [self._station(p, pulses, rng, e, n) for n, (p, e) in enumerate(zip(positions, exposures))]
+        places = np.asarray(positions, np.float64)
+        exposures = np.ones(len(places)) if exposures is None else np.asarray(exposures, np.float64)
+        parts = [self._station(p, pulses, rng, e, n) for n, (p, e) in enumerate(zip(places, exposures))]
         xyz, rgb, intensity, station, mixed = (np.concatenate(column) for column in zip(*parts))
-        return Scan(xyz, rgb, intensity, station, positions, exposures, mixed)
+        return Scan(xyz, rgb, intensity, station, places, exposures, mixed)
 
     def _station(self, position, pulses: int, rng: np.random.Generator, exposure: float, number: int):
         m = self.model
@@ -120,7 +122,7 @@ class VirtualScanner:
         origins = np.broadcast_to(position, rays.shape).copy()
         hits = self.trace(origins, rays)
         t, rgb, mixed = hits.t.copy(), hits.rgb.copy(), np.zeros(len(rays), bool)
-        cosine = np.abs(np.einsum("ij,ij->i", hits.normal, rays))
+        cosine = np.minimum(np.abs(np.einsum("ij,ij->i", hits.normal, rays)), 1)
         if m.divergence > 0:
             self._mix(origins, rays, t, rgb, mixed, rng)
         kept = np.isfinite(t) & (t > m.nearest) & (t < m.farthest)

@@ -1,7 +1,7 @@
 """Rays against boxes, cylinders, capsules, ellipsoids and quads: the numba kernels below every synthetic place.
 
-A place is a struct of arrays, `Shapes`: each primitive has a local frame (world -> local rotation and a centre) in which
-it is axis-aligned, a kind and four numbers.  A bounding volume hierarchy with one primitive per leaf lies over them.
+A place is a struct of arrays, `Shapes`: each primitive has a local frame (world -> local rotation and a centre) in
+which it is axis-aligned, a kind and four numbers.  A bounding volume hierarchy, one primitive per leaf, lies over them.
 Frame: world metres.  Ray directions are unit vectors, so that t is metres; float64 throughout.
 
 kind      params                             local shape
@@ -207,9 +207,13 @@ def _hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
         return _hit_round(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
     best = _hit_tube(ox, oy, oz, dx, dy, dz, p0, p0, p1, 0.0)
     for end in (-p1, p1):
-        t = _hit_ellipsoid(ox, oy, oz - end, dx, dy, dz, p0, p0, p0)
-        if t < best and (oz + t * dz) * np.sign(end) >= p1:
-            best = t
+        # Both roots: from inside the tube, the first meets the end's sphere within it.
+        z = oz - end
+        b, c = ox * dx + oy * dy + z * dz, ox * ox + oy * oy + z * z - p0 * p0
+        root = np.sqrt(max(b * b - c, 0.0))
+        for t in (-b - root, -b + root):
+            if b * b >= c and EPSILON < t < best and (oz + t * dz) * np.sign(end) >= p1:
+                best = t
     return best
 
 

@@ -80,7 +80,8 @@ def wood(p: Patch) -> np.ndarray:
     along = p.local[rows, axis]
     a, b = p.local[rows, (axis + 1) % 3], p.local[rows, (axis + 2) % 3]
     across = a + 0.7 * b + 0.012 * fractal(along * 3, a * 4, p.seed + 3, 2)
-    grain = fractal(along * 2.5, across * 70, p.seed) * 0.5 + 0.5 * np.sin(across * 160 + 5 * noise(along, a * 5, p.seed))
+    rings = np.sin(across * 160 + 5 * noise(along, a * 5, p.seed))
+    grain = 0.5 * fractal(along * 2.5, across * 70, p.seed) + 0.5 * rings
     return _mix(p.colour, p.accent, 0.5 + 0.42 * grain)
 
 
@@ -123,7 +124,8 @@ def tiles(p: Patch) -> np.ndarray:
     ring = np.hypot(np.abs(a) - 0.5, np.abs(b) - 0.5)
     ink = np.maximum(_edge(np.abs(ring - 0.37) - 0.055, 0.02), _edge(np.abs(a) + np.abs(b) - 0.15, 0.02))
     ink = np.maximum(ink, _edge(ring - 0.16, 0.02))
-    tone = 1 + 0.12 * (_hash(np.floor(u / 0.2), np.floor(v / 0.2), p.seed) - 0.5) + 0.03 * fractal(u * 40, v * 40, p.seed)
+    each = _hash(np.floor(u / 0.2), np.floor(v / 0.2), p.seed)
+    tone = 1 + 0.12 * (each - 0.5) + 0.03 * fractal(u * 40, v * 40, p.seed)
     albedo = _mix(p.colour, p.accent, ink) * tone[:, None]
     grout = _edge(0.49 - np.maximum(np.abs(a), np.abs(b)), 0.006)
     return _mix(albedo, np.full_like(albedo, 0.3), grout)
@@ -183,7 +185,8 @@ def leaf(p: Patch) -> np.ndarray:
     """A leaf: lighter midrib along x, veins, tone per leaf."""
     x, y = p.local[:, 0], p.local[:, 1]
     tone = 0.75 + 0.5 * _hash(p.seed, p.seed + 1)
-    vein = np.maximum(_edge(np.abs(y) - 0.002, 0.002), 0.35 * _edge(np.abs(((x - np.abs(y)) / 0.022) % 1 - 0.5) - 0.06, 0.06))
+    side = _edge(np.abs(((x - np.abs(y)) / 0.022) % 1 - 0.5) - 0.06, 0.06)
+    vein = np.maximum(_edge(np.abs(y) - 0.002, 0.002), 0.35 * side)
     return _mix(p.colour * tone[:, None], p.accent, vein)
 
 
@@ -247,8 +250,8 @@ def facade(p: Patch) -> np.ndarray:
 MATERIALS = {
     f.__name__: f
     for f in (
-        plain, plaster, wood, planks, brick, tiles, weave, stripes, rug, foliage, paper, leaf, poster, page, book, carton,
-        facade,
+        plain, plaster, wood, planks, brick, tiles, weave, stripes, rug, foliage, paper, leaf, poster, page, book,
+        carton, facade,
     )
 }
 NAMES = list(MATERIALS)
