@@ -24,12 +24,12 @@ from model.weights import load_weights, save_weights
 class TrainConfig:
     """What a training run is; saved beside its results.
 
-    pairs: folder made by :mod:`model.data.pairs`.  start_from: weights to go on from.
+    pairs: folders made by :mod:`model.data.pairs`, drawn from in equal shares.  start_from: weights to go on from.
     minutes: stop after this long in this call (0: by steps alone).
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
     """
 
-    pairs: str
+    pairs: tuple[str, ...]
     out: str
     quality: str = "balanced"
     filtered: bool = True
@@ -50,9 +50,9 @@ class TrainConfig:
 class Crops:
     """Random crops of the pairs, flipped and turned, with one exposure a crop put on input and truth alike."""
 
-    def __init__(self, folder: Path, crop: int, seed: int):
-        self.inputs = np.load(folder / "inputs.npy", mmap_mode="r")
-        self.truth = np.load(folder / "truth.npy", mmap_mode="r")
+    def __init__(self, folders: list[Path], crop: int, seed: int):
+        self.inputs = [np.load(folder / "inputs.npy", mmap_mode="r") for folder in folders]
+        self.truth = [np.load(folder / "truth.npy", mmap_mode="r") for folder in folders]
         self.crop = crop
         self.rng = np.random.default_rng(seed)
 
@@ -61,11 +61,13 @@ class Crops:
         rng, crop = self.rng, self.crop
         xs, ys = [], []
         for _ in range(count):
-            i = int(rng.integers(len(self.inputs)))
-            r = int(rng.integers(self.inputs.shape[2] - crop + 1))
-            c = int(rng.integers(self.inputs.shape[3] - crop + 1))
-            x = self.inputs[i, :, r : r + crop, c : c + crop].astype(np.float32)
-            y = self.truth[i, :, r : r + crop, c : c + crop].astype(np.float32) / 255
+            folder = int(rng.integers(len(self.inputs)))
+            inputs, truth = self.inputs[folder], self.truth[folder]
+            i = int(rng.integers(len(inputs)))
+            r = int(rng.integers(inputs.shape[2] - crop + 1))
+            c = int(rng.integers(inputs.shape[3] - crop + 1))
+            x = inputs[i, :, r : r + crop, c : c + crop].astype(np.float32)
+            y = truth[i, :, r : r + crop, c : c + crop].astype(np.float32) / 255
             turns = int(rng.integers(4))
             x, y = np.rot90(x, turns, (1, 2)), np.rot90(y, turns, (1, 2))
             if rng.random() < 0.5:
@@ -109,7 +111,7 @@ def train(config: TrainConfig) -> Path:
     averaged.load_state_dict(network.state_dict())
     optimiser = torch.optim.AdamW(network.parameters(), config.rate, weight_decay=1e-4)
     distance, distance_name = perceptual(Path(config.perceptual_path) if config.perceptual_path else None)
-    crops = Crops(Path(config.pairs), config.crop, config.seed)
+    crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed)
     step, spent = 0, 0.0
     checkpoint = out / "checkpoint.pt"
     if checkpoint.is_file():

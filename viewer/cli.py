@@ -196,12 +196,14 @@ def _train(options: argparse.Namespace) -> int:
     from model.train import TrainConfig, train
 
     filtered = not options.unfiltered
-    pairs = options.out / f"pairs-{'filtered' if filtered else 'unfiltered'}"
     options.out.mkdir(parents=True, exist_ok=True)
-    if not pairs.is_dir():
-        build(options.data, pairs, seed=options.seed, preset="auto" if filtered else "off")
+    folders = []
+    for reduce in (1, 2):  # at the pictures' own size, and at half of it, where many points meet in a pixel
+        folders.append(options.out / f"pairs-{'filtered' if filtered else 'unfiltered'}-{reduce}")
+        if not folders[-1].is_dir():
+            build(options.data, folders[-1], seed=options.seed, preset="auto" if filtered else "off", reduce=reduce)
     path = train(TrainConfig(
-        pairs=str(pairs), out=str(options.out), quality=options.quality, filtered=filtered, steps=options.steps,
+        pairs=tuple(map(str, folders)), out=str(options.out), quality=options.quality, filtered=filtered, steps=options.steps,
         minutes=options.minutes, seed=options.seed,
         perceptual_path=str(options.perceptual) if options.perceptual else None,
         start_from=str(options.start_from) if options.start_from else None,

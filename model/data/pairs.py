@@ -39,13 +39,12 @@ class Projected:
     camera: SimpleNamespace
 
 
-def project_scan(scan: Scan, shot: Shot, seed: int = 0) -> Projected:
-    """Projects a scan in float64, then float32 as the renderer does."""
+def project_scan(scan: Scan, shot: Shot, seed: int = 0, reduce: int = 1) -> Projected:
+    """Projects a scan in float64, then float32 as the renderer does, into a picture ``reduce`` times smaller."""
     matrix = shot.camera_to_world
     view = torch.from_numpy(((scan.xyz - matrix[:3, 3]) @ (matrix[:3, :3] * (1.0, -1.0, -1.0))).astype(np.float32))
-    camera = SimpleNamespace(
-        width=shot.width, height=shot.height, fx=shot.fl, fy=shot.fl, cx=shot.width / 2, cy=shot.height / 2
-    )
+    width, height, fl = shot.width // reduce, shot.height // reduce, shot.fl / reduce
+    camera = SimpleNamespace(width=width, height=height, fx=fl, fy=fl, cx=width / 2, cy=height / 2)
     x, y, z = view.unbind(1)
     index, inside = pixels(x, y, z, camera)
     rank = torch.rand(len(view), generator=torch.Generator().manual_seed(seed))
@@ -87,18 +86,29 @@ def _density(rng: np.random.Generator) -> float:
     return float(rng.choice([1.0, 0.1]) if rng.random() < 0.35 else np.exp(rng.uniform(np.log(0.03), 0)))
 
 
+def _reduced(picture: np.ndarray, reduce: int) -> np.ndarray:
+    """(3, H / reduce, W / reduce) uint8 of (H, W, 3) uint8, averaged over blocks of pixels."""
+    h, w = picture.shape[0] // reduce, picture.shape[1] // reduce
+    blocks = picture[: h * reduce, : w * reduce].reshape(h, reduce, w, reduce, 3).astype(np.float32)
+    return np.ascontiguousarray(np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8).transpose(2, 0, 1))
+
+
 def scene_pairs(
-    scene: StationScene, *, seed: int, scans: int, variants: int, preset: str
+    scene: StationScene, *, seed: int, scans: int, variants: int, preset: str, reduce: int = 1
 ) -> Iterator[tuple[dict, np.ndarray, np.ndarray]]:
-    """Yields (what it is, (5, H, W) float16 input, (3, H, W) uint8 truth): ``variants`` densities of ``scans`` scans."""
+    """Yields (what it is, (5, H, W) float16 input, (3, H, W) uint8 truth): ``variants`` densities of ``scans`` scans.
+
+    reduce: pictures this much smaller, so that many points meet in a pixel: without such pairs the network blurs what
+    a dense scan shows sharply.
+    """
     rng = np.random.default_rng(seed)
     for number in range(scans):
         scan = scan_stations(scene, seed * 1000 + number)
         pick = rng.choice(len(scan.xyz), min(len(scan.xyz), 2_000_000), replace=False)
         spacing = median_spacing(scan.xyz[pick]) * float(np.sqrt(len(pick) / len(scan.xyz)))
         for index, shot in enumerate(scene.views):
-            seen = project_scan(scan, shot, seed=int(rng.integers(2**31)))
-            truth = np.ascontiguousarray(shot.rgb().transpose(2, 0, 1))
+            seen = project_scan(scan, shot, seed=int(rng.integers(2**31)), reduce=reduce)
+            truth = _reduced(shot.rgb(), reduce)
             for _ in range(variants):
                 density = _density(rng)
                 keep = spoil(seen, density, rng)
@@ -108,18 +118,22 @@ def scene_pairs(
                 yield where, made.numpy().astype(np.float16), truth
 
 
-def build(folders: list[Path], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto") -> int:
+def build(folders: list[Path], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto",
+          reduce: int = 1) -> int:
     """Makes the pairs of all scenes into ``out`` (written beside and renamed).  Returns how many."""
     scenes = [load_scene(folder) for folder in folders]
     count = sum(len(s.views) for s in scenes) * scans * variants
-    height, width = scenes[0].views[0].height, scenes[0].views[0].width
+    height, width = scenes[0].views[0].height // reduce, scenes[0].views[0].width // reduce
     beside = out.with_name(f"{out.name}.{os.getpid()}.partial")
     beside.mkdir(parents=True)
     inputs = np.lib.format.open_memmap(beside / "inputs.npy", "w+", np.float16, (count, 5, height, width))
     truth = np.lib.format.open_memmap(beside / "truth.npy", "w+", np.uint8, (count, 3, height, width))
     table = []
     for number, scene in enumerate(scenes):
-        for where, made, true in scene_pairs(scene, seed=seed + number, scans=scans, variants=variants, preset=preset):
+        made_here = scene_pairs(
+            scene, seed=seed + number, scans=scans, variants=variants, preset=preset, reduce=reduce
+        )
+        for where, made, true in made_here:
             inputs[len(table)], truth[len(table)] = made, true
             table.append(where)
             if len(table) % 30 == 0:

@@ -182,7 +182,7 @@ class Lighting:
             counts = np.maximum(np.ceil((high - low) / 0.4).astype(int) + 1, 2)
             self.grids.append(ProbeGrid(low, high, np.zeros((*counts, 6, 3))))
 
-    def bake(self, surface, rays: int = 48, bounces: int = 3, seed: int = 0) -> None:
+    def bake(self, surface, rays: int, bounces: int = 3, seed: int = 0) -> None:
         """Fills the probes.  surface: callable (t, primitive, uv, points) -> albedo (N,3), emission (N,3), lit (N,)."""
         rng = np.random.default_rng(seed)
         k = np.arange(rays) + 0.5

@@ -46,17 +46,17 @@ def tone(radiance: np.ndarray) -> np.ndarray:
 class Place:
     """Two furnished rooms made from a seed: same seed, same place to the last bit.
 
-    baked: False leaves out the bounced light's bake (about 5 s), for callers that need geometry alone.
+    probe_rays: rays per probe of the bounced light (about 3 s); 0 leaves it out, for geometry alone.
     """
 
-    def __init__(self, seed: int = 1, *, baked: bool = True):
+    def __init__(self, seed: int = 1, *, probe_rays: int = 48):
         self.seed = seed
         builder, lights = furnish(seed)
         self.shapes, self.finish = builder.finish()
         rooms = [((0, 0, 0), (PARTING[0], DEPTH, HEIGHT)), ((PARTING[1], 0, 0), (WIDTH, DEPTH, HEIGHT))]
         self.lighting = Lighting(self.shapes, lights, [(np.array(a), np.array(b)) for a, b in rooms], sum(PARTING) / 2)
-        if baked:
-            self.lighting.bake(self._surface, seed=seed)
+        if probe_rays:
+            self.lighting.bake(self._surface, probe_rays, seed=seed)
 
     def ranges(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """(N,) metres along each ray, inf for nothing: `trace` without the colours."""

@@ -133,7 +133,7 @@ def pairs(tmp_path_factory):
 
 
 def _config(pairs, out, **changes):
-    return TrainConfig(**{"pairs": str(pairs), "out": str(out), "quality": "fast", "steps": 12, "batch": 2, "crop": 32,
+    return TrainConfig(**{"pairs": (str(pairs),), "out": str(out), "quality": "fast", "steps": 12, "batch": 2, "crop": 32,
                           "save_every": 0.0, **changes})
 
 

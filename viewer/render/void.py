@@ -2,7 +2,7 @@
 
 A hole in a room's floor is surrounded by floor on all sides, even where the picture ends in the middle of it; the sky
 over a street and the space around a statue are not.  The directions around the camera are sorted into the cells of a
-cube; a cell is closed where, walking from it in eight directions, each meets a scanned cell within 48 degrees.
+cube; a cell is closed where, walking from it in eight directions, each meets a scanned cell within 60 degrees.
 World axes, no OpenGL.
 """
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SIDE = 16
 """Cells along a side of a cube face: 5.6 degrees."""
-_STEPS = np.radians(np.arange(6.0, 49.0, 6.0))
+_STEPS = np.radians(np.arange(6.0, 61.0, 6.0))
 _WALKS = 8
 _NEEDED = 8
 _SAMPLES = 16384
