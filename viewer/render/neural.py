@@ -24,7 +24,7 @@ class NeuralStage:
     """Owns the bridge and the picture for one size, quality and device.
 
     filtered: whether a depth filter ran, which decides the weights.  device: auto, cuda or cpu; ``cuda`` where CUDA does
-    not work raises DeviceError, ``auto`` falls back and says so in ``approximations``' neighbour ``device``.
+    not work raises DeviceError; ``auto`` falls back to the CPU, which ``device`` and ``name`` show.
     """
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, device: str):
@@ -49,6 +49,11 @@ class NeuralStage:
         """What is not exact about this stage."""
         precision = self.network.precision
         return [] if precision == "fp32" else [f"network in {precision}"]
+
+    @property
+    def bridge_name(self) -> str:
+        """How pixels travel, and why not the better way where there is one."""
+        return self.bridge.kind + (f" ({self.bridge_problem})" if self.bridge_problem else "")
 
     def infer(self) -> None:
         """Runs the network on what the fill pass wrote."""

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from viewer.cloud.scene import Scene
     from viewer.render.neural import NeuralStage
 
-_CALIBRATION_POINTS = 2_000_000
-
 
 class Renderer:
     """Draws one scene.  raster, device: defaults for settings that say ``auto``."""
@@ -98,7 +96,7 @@ class Renderer:
                     stages.run("network", neural.infer)
                     stages.run("present", lambda: neural.present(fill.filled))
                     textures["neural"] = neural.picture
-                    facts |= {"device": neural.device, "network": neural.name, "bridge": neural.bridge.kind}
+                    facts |= {"device": neural.device, "network": neural.name, "bridge": neural.bridge_name}
                     facts["approximations"] = [*facts["approximations"], *neural.approximations]
         stages.end()
         return Frame({v: textures[v] for v in views}, rasteriser.depth, mask, facts, stages)
