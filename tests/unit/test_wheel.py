@@ -1,5 +1,6 @@
 """A built wheel works from another directory: code, shaders, demo scan and weights are found without the checkout."""
 
+import os
 import subprocess
 import sys
 import zipfile
@@ -12,7 +13,8 @@ CHECK = """
 import viewer, model
 from viewer.paths import assets_dir, shaders_dir
 from model.weights import shipped
-assert "site" in viewer.__file__, viewer.__file__
+import os
+assert viewer.__file__.startswith(os.environ["PYTHONPATH"]) and model.__file__.startswith(os.environ["PYTHONPATH"])
 assert (shaders_dir() / "resolve.comp").is_file() and (assets_dir() / "demo.laz").is_file()
 assert (assets_dir() / "demo_cameras.json").is_file() and "balanced-filtered" in shipped()
 from viewer.cli import main
@@ -36,10 +38,8 @@ def test_a_wheel_works_from_another_directory(tmp_path):
     done = subprocess.run([sys.executable, "-c", CHECK], cwd=tmp_path, env=_environment(site, tmp_path), capture_output=True,
                           text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    assert "points   1,350,000" in done.stdout
+    assert "format   LAZ" in done.stdout
 
 
 def _environment(site: Path, tmp_path: Path) -> dict[str, str]:
-    import os
-
     return {**os.environ, "PYTHONPATH": str(site), "POINTGLASS_CACHE": str(tmp_path / "cache")}
