@@ -63,3 +63,41 @@ def test_bad_cameras_are_refused_by_name_and_value(changes, said):
     with pytest.raises(InputError, match=said) as caught:
         Camera(**{**good, **changes})
     assert "'c7'" in str(caught.value)
+
+
+def test_projection_follows_the_pixel_convention():
+    camera = Camera(80, 60, 100.0, 50.0, 40.0, 30.0, look_at((1, 2, 3), (2, 2, 3)))  # along +x: right is -y, up is +z
+    x, y, z = camera.view_rotation @ (np.array([6.0, 1.5, 3.25]) - camera.position)
+    assert (x, y, z) == pytest.approx((0.5, -0.25, 5.0))
+    assert (camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy) == pytest.approx((50.0, 27.5))
+    assert camera.right == pytest.approx([0, -1, 0]) and camera.up == pytest.approx([0, 0, 1])
+
+
+@pytest.mark.parametrize("up", [(0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 0, 1e-3), (0, 3, 4)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_looking_straight_along_up_is_still_a_rotation(up, sign):
+    matrix = look_at((5, 6, 7), np.array([5.0, 6, 7]) + sign * np.array(up, float), up)
+    assert np.allclose(matrix[:3, :3].T @ matrix[:3, :3], np.eye(3)) and np.linalg.det(matrix[:3, :3]) == pytest.approx(1)
+
+
+def test_moved_keeps_the_lens_and_nothing_else():
+    camera = Camera(640, 480, 500, 510, 300, 250, np.eye(4), "here")
+    there = camera.moved(look_at((1, 2, 3), (4, 5, 6)))
+    assert (there.fx, there.fy, there.cx, there.cy, there.name) == (500, 510, 300, 250, "here")
+    assert np.array_equal(there.position, [1, 2, 3]) and there.forward == pytest.approx(np.full(3, 3**-0.5))
+    assert np.array_equal(camera.position, [0, 0, 0]) and np.array_equal(camera.view_rotation, np.diag([1, -1, -1]))
+
+
+def test_a_pose_cannot_be_changed_from_outside():
+    matrix = np.eye(4)
+    camera = from_fov(8, 6, 60, matrix)
+    matrix[0, 3] = 9
+    assert camera.position[0] == 0
+    with pytest.raises(ValueError, match="read-only"):
+        camera.camera_to_world[0, 3] = 9
+
+
+@pytest.mark.parametrize("fov", [0, 180, -5, float("nan")])
+def test_from_fov_refuses_what_no_lens_sees(fov):
+    with pytest.raises(InputError, match=f"field of view {fov!r}"):
+        from_fov(8, 6, fov, np.eye(4))

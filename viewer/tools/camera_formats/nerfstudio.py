@@ -1,0 +1,113 @@
+"""nerfstudio's ``transforms.json`` (pictures a scene was trained on) and ``camera_path.json`` (pictures to render).
+
+Both hold camera-to-world matrices, row-major, with OpenGL camera axes, in the scene's coordinates.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from viewer.camera import Camera
+from viewer.errors import InputError
+from viewer.tools.camera_formats.parse import Lens, camera, number, numbers, pose_matrix, read_text, shown
+
+_MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
+_DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+
+
+def read_json(path: Path, size: tuple[int, int] | None) -> list[Camera]:
+    """Cameras of either file, told apart by their keys.  size: width and height where the file holds none."""
+    text = read_text(path)
+    try:
+        data = json.loads(text)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: not JSON (line {error.lineno}: {error.msg})") from None
+    except (ValueError, RecursionError):  # thousands of digits, thousands of brackets
+        raise InputError(f"{path}: not JSON of any camera file") from None
+    if isinstance(data, dict) and isinstance(data.get("frames"), list):
+        return [_picture(path, data, frame, n, size) for n, frame in enumerate(data["frames"])]
+    if isinstance(data, dict) and isinstance(data.get("camera_path"), list):
+        return [_path_frame(path, data, frame, n, size) for n, frame in enumerate(data["camera_path"])]
+    keys = f"keys {', '.join(map(shown, list(data)[:5]))}" if isinstance(data, dict) else shown(data)
+    raise InputError(
+        f'{path}: neither a transforms.json (a list "frames") nor a camera_path.json (a list "camera_path"): {keys}'
+    )
+
+
+def _refuse_bent(both: dict, where: str) -> None:
+    """A distorted or fisheye picture drawn as a pinhole would be wrong everywhere, so it is refused by name."""
+    for key in ("camera_model", "camera_type"):
+        if (model := str(both.get(key, "PINHOLE"))).upper() not in _MODELS:
+            raise InputError(f"{where}: {key} {shown(model)} is not supported; undistort the pictures to PINHOLE first")
+    for key in ("is_fisheye", "is_equirectangular"):
+        if both.get(key):
+            raise InputError(f"{where}: {key} {shown(both[key])} is not supported; undistort the pictures first")
+    for key in _DISTORTION:
+        if key in both and (value := number(both, key, where)) != 0:
+            raise InputError(f"{where}: distortion {key} = {value:g} is not supported; undistort the pictures first")
+    listed = both.get("distortion_params") or []
+    if isinstance(listed, list) and any(numbers(listed, len(listed), f"{where}: distortion_params")):
+        raise InputError(f"{where}: distortion_params {shown(listed)} is not supported; undistort the pictures first")
+
+
+def _focal(side: float, angle: float) -> float:
+    """Pixels, from the angle in radians across ``side`` pixels; infinite, and refused later, for one next to 0."""
+    return float(0.5 * side / np.tan(np.float64(angle) / 2))
+
+
+def _from_angle(both: dict, key: str, side: float, where: str) -> float:
+    angle = number(both, key, where)
+    if not 0 < angle < np.pi:
+        raise InputError(f"{where}: {key} {angle:g}: expected radians above 0 and below pi")
+    return _focal(side, angle)
+
+
+def _picture(path: Path, shared: dict, frame: object, index: int, size: tuple[int, int] | None) -> Camera:
+    if not isinstance(frame, dict):
+        raise InputError(f"{path}: frame {index} is not an object: {shown(frame)}")
+    name = Path(str(frame.get("file_path") or f"frame_{index:05d}").replace("\\", "/")).stem
+    where = f"{path}: frame {index} ({shown(name)})"
+    both = {**shared, **frame}
+    _refuse_bent(both, where)
+    if not {"fl_x", "camera_angle_x"} & both.keys():
+        raise InputError(f"{where}: neither fl_x nor camera_angle_x is there")
+    if size and not {"w", "h", "fl_x"} & both.keys():
+        width, height = size  # an angle fits any size; a focal length in pixels only its own
+    else:
+        width, height = number(both, "w", where), number(both, "h", where)
+    if "fl_x" in both:
+        fx = number(both, "fl_x", where)
+        fy = number(both, "fl_y", where) if "fl_y" in both else fx
+    else:
+        fx = _from_angle(both, "camera_angle_x", width, where)
+        fy = _from_angle(both, "camera_angle_y", height, where) if "camera_angle_y" in both else fx
+    cx = number(both, "cx", where) if "cx" in both else width / 2
+    cy = number(both, "cy", where) if "cy" in both else height / 2
+    pose = frame.get("transform_matrix")
+    if isinstance(pose, list) and len(pose) == 3:
+        pose = [*pose, [0, 0, 0, 1]]
+    matrix = pose_matrix(pose, f"{where}: transform_matrix")
+    return camera(where, Lens(width, height, fx, fy, cx, cy), matrix, name)
+
+
+def _path_frame(path: Path, shared: dict, frame: object, index: int, size: tuple[int, int] | None) -> Camera:
+    if not isinstance(frame, dict):
+        raise InputError(f"{path}: frame {index} is not an object: {shown(frame)}")
+    name = str(frame.get("name") or f"frame_{index:05d}")
+    where = f"{path}: frame {index} ({shown(name)})"
+    _refuse_bent({**shared, **frame}, where)
+    matrix = pose_matrix(frame.get("camera_to_world"), f"{where}: camera_to_world")
+    fov = number(frame, "fov", where)
+    if not 0 < fov < 180:
+        raise InputError(f"{where}: fov {fov:g}: expected degrees above 0 and below 180")
+    if "render_height" in shared:
+        height = number(shared, "render_height", str(path))
+        aspect = number(frame, "aspect", where) if "aspect" in frame else 1.0
+        width = number(shared, "render_width", str(path)) if "render_width" in shared else round(height * aspect)
+    elif size is not None:
+        width, height = size
+    else:
+        raise InputError(f"{path}: holds no render_width and render_height; give --size")
+    focal = _focal(height, np.radians(fov))
+    return camera(where, Lens(width, height, focal, focal, width / 2, height / 2), matrix, name)
