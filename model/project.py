@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from model.depth_filter import keep_mask
+from model.light import TO_LINEAR, TO_SRGB
 from model.pull_push import pull_push
 
 DEPTH_FEATURE_SCALE = 0.25
@@ -26,18 +27,20 @@ PAPER_SOFT_METRES = 0.02
 class SoftZ:
     """Depth tolerance of the soft z-buffer: points within max(relative x zmin, absolute) behind the nearest count.
 
-    absolute: file units.  rounded: the published code's pixel, u rounded instead of cut off.
+    absolute: file units.  rounded: the published code's pixel, u rounded instead of cut off.  linear: colours are averaged
+    in linear light (12 bits), else as the paper's code does in sRGB.
     """
 
     relative: float
     absolute: float
     rounded: bool = False
+    linear: bool = False
 
     @staticmethod
     def preset(name: str, spacing: float, metre: float) -> "SoftZ":
         """``auto``, ``paper-code`` or ``paper-text``.  spacing: file units.  metre: file units in a metre."""
         if name == "auto":
-            return SoftZ(SOFT_RELATIVE, SOFT_SPACINGS * spacing)
+            return SoftZ(SOFT_RELATIVE, SOFT_SPACINGS * spacing, linear=True)
         return SoftZ(0.0, PAPER_SOFT_METRES * metre, rounded=name == "paper-code")
 
 
@@ -92,7 +95,7 @@ def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, so
     """1x1 points through the soft z-buffer (paper, "Point Cloud Projection").
 
     index: (N,) int64 pixel.  z: (N,) > 0.  rgb: (N, 3) 0..255.  Colours are the whole-number mean of the points within
-    the tolerance, rounded half up, of sRGB values.
+    the tolerance, rounded half up, of sRGB values or of 12-bit linear light.
     """
     depth = torch.full((height * width,), torch.inf, dtype=z.dtype, device=z.device)
     depth.scatter_reduce_(0, index, z, "amin")
@@ -100,8 +103,12 @@ def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, so
     counted = z <= limit[index]
     index, rgb = index[counted], rgb[counted]
     count = torch.bincount(index, minlength=height * width)
+    if soft.linear:
+        rgb = torch.from_numpy(TO_LINEAR).to(rgb.device)[rgb.long()]
     sums = torch.stack([torch.bincount(index, rgb[:, c].double(), height * width) for c in range(3)]).long()
     mean = (2 * sums + count) // (2 * count).clamp_min(1)
+    if soft.linear:
+        mean = torch.from_numpy(TO_SRGB).to(mean.device)[mean]
     return Raster(mean.to(z.dtype).reshape(3, height, width), depth.reshape(height, width), count.reshape(height, width))
 
 

@@ -7,7 +7,7 @@ layout(std140, binding = FRAME_BINDING) uniform Frame {
     vec4 axis_z;
     vec4 lens;     // fx, fy, cx, cy in pixels
     uvec4 size;    // width, height of the picture; first row and row count of this band
-    vec4 soft;     // 1 + relative tolerance, absolute tolerance, pixel rounding (0 or 0.5), unused
+    vec4 soft;     // 1 + relative tolerance, absolute tolerance, pixel rounding (0 or 0.5), linear light (0 or 1)
 };
 
 struct Projected {

@@ -1,10 +1,30 @@
 // Whole-number colour sums: exact and independent of order, where floats break past 2^24.
+// soft.w > 0: sums of 12-bit linear light, of which a million fit 32 bits; else of sRGB levels.
 
 layout(std430, binding = SUMS_BINDING) buffer Sums { uint sums[]; };  // red, green, blue, count
+layout(std430, binding = LIGHT_BINDING) readonly buffer Light {       // model/light.py
+    uint to_linear[256];
+    uint to_srgb[1024];  // four levels a word, the first in the lowest bits
+};
 
 void add_colour(uint pixel, uint word) {
-    atomicAdd(sums[4u * pixel], word & 0xFFu);
-    atomicAdd(sums[4u * pixel + 1u], (word >> 8) & 0xFFu);
-    atomicAdd(sums[4u * pixel + 2u], (word >> 16) & 0xFFu);
+    uvec3 colour = uvec3(word, word >> 8, word >> 16) & 0xFFu;
+    if (soft.w > 0.0) colour = uvec3(to_linear[colour.x], to_linear[colour.y], to_linear[colour.z]);
+    atomicAdd(sums[4u * pixel], colour.x);
+    atomicAdd(sums[4u * pixel + 1u], colour.y);
+    atomicAdd(sums[4u * pixel + 2u], colour.z);
     atomicAdd(sums[4u * pixel + 3u], 1u);
+}
+
+// Mean colour of a pixel in sRGB levels, rounded half up; zero where nothing was added.
+uvec4 mean_colour(uint pixel) {
+    uint count = sums[4u * pixel + 3u];
+    uvec3 sum = uvec3(sums[4u * pixel], sums[4u * pixel + 1u], sums[4u * pixel + 2u]);
+    uint divisor = max(count, 1u);
+    uvec3 mean = sum / divisor;
+    mean += uvec3(greaterThanEqual(2u * (sum - mean * divisor), uvec3(divisor)));  // sum + count / 2 could overflow
+    if (count == 0u) mean = uvec3(0u);
+    if (soft.w > 0.0)
+        for (int c = 0; c < 3; ++c) mean[c] = (to_srgb[mean[c] >> 2] >> (8u * (mean[c] & 3u))) & 0xFFu;
+    return uvec4(mean, count);
 }

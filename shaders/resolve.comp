@@ -1,8 +1,8 @@
 // Sums and nearest depths of one band -> the raw picture and its depth (view-space z, +inf where empty).
 #include "common_project.glsl"
+#include "common_sums.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
-layout(std430, binding = SUMS_BINDING) readonly buffer Sums { uvec4 sums[]; };
 #ifdef FROM_KEYS
 layout(std430, binding = KEYS_BINDING) readonly buffer Keys { uint keys[]; };
 #else
@@ -15,11 +15,9 @@ void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
     if (pixel.x >= size.x || pixel.y >= size.w) return;
     uint index = pixel.y * size.x + pixel.x;
-    uvec4 sum = sums[index];
-    uint count = max(sum.w, 1u);
-    uvec3 mean = (sum.xyz + (count >> 1)) / count;  // rounded half up
+    uvec4 mean = mean_colour(index);
     ivec2 at = ivec2(pixel.x, pixel.y + size.z);
-    imageStore(colour, at, vec4(vec3(mean) / 255.0, sum.w > 0u ? 1.0 : 0.0));
+    imageStore(colour, at, vec4(vec3(mean.rgb) / 255.0, mean.w > 0u ? 1.0 : 0.0));
 #ifdef FROM_KEYS
     uint key = keys[index];
     float z = key == 0u ? uintBitsToFloat(0x7F800000u) : uintBitsToFloat(~key);

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
+from model.light import TO_LINEAR, TO_SRGB
 from viewer.render import shader
 from viewer.render.cull import DrawList, split_runs
 from viewer.render.shader import BATCH, BINDINGS
@@ -26,6 +27,11 @@ FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )
 """The uniform block Frame of common_project.glsl (std140)."""
+
+
+def _light_tables() -> bytes:
+    """The block Light of common_sums.glsl."""
+    return TO_LINEAR.astype("<u4").tobytes() + TO_SRGB.tobytes()
 
 
 class _Grown:
@@ -61,6 +67,7 @@ class Rasteriser:
         self.sums = context.buffer(reserve=_SUM_BYTES * width * self.band_rows)
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
         self.cells = _Grown(context)
+        self.light = context.buffer(_light_tables())
         self._record = np.zeros((), FRAME_FIELDS)
         self.resolve = programs.compute("resolve.comp", FROM_KEYS=self.from_keys)
 
@@ -70,11 +77,12 @@ class Rasteriser:
         record = self._record
         record["axes"][:, :3] = draw.axes
         record["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, 0.0)
+        record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, float(soft.linear))
         self.cells.write(draw.cell_view)
         self.prepare(pages, draw)
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
         self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])
+        self.light.bind_to_storage_buffer(BINDINGS["LIGHT"])
         for first_row in range(0, height, self.band_rows):
             rows = min(self.band_rows, height - first_row)
             record["size"] = (width, height, first_row, rows)
@@ -95,7 +103,7 @@ class Rasteriser:
         raise NotImplementedError
 
     def release(self) -> None:
-        for resource in (self.colour, self.depth, self.sums, self.frame, self.cells.buffer):
+        for resource in (self.colour, self.depth, self.sums, self.frame, self.cells.buffer, self.light):
             resource.release()
 
 

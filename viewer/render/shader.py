@@ -20,7 +20,7 @@ TILE = (16, 8)
 BATCH = 256
 """Points a workgroup of the compute rasteriser draws; all of one cell."""
 
-BINDINGS = {"FRAME": 0, "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5}
+BINDINGS = {"FRAME": 0, "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6}
 """Uniform block FRAME; storage blocks the rest."""
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([\w.]+)"\s*$')
