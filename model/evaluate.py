@@ -59,7 +59,7 @@ def _network(path: Path) -> Picture:
     @torch.inference_mode()
     def make(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:
         x = network_input(raster, mask, focal, spacing)[None].contiguous(memory_format=torch.channels_last)
-        return network(x)[0].clamp(0, 1)
+        return network(x)[0, :3].clamp(0, 1)
 
     return make
 

@@ -1,7 +1,8 @@
 """Inference: the network on packed pixels, on CPU or CUDA, in the precision that is fastest there and still right.
 
-Pixels come as (H, W, 8) half floats, channels last (the five channels of :func:`model.project.network_input` and three
-zeros) and leave as (H, W, 4) half floats, RGB 0..1 and one unused: the layout the renderer's buffers have.
+Pixels come as (H, W, 8) half floats, channels last: the five channels of :func:`model.project.network_input`, 1 where the
+pixel is known to be covered, and two zeros.  They leave as (H, W, 4) half floats, RGB and coverage 0..1: the layout the
+renderer's buffers have.  The paper's network has no coverage: it is 1 everywhere.
 """
 
 import os
@@ -15,6 +16,7 @@ from model.unet import INPUT_CHANNELS, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
 PACKED_IN, PACKED_OUT = 8, 4
+CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 
 
@@ -68,5 +70,7 @@ class Reconstructor:
         """(H, W, 8) half -> (H, W, 4) half on the same device; never NaN, within 0..1."""
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS]
         x = x.to(torch.float32 if self.compact else self.dtype, memory_format=torch.channels_last)
-        rgb = torch.nan_to_num(self.network(x)[0].float().clamp_(0.0, 1.0), nan=0.0)
-        return F.pad(rgb.permute(1, 2, 0), (0, PACKED_OUT - 3)).half().contiguous()
+        made = torch.nan_to_num(self.network(x)[0].float().clamp_(0.0, 1.0), nan=0.0).permute(1, 2, 0)
+        made = F.pad(made, (0, PACKED_OUT - made.shape[2]), value=1.0).half()
+        torch.maximum(made[..., 3], packed[..., CLOSED].to(made.dtype), out=made[..., 3])
+        return made

@@ -1,32 +1,42 @@
-"""Training: pairs made ahead, random crops, L1 plus a perceptual distance, an averaged network, exact resume.
+"""Training: pairs made ahead, random crops, an averaged network; stopped at any moment it goes on exactly where it was.
 
-One call of :func:`train` runs until its steps or minutes are used up, saving a checkpoint (network, average, optimiser,
-random state) every few minutes; called again with the same configuration it goes on from there.
+One call of :func:`train` runs until its steps or minutes are used up, keeping a checkpoint (network, average,
+optimiser, step) every minute or so; called again with the same folder it goes on from there.  Under ``torchrun`` every
+process draws its own crops and the gradients are averaged (DistributedDataParallel); the first process keeps the results.
 """
 
+import contextlib
 import json
 import math
 import os
+import pickle
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import torch
-from torch import Tensor, nn
+import torch.distributed as dist
+from torch import nn
 
-from model.losses import perceptual
+from model.data.crops import Crops
+from model.data.truth import DataError
+from model.objective import Objective
+from model.training_log import TrainingLog
 from model.unet import make_network
-from model.weights import load_weights, save_weights
+from model.weights import load_weights, save_weights, weights_name
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """What a training run is; saved beside its results.
+    """What a training run is; saved beside its results as ``config.json``.
 
-    pairs: folders made by :mod:`model.data.pairs`, drawn from in equal shares.  start_from: weights to go on from.
-    minutes: stop after this long in this call (0: by steps alone).
+    pairs: folders made by :mod:`model.data.pairs`; shares: how often each is drawn from (empty: equally).
+    minutes: stop after this long, all calls together (0: by steps alone).  batch: crops a process and step.
+    neighbours: how many of them come with a neighbouring camera, where the pairs have them.
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
+    average: what the averaged network keeps of itself each step.
+    threads: of each process on the CPU (0: torch's choice).
     """
 
     pairs: tuple[str, ...]
@@ -36,135 +46,184 @@ class TrainConfig:
     steps: int = 20000
     minutes: float = 0.0
     batch: int = 8
+    neighbours: int = 2
     crop: int = 192
     rate: float = 1e-3
     warmup: int = 200
     perceptual_weight: float = 0.1
+    coverage_weight: float = 0.1
+    steady_weight: float = 0.1
     perceptual_path: str | None = None
     average: float = 0.998
     seed: int = 1
     start_from: str | None = None
-    save_every: float = 300.0
+    save_every: float = 60.0
+    shares: tuple[float, ...] = ()
+    device: str = "auto"
+    threads: int = 0
+
+    def learning_rate(self, step: int, done: float) -> float:
+        """Warm-up, then a cosine over the share of the run that is done (0..1), by steps or by minutes."""
+        warm = min(1.0, (step + 1) / self.warmup)
+        return self.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))))
 
 
-class Crops:
-    """Random crops of the pairs, flipped and turned, with one exposure a crop put on input and truth alike."""
+@dataclass(frozen=True)
+class Process:
+    """This process among those of a ``torchrun``; alone otherwise."""
 
-    def __init__(self, folders: list[Path], crop: int, seed: int):
-        self.inputs = [np.load(folder / "inputs.npy", mmap_mode="r") for folder in folders]
-        self.truth = [np.load(folder / "truth.npy", mmap_mode="r") for folder in folders]
-        self.crop = crop
-        self.rng = np.random.default_rng(seed)
+    rank: int
+    count: int
+    device: torch.device
 
-    def batch(self, count: int) -> tuple[Tensor, Tensor]:
-        """(B, 5, crop, crop) float32 input and (B, 3, crop, crop) float32 truth."""
-        rng, crop = self.rng, self.crop
-        xs, ys = [], []
-        for _ in range(count):
-            folder = int(rng.integers(len(self.inputs)))
-            inputs, truth = self.inputs[folder], self.truth[folder]
-            i = int(rng.integers(len(inputs)))
-            r = int(rng.integers(inputs.shape[2] - crop + 1))
-            c = int(rng.integers(inputs.shape[3] - crop + 1))
-            x = inputs[i, :, r : r + crop, c : c + crop].astype(np.float32)
-            y = truth[i, :, r : r + crop, c : c + crop].astype(np.float32) / 255
-            turns = int(rng.integers(4))
-            x, y = np.rot90(x, turns, (1, 2)), np.rot90(y, turns, (1, 2))
-            if rng.random() < 0.5:
-                x, y = x[:, :, ::-1], y[:, :, ::-1]
-            gain = np.exp(rng.normal(0, 0.15, (3, 1, 1)) * 0.4 + rng.normal(0, 0.15)).astype(np.float32)
-            x, y = x.copy(), y * gain
-            x[:3] *= gain
-            if rng.random() < 0.5:
-                order = rng.permutation(3)
-                x[:3], y = x[order], y[order]
-            xs.append(x)
-            ys.append(np.ascontiguousarray(np.minimum(y, 1.0)))
-            np.minimum(x[:3], 1.0, out=x[:3])
-        return torch.from_numpy(np.stack(xs)), torch.from_numpy(np.stack(ys))
+    @property
+    def first(self) -> bool:
+        return self.rank == 0
 
 
-def _rate(step: int, config: TrainConfig, done: float) -> float:
-    """Warm-up, then a cosine over the share of the run that is done (0..1), by steps or by minutes."""
-    warm = min(1.0, (step + 1) / config.warmup)
-    return config.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))))
+@contextlib.contextmanager
+def processes(device: str):
+    """Joins the others where ``torchrun`` started us, and leaves them at the end.  device: auto, cuda or cpu."""
+    rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
+    cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
+    chosen = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))) if cuda else torch.device("cpu")
+    if cuda:
+        torch.cuda.set_device(chosen)
+        torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = True
+    joined = count > 1 and not dist.is_initialized()
+    if joined:
+        dist.init_process_group("nccl" if cuda else "gloo")
+    try:
+        yield Process(rank, count, chosen)
+    finally:
+        if joined:
+            dist.destroy_process_group()
 
 
-def _average(target: nn.Module, source: nn.Module, keep: float) -> None:
-    for a, b in zip(target.state_dict().values(), source.state_dict().values(), strict=True):
-        if a.is_floating_point():
-            a.lerp_(b, 1 - keep)
-        else:
-            a.copy_(b)
+class Trainer:
+    """The state of a run: network, its average, optimiser and step.  ``load`` and ``save`` keep all of it."""
+
+    def __init__(self, config: TrainConfig, process: Process):
+        torch.manual_seed(config.seed)
+        self.config, self.process = config, process
+        network = make_network(config.quality)
+        self.network = network.to(process.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        if config.start_from:
+            self.network.load_state_dict(load_weights(Path(config.start_from))[0].state_dict())
+        self.averaged = make_network(config.quality).to(process.device).requires_grad_(False)
+        self.averaged.load_state_dict(self.network.state_dict())
+        self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
+        self.step, self.spent = 0, 0.0
+        self.checkpoint = Path(config.out) / "checkpoint.pt"
+        self.model: nn.Module = self.network
+
+    def load(self) -> None:
+        """Goes on from the checkpoint, where there is one.  Raises DataError where it is of another network."""
+        if self.checkpoint.is_file():
+            try:
+                saved = torch.load(self.checkpoint, weights_only=True, map_location=self.process.device)
+                self.network.load_state_dict(saved["network"])
+                self.averaged.load_state_dict(saved["averaged"])
+                self.optimiser.load_state_dict(saved["optimiser"])
+                self.step, self.spent = saved["step"], saved["spent"]
+            except (RuntimeError, KeyError, ValueError, EOFError, OSError, pickle.UnpicklingError) as error:
+                raise DataError(f"{self.checkpoint}: not a checkpoint of this training ({str(error).splitlines()[0]}); choose "
+                                "another --out, or remove it") from None
+        if self.process.count > 1:
+            ids = [self.process.device.index] if self.process.device.type == "cuda" else None
+            self.model = nn.parallel.DistributedDataParallel(self.network, device_ids=ids, broadcast_buffers=False)
+
+    def save(self, weights: Path, notes: dict) -> None:
+        """Checkpoint and weights, each written beside and renamed; by the first process alone."""
+        if not self.process.first:
+            return
+        beside = self.checkpoint.with_name(f"checkpoint.{os.getpid()}.partial")
+        try:
+            torch.save({
+                "network": self.network.state_dict(), "averaged": self.averaged.state_dict(),
+                "optimiser": self.optimiser.state_dict(), "step": self.step, "spent": self.spent,
+            }, beside)
+            beside.replace(self.checkpoint)
+        finally:
+            beside.unlink(missing_ok=True)
+        save_weights(weights, self.averaged, self.config.quality, filtered=self.config.filtered,
+                     notes={**notes, "step": self.step})
+
+    def advance(self, batch, objective: Objective, rate: float) -> dict[str, torch.Tensor]:
+        """One step.  Returns the terms of the loss."""
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate
+        with torch.autocast(self.process.device.type, torch.bfloat16):
+            made = self.model(torch.cat([batch.x, batch.neighbour]).contiguous(memory_format=torch.channels_last))
+            loss, terms = objective(made[: len(batch.x)], made[len(batch.x) :], batch)
+        self.optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        self.optimiser.step()
+        keep = min(self.config.average, (1 + self.step) / (10 + self.step))
+        for mine, new in zip(self.averaged.state_dict().values(), self.network.state_dict().values(), strict=True):
+            mine.lerp_(new, 1 - keep) if mine.is_floating_point() else mine.copy_(new)
+        self.step += 1
+        return {"loss": loss.detach(), **{name: value.detach() for name, value in terms.items()}}
 
 
-def train(config: TrainConfig) -> Path:
-    """Trains and returns the path of the weights (the averaged network).  Resumes from ``out/checkpoint.pt``."""
+def train(config: TrainConfig, on_step=None) -> Path:
+    """Trains and returns the path of the weights (the averaged network).
+
+    on_step: called with the number of steps done after each.  Raises DataError where pairs or checkpoint do not fit.
+    """
     out = Path(config.out)
     out.mkdir(parents=True, exist_ok=True)
-    (out / "config.json").write_text(json.dumps(asdict(config), indent=1))
-    torch.manual_seed(config.seed)
-    network = make_network(config.quality).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    if config.start_from:
-        network.load_state_dict(load_weights(Path(config.start_from))[0].state_dict())
-    averaged = make_network(config.quality).requires_grad_(False)
-    averaged.load_state_dict(network.state_dict())
-    optimiser = torch.optim.AdamW(network.parameters(), config.rate, weight_decay=1e-4)
-    distance, distance_name = perceptual(Path(config.perceptual_path) if config.perceptual_path else None)
-    crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed)
-    step, spent = 0, 0.0
-    checkpoint = out / "checkpoint.pt"
-    if checkpoint.is_file():
-        saved = torch.load(checkpoint, weights_only=True)
-        network.load_state_dict(saved["network"])
-        averaged.load_state_dict(saved["averaged"])
-        optimiser.load_state_dict(saved["optimiser"])
-        step, spent = saved["step"], saved["spent"]
-        crops.rng.bit_generator.state = json.loads(saved["rng"])
-        torch.set_rng_state(saved["torch_rng"])
-    weights = out / f"{config.quality}-{'filtered' if config.filtered else 'unfiltered'}.safetensors"
-    notes = {"perceptual": distance_name, **asdict(config)}
+    if config.threads:
+        torch.set_num_threads(config.threads)
+    with processes(config.device) as process:
+        crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed, config.shares)
+        objective = Objective(
+            Path(config.perceptual_path) if config.perceptual_path else None, config.perceptual_weight,
+            config.coverage_weight, config.steady_weight,
+        ).to(process.device)
+        trainer = Trainer(config, process)
+        trainer.load()
+        weights = out / f"{weights_name(config.quality, filtered=config.filtered)}.safetensors"
+        notes = {"perceptual": objective.name, "processes": process.count, "torch": torch.__version__, **asdict(config)}
+        if process.first:
+            (out / "config.json").write_text(json.dumps(notes, indent=1))
+        with TrainingLog(out, trainer.step, shown=process.first) as log:
+            _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, notes), on_step)
+    return weights
 
-    def save() -> None:
-        beside = checkpoint.with_name(f"checkpoint.{os.getpid()}.partial")
-        torch.save(
-            {
-                "network": network.state_dict(), "averaged": averaged.state_dict(), "optimiser": optimiser.state_dict(),
-                "step": step, "spent": spent, "rng": json.dumps(crops.rng.bit_generator.state),
-                "torch_rng": torch.get_rng_state(),
-            },
-            beside,
-        )
-        beside.replace(checkpoint)
-        save_weights(weights, averaged, config.quality, filtered=config.filtered, notes={**notes, "step": step})
 
-    start, last_save, shown = time.monotonic() - spent, time.monotonic(), []
-    limit = config.minutes * 60
-    while step < config.steps and (not limit or spent < limit):
-        done = max(step / config.steps, spent / limit if limit else 0.0)
-        for group in optimiser.param_groups:
-            group["lr"] = _rate(step, config, done)
-        x, y = crops.batch(config.batch)
-        x = x.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        with torch.autocast("cpu", torch.bfloat16):
-            made = network(x)
-            loss = (made - y).abs().mean()
-            if distance is not None:
-                half = len(made) // 2 or 1  # the distance costs more than the network: half of the batch is enough
-                gap = distance(made[:half].clamp(0, 1), y[:half])
-                loss = (1 - config.perceptual_weight) * loss + config.perceptual_weight * gap
-        optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-        optimiser.step()
-        _average(averaged, network, min(config.average, (1 + step) / (10 + step)))
-        step, spent = step + 1, time.monotonic() - start
-        shown.append(float(loss.detach()))
-        if step % 100 == 0:
-            print(f"step {step}  loss {np.mean(shown):.4f}  {spent / step:.2f} s a step", flush=True)
-            shown.clear()
+def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objective, trainer: Trainer, log: TrainingLog,
+         save, on_step) -> None:
+    start, last_save, limit = time.monotonic() - trainer.spent, time.monotonic(), config.minutes * 60
+    while trainer.step < config.steps and not _all_stop(process, bool(limit) and trainer.spent >= limit):
+        batch = crops.batch(trainer.step, config.batch, config.neighbours, process.rank).to(process.device)
+        done = max(trainer.step / config.steps, trainer.spent / limit if limit else 0.0)
+        rate = config.learning_rate(trainer.step, done)
+        terms = trainer.advance(batch, objective, rate)
+        trainer.spent = time.monotonic() - start
+        log.step(trainer.step, terms, rate, trainer.spent)
+        log.pictures(trainer.step, trainer.averaged, batch)
         if time.monotonic() - last_save > config.save_every:
             save()
             last_save = time.monotonic()
+        if on_step is not None:
+            on_step(trainer.step)
     save()
-    return weights
+
+
+def _all_stop(process: Process, mine: bool) -> bool:
+    """Whether the first process says stop: clocks differ, and all must take the same number of steps."""
+    if process.count == 1:
+        return mine
+    flag = torch.tensor([float(mine)], device=process.device)
+    dist.broadcast(flag, 0)
+    return bool(flag.item())
+
+
+def config_from(path: Path) -> TrainConfig:
+    """The configuration saved beside a run's results."""
+    data: dict[str, Any] = json.loads(path.read_text())
+    names = {f.name for f in fields(TrainConfig)}
+    known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names}
+    return TrainConfig(**known)

@@ -1,11 +1,12 @@
 """The networks: a compact U-Net that corrects the filled picture, and the paper's, for comparison.
 
-``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGB of the same size.  At every
+``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGBA of the same size.  At every
 pixel it chooses how far to blend the filled picture towards ever smoother versions of itself (measured pixels count most)
-and adds a learned correction without a local mean.  Without the blends, a plain residual network stayed at the identity
-for thousands of steps; with a mean, the correction glazed real scans with the light of the rooms it was trained on, and
-lost 0.05 to 0.35 dB on the validation room.  It works at half resolution on 2x2 pixel blocks (space to depth), so every
-convolution is wide and cheap and no detail is lost, and is fully convolutional: any size is padded and cropped.
+and adds a learned correction without a local mean; a fourth channel says how far the pixel is covered, 0 in void and sky.
+Without the blends, a plain residual network stayed at the identity for thousands of steps; with a mean, the correction
+glazed real scans with the light of the rooms it was trained on, and lost 0.05 to 0.35 dB on the validation room.  It works
+at half resolution on 2x2 pixel blocks (space to depth), so every convolution is wide and cheap and no detail is lost, and
+is fully convolutional: any size is padded and cropped.
 """
 
 import itertools
@@ -56,7 +57,8 @@ def _local_mean(x: Tensor) -> Tensor:
 
 
 class CompactUNet(nn.Module):
-    """(B, 5, H, W) -> (B, 3, H, W).  Skips are added, not concatenated; no normalisation layers."""
+    """(B, 5, H, W) -> (B, 4, H, W), RGB and coverage, to be clamped to 0..1.  Skips are added, not concatenated; no
+    normalisation layers."""
 
     def __init__(self, size: Size):
         super().__init__()
@@ -67,8 +69,8 @@ class CompactUNet(nn.Module):
         self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in itertools.pairwise(widths))
         self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in itertools.pairwise(widths))
         self.up = nn.ModuleList(_convolutions(w, count) for w in widths[:-1])
-        self.head = nn.Conv2d(widths[0], 4 * (3 + BLENDS), 3, padding=1)
-        nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture
+        self.head = nn.Conv2d(widths[0], 4 * (3 + BLENDS + 1), 3, padding=1)
+        nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture, covered everywhere
         nn.init.zeros_(self.head.bias)  # type: ignore[arg-type]
         binomial = torch.tensor([0.25, 0.5, 0.25])
         kernel = (binomial[:, None] * binomial).expand(4, 1, 3, 3).clone()
@@ -92,7 +94,7 @@ class CompactUNet(nn.Module):
             smoother = sums[:, :3] / sums[:, 3:]
             out = out + guide[:, 3 + number : 4 + number] * (smoother - sharper)
             sharper = smoother
-        return out
+        return torch.cat([out, 1.0 + guide[:, -1:]], 1)
 
     def _trunk(self, x: Tensor) -> Tensor:
         height, width = x.shape[-2:]

@@ -1,7 +1,8 @@
 // Pull-push fill, push: what a pixel's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
 // At level 0 (BASE) it writes the filled picture, void where neither the picture nor the directions around the camera
 // surround a hole (viewer/render/void.py), and, with NETWORK, the network's input: eight half-precision channels
-// a pixel (channels last), filled RGB, keep-mask, filled depth feature, three zeros.
+// a pixel (channels last): filled RGB, keep-mask, filled depth feature, 1 where the directions around the camera close (a room:
+// the network may not open it), two zeros.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
 
@@ -35,10 +36,13 @@ ivec2 cell_of(vec3 d) {
     return ivec2(cell.x, face * side + cell.y);
 }
 
-bool is_void(ivec2 at) {
-    if (texelFetch(inside, at >> 1, 0).x > 0.5) return false;
+bool is_closed(ivec2 at) {
     vec3 ray = to_world * vec3((vec2(at) + 0.5 - lens.zw) / lens.xy, 1.0);
-    return texelFetch(closed, cell_of(ray), 0).x == 0;
+    return texelFetch(closed, cell_of(ray), 0).x != 0;
+}
+
+bool is_void(ivec2 at) {
+    return texelFetch(inside, at >> 1, 0).x < 0.5 && !is_closed(at);
 }
 #endif
 
@@ -61,7 +65,7 @@ void main() {
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, 0.0)), 0u);
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, is_closed(at) ? 1.0 : 0.0)), 0u);
 #endif
 #else
     if (any(greaterThanEqual(at, imageSize(out_value)))) return;

@@ -1,5 +1,5 @@
 // The network's picture, from the buffer it was written to, into the texture that is shown: four half-precision channels a
-// pixel, RGB 0..1 and one unused, with the filled picture's alpha: void stays void.
+// pixel, RGB and coverage 0..1.  The filled picture's alpha bounds it: void stays void.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(std430, binding = NETWORK_BINDING) readonly buffer Output { uvec2 pixels[]; };
@@ -10,7 +10,7 @@ void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy), extent = imageSize(neural);
     if (any(greaterThanEqual(at, extent))) return;
     uvec2 words = pixels[uint(at.y) * uint(extent.x) + uint(at.x)];
-    vec3 rgb = vec3(unpackHalf2x16(words.x), unpackHalf2x16(words.y).x);
-    float alpha = texelFetch(filled, at, 0).w;
-    imageStore(neural, at, vec4(clamp(rgb, 0.0, 1.0) * alpha, alpha));
+    vec4 rgba = clamp(vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y)), 0.0, 1.0);
+    float alpha = rgba.w * texelFetch(filled, at, 0).w;
+    imageStore(neural, at, vec4(rgba.rgb * alpha, alpha));
 }

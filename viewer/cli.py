@@ -193,15 +193,18 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _train(options: argparse.Namespace) -> int:
     from model.data.pairs import build
+    from model.data.stations import load_scene
     from model.train import TrainConfig, train
 
     filtered = not options.unfiltered
     options.out.mkdir(parents=True, exist_ok=True)
+    places = [load_scene(folder) for folder in options.data]
     folders = []
     for reduce in (1, 2):  # at the pictures' own size, and at half of it, where many points meet in a pixel
         folders.append(options.out / f"pairs-{'filtered' if filtered else 'unfiltered'}-{reduce}")
         if not folders[-1].is_dir():
-            build(options.data, folders[-1], seed=options.seed, preset="auto" if filtered else "off", reduce=reduce)
+            build(places, folders[-1], seed=options.seed, preset="auto" if filtered else "off", reduce=reduce,
+                  neighbours=reduce == 2)
     path = train(TrainConfig(
         pairs=tuple(map(str, folders)), out=str(options.out), quality=options.quality, filtered=filtered, steps=options.steps,
         minutes=options.minutes, seed=options.seed,

@@ -1,15 +1,20 @@
 """Training pairs: what the renderer would show the network from a pose, and the true picture from there.
 
-Scans made from the stations of a scene are projected into its true views by :mod:`model.project` at many densities,
-spoiled as real scans are (other exposures, a station missing, patches without points, thinned patches), filtered and
-filled.  They are made once, ahead of training, into two memory-mapped arrays, so that a crop costs a read:
-``inputs.npy`` (P, 5, H, W) float16 and ``truth.npy`` (P, 3, H, W) uint8, with ``pairs.json`` saying where each came from.
+Scans of a place are projected into its true views by :mod:`model.project` at many densities, spoiled as real scans are
+(other exposures, a station missing, patches without points, thinned patches), filtered and filled.  They are made once,
+ahead of training, into memory-mapped arrays, so that a crop costs a read:
+
+``inputs.npy`` (P, 5, H, W) float16, the network's input; ``truth.npy`` (P, 5, H, W) uint8: colour, coverage, and 255 where
+the truth is known.  With neighbours also ``neighbours.npy`` (P, 5, H, W) float16: the input from a camera moved a little,
+and ``flow.npy`` (P, 2, H, W) float16: where each true pixel lies in that picture, in pixels from where it was, NaN
+where the neighbour does not see it.  ``pairs.json`` says where each came from.
 """
 
 import json
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -18,9 +23,15 @@ import torch
 from torch import Tensor
 
 from model.data.spacing import median_spacing
-from model.data.stations import Scan, Shot, StationScene, load_scene, scan_stations
+from model.data.truth import DataError, Scan, TruePicture, TruePlace
 from model.depth_filter import keep_mask
-from model.project import SoftZ, network_input, pixels, rasterise
+from model.exposure import match_exposures
+from model.project import Raster, SoftZ, network_input, pixels, rasterise
+
+MATCHED_SHARE = 0.5  # of the scans, whose stations' exposures were matched as on opening; the rest come as scanned
+NEIGHBOUR_SHIFT = 0.012  # of the median depth: how far a neighbouring camera is moved
+NEIGHBOUR_TURN = 0.5  # degrees
+MOST_FLOW = 24.0  # pixels
 
 
 @dataclass(frozen=True)
@@ -39,12 +50,18 @@ class Projected:
     camera: SimpleNamespace
 
 
-def project_scan(scan: Scan, shot: Shot, seed: int = 0, reduce: int = 1) -> Projected:
-    """Projects a scan in float64, then float32 as the renderer does, into a picture ``reduce`` times smaller."""
-    matrix = shot.camera_to_world
+def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
+                 camera_to_world: np.ndarray | None = None) -> Projected:
+    """Projects a scan in float64, then float32 as the renderer does, into a picture ``reduce`` times smaller.
+
+    The rank of each point depends on the seed and the scan alone, not on the camera.  camera_to_world: instead of the shot's.
+    """
+    matrix = shot.camera_to_world if camera_to_world is None else camera_to_world
     view = torch.from_numpy(((scan.xyz - matrix[:3, 3]) @ (matrix[:3, :3] * (1.0, -1.0, -1.0))).astype(np.float32))
-    width, height, fl = shot.width // reduce, shot.height // reduce, shot.fl / reduce
-    camera = SimpleNamespace(width=width, height=height, fx=fl, fy=fl, cx=width / 2, cy=height / 2)
+    camera = SimpleNamespace(
+        width=shot.width // reduce, height=shot.height // reduce, fx=shot.fl / reduce, fy=shot.fl / reduce,
+        cx=shot.cx / reduce, cy=shot.cy / reduce,
+    )
     x, y, z = view.unbind(1)
     index, inside = pixels(x, y, z, camera)
     rank = torch.rand(len(view), generator=torch.Generator().manual_seed(seed))
@@ -53,18 +70,34 @@ def project_scan(scan: Scan, shot: Shot, seed: int = 0, reduce: int = 1) -> Proj
     )
 
 
+def raster_of(seen: Projected, keep: Tensor, spacing: float) -> Raster:
+    """The points selected by ``keep`` through the soft z-buffer.  spacing: of the decimated scan, file units."""
+    camera, soft = seen.camera, SoftZ.preset("auto", spacing, 1.0)
+    return rasterise(seen.index[keep], seen.z[keep], seen.rgb[keep], camera.width, camera.height, soft)
+
+
 def picture(seen: Projected, keep: Tensor, spacing: float, preset: str = "auto", strength: float = 1.0) -> Tensor:
     """(5, H, W) network input from the points selected by ``keep``.  spacing: of the decimated scan, file units."""
-    camera = seen.camera
-    soft = SoftZ.preset("auto", spacing, 1.0)
-    raster = rasterise(seen.index[keep], seen.z[keep], seen.rgb[keep], camera.width, camera.height, soft)
-    return network_input(raster, keep_mask(raster.depth, preset, strength=strength), camera.fx, spacing)
+    raster = raster_of(seen, keep, spacing)
+    return network_input(raster, keep_mask(raster.depth, preset, strength=strength), seen.camera.fx, spacing)
 
 
-def spoil(seen: Projected, density: float, rng: np.random.Generator) -> Tensor:
-    """(M,) bool: the points left at ``density`` after removing what a real scan might lack (paper, "Training Data
-    Generation": patches removed, dense and sparse clusters)."""
-    width, height = seen.camera.width, seen.camera.height
+@dataclass(frozen=True)
+class Spoiling:
+    """What a real scan might lack, seen from one picture: density (H x W,) share of the points left at each pixel, and the
+    station that is missing (None: all there)."""
+
+    density: np.ndarray
+    without: int | None
+
+    def keep(self, seen: Projected) -> Tensor:
+        """(M,) bool: the points left."""
+        left = seen.rank < torch.from_numpy(self.density)[seen.index]
+        return left if self.without is None else left & (seen.station != self.without)
+
+
+def spoil(width: int, height: int, stations: int, density: float, rng: np.random.Generator) -> Spoiling:
+    """Patches removed or thinned, a station missing (paper, "Training Data Generation": patches, sparse clusters)."""
     share = np.full((height, width), density, np.float32)
     rows, columns = np.mgrid[0:height, 0:width]
     for _ in range(rng.integers(0, 5)):  # convex patches: an ellipse cut by two half planes
@@ -76,10 +109,8 @@ def spoil(seen: Projected, density: float, rng: np.random.Generator) -> Tensor:
             a = rng.uniform(0, 2 * np.pi)
             inside &= dx * np.cos(a) + dy * np.sin(a) < 0.6
         share[inside] *= rng.choice([0.0, 0.0, 0.15, 0.4])
-    keep = seen.rank < torch.from_numpy(share.ravel())[seen.index]
-    if rng.random() < 0.2:
-        keep &= seen.station != int(rng.integers(0, int(seen.station.max()) + 1)) if len(seen.station) else True
-    return keep
+    missing = int(rng.integers(stations)) if stations > 1 and rng.random() < 0.2 else None
+    return Spoiling(share.ravel(), missing)
 
 
 def _density(rng: np.random.Generator) -> float:
@@ -87,59 +118,160 @@ def _density(rng: np.random.Generator) -> float:
 
 
 def _reduced(picture: np.ndarray, reduce: int) -> np.ndarray:
-    """(3, H / reduce, W / reduce) uint8 of (H, W, 3) uint8, averaged over blocks of pixels."""
+    """(C, H / reduce, W / reduce) uint8 of (H, W, C) uint8, averaged over blocks of pixels."""
     h, w = picture.shape[0] // reduce, picture.shape[1] // reduce
-    blocks = picture[: h * reduce, : w * reduce].reshape(h, reduce, w, reduce, 3).astype(np.float32)
+    blocks = picture[: h * reduce, : w * reduce].reshape(h, reduce, w, reduce, -1).astype(np.float32)
     return np.ascontiguousarray(np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8).transpose(2, 0, 1))
 
 
-def scene_pairs(
-    scene: StationScene, *, seed: int, scans: int, variants: int, preset: str, reduce: int = 1
-) -> Iterator[tuple[dict, np.ndarray, np.ndarray]]:
-    """Yields (what it is, (5, H, W) float16 input, (3, H, W) uint8 truth): ``variants`` densities of ``scans`` scans.
+def _truth(shot: TruePicture, reduce: int) -> np.ndarray:
+    """(5, H, W) uint8: colour, coverage, known."""
+    coverage, known = shot.coverage(), shot.known()
+    full = np.full((shot.height, shot.width), 255, np.uint8)
+    covered = full if coverage is None else np.rint(coverage * 255).astype(np.uint8)
+    trusted = full if known is None else known.astype(np.uint8) * np.uint8(255)
+    return _reduced(np.dstack([shot.rgb(), covered, trusted]), reduce)
+
+
+def _neighbour_pose(shot: TruePicture, middle: float, rng: np.random.Generator) -> np.ndarray:
+    """camera_to_world moved and turned a little.  middle: median depth of the picture."""
+    turn = np.radians(NEIGHBOUR_TURN) * rng.normal(size=3)
+    x, y, z = turn
+    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    moved = shot.camera_to_world.copy()
+    left, _, right = np.linalg.svd(moved[:3, :3] @ (np.eye(3) + skew))
+    moved[:3, :3] = left @ right
+    moved[:3, 3] += NEIGHBOUR_SHIFT * middle * rng.normal(size=3)
+    return moved
+
+
+def flow_to(shot: TruePicture, pose: np.ndarray, camera: SimpleNamespace, reduce: int) -> np.ndarray:
+    """(2, H, W) float16: offset in pixels from each true pixel to where its surface lies in the picture from ``pose``.
+
+    NaN where there is no surface, where it leaves the picture, moves more than MOST_FLOW pixels, or lies more than 2 %
+    behind another surface of the true picture there.
+    """
+    depth = shot.depth()
+    if depth is None:
+        return np.full((2, camera.height, camera.width), np.nan, np.float16)
+    z = depth[reduce // 2 :: reduce, reduce // 2 :: reduce][: camera.height, : camera.width].astype(np.float64)
+    j, i = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
+    local = np.stack([(i - camera.cx) / camera.fx * z, -(j - camera.cy) / camera.fy * z, -z], -1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        world = local @ shot.camera_to_world[:3, :3].T + shot.camera_to_world[:3, 3]
+        there = (world - pose[:3, 3]) @ (pose[:3, :3] * (1.0, -1.0, -1.0))
+        u = camera.fx * there[..., 0] / there[..., 2] + camera.cx
+        v = camera.fy * there[..., 1] / there[..., 2] + camera.cy
+        good = np.isfinite(z) & (there[..., 2] > 0) & (u > 1) & (v > 1) & (u < camera.width - 1) & (v < camera.height - 1)
+        good &= np.maximum(np.abs(u - i), np.abs(v - j)) < MOST_FLOW
+    column, row = np.where(good, u, 0).astype(int), np.where(good, v, 0).astype(int)
+    front = np.full((camera.height, camera.width), np.inf)
+    np.minimum.at(front, (row[good], column[good]), there[..., 2][good])
+    around = np.pad(front, 1, constant_values=np.inf)  # a stretched surface leaves gaps between its pixels
+    for shift in ((0, 1), (1, 0), (2, 1), (1, 2)):
+        front = np.minimum(front, around[shift[0] : shift[0] + camera.height, shift[1] : shift[1] + camera.width])
+    good &= there[..., 2] <= 1.02 * front[row, column]
+    return np.where(good, np.stack([u - i, v - j]), np.nan).astype(np.float16)
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One training pair; neighbour and flow are None where none was asked for."""
+
+    where: dict
+    input: np.ndarray
+    truth: np.ndarray
+    neighbour: np.ndarray | None = None
+    flow: np.ndarray | None = None
+
+
+def scan_spacing(scan: Scan) -> float:
+    """Median spacing of a scan, from a sample of it."""
+    pick = np.random.default_rng(0).choice(len(scan.xyz), min(len(scan.xyz), 2_000_000), replace=False)
+    return median_spacing(scan.xyz[pick]) * float(np.sqrt(len(pick) / len(scan.xyz)))
+
+
+def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, preset: str, reduce: int = 1,
+                neighbours: bool = False) -> Iterator[Pair]:
+    """Yields ``variants`` densities of ``scans`` scans of every view of a place.
 
     reduce: pictures this much smaller, so that many points meet in a pixel: without such pairs the network blurs what
     a dense scan shows sharply.
     """
     rng = np.random.default_rng(seed)
     for number in range(scans):
-        scan = scan_stations(scene, seed * 1000 + number)
-        pick = rng.choice(len(scan.xyz), min(len(scan.xyz), 2_000_000), replace=False)
-        spacing = median_spacing(scan.xyz[pick]) * float(np.sqrt(len(pick) / len(scan.xyz)))
-        for index, shot in enumerate(scene.views):
-            seen = project_scan(scan, shot, seed=int(rng.integers(2**31)), reduce=reduce)
-            truth = _reduced(shot.rgb(), reduce)
+        scan = place.scan(seed * 1000 + number)
+        spacing = scan_spacing(scan)
+        matched = bool(rng.random() < MATCHED_SHARE)
+        if matched:
+            scan = replace(scan, rgb=match_exposures(scan.xyz, scan.rgb, scan.station))
+        stations = int(scan.station.max(initial=0)) + 1
+        for index, shot in enumerate(place.views):
+            rank_seed = int(rng.integers(2**31))
+            seen = project_scan(scan, shot, rank_seed, reduce)
+            truth = _truth(shot, reduce)
+            camera = seen.camera
             for _ in range(variants):
                 density = _density(rng)
-                keep = spoil(seen, density, rng)
+                spoiling = spoil(camera.width, camera.height, stations, density, rng)
                 strength = float(np.exp(rng.uniform(-0.4, 0.4)))
-                made = picture(seen, keep, spacing / density**0.5, preset, strength)
-                where = {"scene": scene.name, "view": index, "scan": number, "density": density}
-                yield where, made.numpy().astype(np.float16), truth
+                apart = spacing / density**0.5
+                keep = spoiling.keep(seen)
+                raster = raster_of(seen, keep, apart)
+                made = network_input(raster, keep_mask(raster.depth, preset, strength=strength), camera.fx, apart)
+                where = {"scene": place.name, "view": index, "scan": number, "density": density, "matched": matched}
+                if not neighbours:
+                    yield Pair(where, made.numpy().astype(np.float16), truth)
+                    continue
+                finite = raster.depth[torch.isfinite(raster.depth)]
+                pose = _neighbour_pose(shot, float(finite.median()) if len(finite) else 1.0, rng)
+                beside = project_scan(scan, shot, rank_seed, reduce, pose)
+                other = raster_of(beside, beside.rank < density, apart)
+                kept = keep_mask(other.depth, preset, strength=strength)
+                yield Pair(
+                    where, made.numpy().astype(np.float16), truth,
+                    network_input(other, kept, camera.fx, apart).numpy().astype(np.float16),
+                    flow_to(shot, pose, camera, reduce),
+                )
 
 
-def build(folders: list[Path], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto",
-          reduce: int = 1) -> int:
-    """Makes the pairs of all scenes into ``out`` (written beside and renamed).  Returns how many."""
-    scenes = [load_scene(folder) for folder in folders]
-    count = sum(len(s.views) for s in scenes) * scans * variants
-    height, width = scenes[0].views[0].height // reduce, scenes[0].views[0].width // reduce
+def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto",
+          reduce: int = 1, neighbours: bool = False) -> int:
+    """Makes the pairs of all places into ``out`` (written beside and renamed).  Returns how many.
+
+    Raises DataError where the places' pictures differ in size.
+    """
+    from tqdm import tqdm
+
+    sizes = {(view.height // reduce, view.width // reduce) for place in places for view in place.views}
+    if len(sizes) != 1:
+        raise DataError(f"{out}: true pictures of several sizes ({sorted(sizes)}); make the pairs of each size by themselves")
+    ((height, width),) = sizes
+    count = sum(len(place.views) for place in places) * scans * variants
     beside = out.with_name(f"{out.name}.{os.getpid()}.partial")
     beside.mkdir(parents=True)
-    inputs = np.lib.format.open_memmap(beside / "inputs.npy", "w+", np.float16, (count, 5, height, width))
-    truth = np.lib.format.open_memmap(beside / "truth.npy", "w+", np.uint8, (count, 3, height, width))
-    table = []
-    for number, scene in enumerate(scenes):
-        made_here = scene_pairs(
-            scene, seed=seed + number, scans=scans, variants=variants, preset=preset, reduce=reduce
-        )
-        for where, made, true in made_here:
-            inputs[len(table)], truth[len(table)] = made, true
-            table.append(where)
-            if len(table) % 30 == 0:
-                print(f"{len(table)} of {count} pairs", flush=True)
-    inputs.flush()
-    truth.flush()
-    (beside / "pairs.json").write_text(json.dumps({"preset": preset, "seed": seed, "pairs": table}))
-    beside.rename(out)
+
+    def room(name: str, kind: type, channels: int) -> np.ndarray:
+        return np.lib.format.open_memmap(beside / f"{name}.npy", "w+", kind, (count, channels, height, width))
+
+    try:
+        arrays = {"input": room("inputs", np.float16, 5), "truth": room("truth", np.uint8, 5)}
+        if neighbours:
+            arrays |= {"neighbour": room("neighbours", np.float16, 5), "flow": room("flow", np.float16, 2)}
+        table = []
+        with tqdm(total=count, desc=out.name, unit=" pairs", disable=None) as meter:
+            for number, place in enumerate(places):
+                for pair in place_pairs(place, seed=seed + number, scans=scans, variants=variants, preset=preset,
+                                        reduce=reduce, neighbours=neighbours):
+                    for name, array in arrays.items():
+                        array[len(table)] = getattr(pair, name)
+                    table.append(pair.where)
+                    meter.update(1)
+        for array in arrays.values():
+            array.flush()  # type: ignore[attr-defined]  # they are memory maps
+        facts = {"preset": preset, "seed": seed, "reduce": reduce, "pairs": table}
+        (beside / "pairs.json").write_text(json.dumps(facts))
+        beside.rename(out)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
     return count

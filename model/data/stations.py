@@ -13,9 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-
-class DataError(Exception):
-    """A data folder that cannot be used; the message names the files."""
+from model.data.truth import DataError, Scan
 
 
 @dataclass(frozen=True)
@@ -30,6 +28,22 @@ class Shot:
     fl: float
     camera_to_world: np.ndarray
     depth_scale: float
+
+    @property
+    def cx(self) -> float:
+        return self.width / 2
+
+    @property
+    def cy(self) -> float:
+        return self.height / 2
+
+    def coverage(self) -> None:
+        """A room covers every pixel."""
+        return None
+
+    def known(self) -> None:
+        """All of the picture is true."""
+        return None
 
     def rgb(self) -> np.ndarray:
         """(H, W, 3) uint8, sRGB."""
@@ -49,6 +63,10 @@ class StationScene:
     stations: list[list[Shot]]
     views: list[Shot]
     path: list[Shot] = field(default_factory=list)
+
+    def scan(self, seed: int) -> Scan:
+        """The merged scan of the stations, spoiled with this seed."""
+        return scan_stations(self, seed)
 
 
 def load_scene(folder: Path) -> StationScene:
@@ -120,15 +138,6 @@ class ScanModel:
     dropout: float = 0.01
     misregistration: float = 0.001
     colour_noise: float = 1.5
-
-
-@dataclass(frozen=True)
-class Scan:
-    """A merged, coloured scan.  xyz (N, 3) float64 metres; rgb (N, 3) uint8; station (N,) uint8."""
-
-    xyz: np.ndarray
-    rgb: np.ndarray
-    station: np.ndarray
 
 
 def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:

@@ -1,0 +1,119 @@
+"""Random crops of training pairs: turned, mirrored, recoloured, and the same for a step whenever it is asked for.
+
+A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from model.data.truth import DataError
+
+
+@dataclass(frozen=True)
+class Batch:
+    """x (B, 5, c, c) input; colour (B, 3, c, c) truth; coverage, known (B, 1, c, c) 0..1.
+
+    neighbour (N, 5, c, c): inputs from cameras moved a little, of the first N crops; flow (N, 2, c, c): where each pixel
+    lies there, as an offset in pixels, NaN where it is not seen.  N may be 0.
+    """
+
+    x: Tensor
+    colour: Tensor
+    coverage: Tensor
+    known: Tensor
+    neighbour: Tensor
+    flow: Tensor
+
+    def to(self, device: torch.device) -> "Batch":
+        """The batch on a device, pictures channels last."""
+        return Batch(*(
+            t.to(device, non_blocking=True, memory_format=torch.channels_last) if t.ndim == 4 else t.to(device)
+            for t in (self.x, self.colour, self.coverage, self.known, self.neighbour, self.flow)
+        ))
+
+
+class PairFolder:
+    """Memory-mapped arrays of :mod:`model.data.pairs`.  Raises DataError naming the first file that does not fit."""
+
+    def __init__(self, folder: Path):
+        self.folder = folder
+        self.inputs = self._array("inputs", 5, np.float16)
+        self.truth = self._array("truth", 5, np.uint8)
+        self.neighbours = self._array("neighbours", 5, np.float16) if (folder / "neighbours.npy").is_file() else None
+        self.flow = self._array("flow", 2, np.float16) if self.neighbours is not None else None
+        for name in ("truth", "neighbours", "flow"):
+            array = getattr(self, name)
+            if array is not None and (len(array), *array.shape[2:]) != (len(self.inputs), *self.inputs.shape[2:]):
+                raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match inputs.npy {self.inputs.shape}; make "
+                                "the pairs again")
+
+    def _array(self, name: str, channels: int, kind: type) -> np.ndarray:
+        path = self.folder / f"{name}.npy"
+        try:
+            array = np.load(path, mmap_mode="r")
+        except (OSError, ValueError) as error:
+            raise DataError(f"{path}: training pairs cannot be read ({error}); make them again") from None
+        if array.ndim != 4 or array.shape[1] != channels or array.dtype != kind:
+            raise DataError(f"{path}: {array.shape} {array.dtype}, expected (pairs, {channels}, height, width) "
+                            f"{np.dtype(kind)}; make the pairs again")
+        return array
+
+
+class Crops:
+    """Draws batches from folders of pairs.  shares: relative share of each folder (default: equal)."""
+
+    def __init__(self, folders: list[Path], crop: int, seed: int, shares: tuple[float, ...] = ()):
+        self.folders = [PairFolder(folder) for folder in folders]
+        for folder in self.folders:
+            if min(folder.inputs.shape[2:]) < crop:
+                size = f"{folder.inputs.shape[3]}x{folder.inputs.shape[2]}"
+                raise DataError(f"{folder.folder}: pictures of {size} are smaller than crops of {crop}; choose smaller crops")
+        weights = np.asarray(shares if shares else [1.0] * len(folders), float)
+        self.shares = weights / weights.sum()
+        paired = np.array([folder.neighbours is not None for folder in self.folders]) * self.shares
+        self.paired = paired / paired.sum() if paired.sum() else None
+        self.crop, self.seed = crop, seed
+
+    def batch(self, step: int, count: int, neighbours: int = 0, process: int = 0) -> Batch:
+        """``count`` crops; the first ``neighbours`` come from folders that have neighbours, where there are any."""
+        rng = np.random.default_rng([self.seed, step, process])
+        beside = neighbours if self.paired is not None else 0
+        crops = [self._crop(rng, number < beside) for number in range(count)]
+        x, truth = (torch.from_numpy(np.stack([c[k] for c in crops])) for k in (0, 1))
+        near = torch.from_numpy(np.stack([c[2] for c in crops])[:beside])
+        flow = torch.from_numpy(np.stack([c[3] for c in crops])[:beside])
+        return Batch(x, truth[:, :3], truth[:, 3:4], truth[:, 4:5], near, flow)
+
+    def _crop(self, rng: np.random.Generator, beside: bool):
+        folder = self.folders[int(rng.choice(len(self.folders), p=self.paired if beside else self.shares))]
+        crop, (count, _, height, width) = self.crop, folder.inputs.shape
+        i = int(rng.integers(count))
+        r, c = int(rng.integers(height - crop + 1)), int(rng.integers(width - crop + 1))
+        window = np.s_[i, :, r : r + crop, c : c + crop]
+        x, y = folder.inputs[window].astype(np.float32), folder.truth[window].astype(np.float32) / 255
+        near, flow = np.zeros_like(x), np.zeros_like(x[:2])
+        if beside and folder.neighbours is not None and folder.flow is not None:
+            near, flow = folder.neighbours[window].astype(np.float32), folder.flow[window].astype(np.float32)
+        turns, mirror = int(rng.integers(4)), rng.random() < 0.5
+        gain = np.exp(rng.normal(0, 0.15, (3, 1, 1)) * 0.4 + rng.normal(0, 0.15)).astype(np.float32)
+        order = rng.permutation(3) if rng.random() < 0.5 else np.arange(3)
+
+        def turned(a: np.ndarray) -> np.ndarray:
+            a = np.rot90(a, turns, (1, 2))
+            return np.ascontiguousarray(a[:, :, ::-1] if mirror else a)
+
+        def recoloured(a: np.ndarray) -> np.ndarray:
+            a = turned(a)
+            a[:3] = np.minimum(a[:3] * gain, 1.0)[order]
+            return a
+
+        flow = turned(flow)
+        for _ in range(turns):  # rot90 takes the direction (x, y) to (y, -x)
+            flow = np.stack([flow[1], -flow[0]])
+        if mirror:
+            flow[0] = -flow[0]
+        return recoloured(x), recoloured(y), recoloured(near), flow

@@ -1,0 +1,103 @@
+"""Exposure between scanner stations: each took its photographs with its own gain, and where two saw one surface they tell.
+
+Gains act on sRGB values: an exposure in linear light is nearly one there too (sRGB is nearly a power law), and the
+darks, where it is not, hardly weigh.  Nothing tells the true brightness: the stations' mean gain is held at one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.data.spacing import median_spacing
+
+DARKEST, BRIGHTEST = 20, 240  # sRGB values that neither noise nor clipping rules
+VOXEL_SPACINGS = 6.0
+SHARED_VOXELS = 300  # fewer than these seen by both of two stations tell nothing
+LARGEST_GAIN = 1.6  # beyond it two scans differ in more than exposure
+LARGEST_SPREAD = 0.35  # of a pair's log ratios (1.48 x median absolute deviation)
+
+
+@dataclass(frozen=True)
+class Exposures:
+    """gains (S, 3): what each scan's sRGB must be multiplied by.  shared (S, S): voxels two scans both saw.
+    matched (S,) bool: False where a scan shares too little with the others, or differs in more than exposure."""
+
+    gains: np.ndarray
+    shared: np.ndarray
+    matched: np.ndarray
+
+
+def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing: float) -> Exposures:
+    """Gains that make the scans agree where they overlap, in the least-squares sense over all pairs.
+
+    xyz: (N, 3) float64.  rgb: (N, 3) uint8.  scan: (N,) ints from 0.  spacing: between neighbours of these points, same unit.
+    Each pair gives the median log ratio of its shared voxels' mean colours; scans that are not linked keep gain 1.
+    """
+    scan = scan.astype(np.int64)
+    count = int(scan.max(initial=-1)) + 1
+    gains, shared = np.ones((count, 3)), np.zeros((count, count), int)
+    low = xyz.min(0) if len(xyz) else 0.0
+    steps = np.floor((xyz - low) / (VOXEL_SPACINGS * spacing)).astype(np.int64)
+    means, voxels, owners = _voxel_means(steps, rgb, scan, count)
+    rows, weights, ratios = [], [], []
+    for a in range(count):
+        for b in range(a + 1, count):
+            _, ia, ib = np.intersect1d(voxels[owners == a], voxels[owners == b], assume_unique=True, return_indices=True)
+            first, second = means[owners == a][ia], means[owners == b][ib]
+            usable = np.minimum(first, second).min(1, initial=255) > DARKEST
+            usable &= np.maximum(first, second).max(1, initial=0) < BRIGHTEST
+            shared[a, b] = shared[b, a] = int(usable.sum())
+            if usable.sum() < SHARED_VOXELS:
+                continue
+            log = np.log(second[usable] / first[usable])
+            middle = np.median(log, 0)
+            spread = 1.4826 * np.median(np.abs(log - middle), 0).max()
+            if spread > LARGEST_SPREAD or np.abs(middle).max() > np.log(LARGEST_GAIN):
+                continue
+            row = np.zeros(count)
+            row[a], row[b] = 1.0, -1.0
+            rows.append(row)
+            ratios.append(middle)
+            weights.append(np.sqrt(min(int(usable.sum()), 20000)) / max(spread, 0.01))
+    matched = np.zeros(count, bool)
+    if rows:
+        weight = np.array(weights)[:, None]
+        links = np.array(rows)
+        # log gain_a - log gain_b = log(colour_b / colour_a); the minimum-norm solution has mean zero in each linked group
+        solved = np.linalg.lstsq(links * weight, np.array(ratios) * weight, rcond=None)[0]
+        matched = np.any(links != 0, axis=0)
+        gains[matched] = np.exp(solved[matched])
+        for group in _groups(links, matched):
+            gains[group] *= np.mean(1 / gains[group], axis=0)  # the stations' own gains, 1 / these, then have mean one
+    return Exposures(gains, shared, matched)
+
+
+def _groups(links: np.ndarray, matched: np.ndarray) -> list[np.ndarray]:
+    """The sets of scans that the links connect, as index arrays."""
+    from scipy.sparse.csgraph import connected_components
+
+    _, label = connected_components((links != 0).T.astype(int) @ (links != 0).astype(int), directed=False)
+    return [np.flatnonzero(label == k) for k in np.unique(label[matched])]
+
+
+def _voxel_means(steps: np.ndarray, rgb: np.ndarray, scan: np.ndarray, count: int):
+    """Mean colour of every (voxel, scan): means (M, 3), voxel keys (M,), owners (M,)."""
+    if not len(steps):
+        return np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, int)
+    spans = steps.max(0) + 1
+    key = ((steps[:, 0] * spans[1] + steps[:, 1]) * spans[2] + steps[:, 2]) * count + scan
+    unique, index, number = np.unique(key, return_inverse=True, return_counts=True)
+    means = np.stack([np.bincount(index, rgb[:, c], len(unique)) for c in range(3)], 1) / number[:, None]
+    return means, unique // count, unique % count
+
+
+def match_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: int = 2_000_000) -> np.ndarray:
+    """(N, 3) uint8 colours with the gains of :func:`solve_exposures` applied; solved on a seeded sample of the points."""
+    gains = exposures_of(xyz, rgb, scan, sample).gains
+    return np.clip(np.rint(rgb * gains.astype(np.float32)[scan]), 0, 255).astype(np.uint8)
+
+
+def exposures_of(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: int = 2_000_000) -> Exposures:
+    """:func:`solve_exposures` on a seeded sample of the points, at the sample's own spacing."""
+    pick = np.random.default_rng(0).choice(len(xyz), min(len(xyz), sample), replace=False)
+    return solve_exposures(xyz[pick], rgb[pick], scan[pick], median_spacing(xyz[pick]))

@@ -1,0 +1,65 @@
+"""What a training run says while it runs: a line on the terminal, ``log.jsonl`` always, TensorBoard where it is installed."""
+
+import json
+from collections import defaultdict
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+EVERY = 50  # steps between lines
+PICTURES_EVERY = 500
+
+
+class TrainingLog:
+    """Means of the loss's terms over EVERY steps.  shown: False in all processes but the first."""
+
+    def __init__(self, out: Path, step: int, *, shown: bool):
+        self.shown, self.sums, self.count, self.last = shown, defaultdict(float), 0, 0.0
+        self.file = (out / "log.jsonl").open("a") if shown else None
+        self.board = None
+        if shown:
+            try:
+                from torch.utils.tensorboard import SummaryWriter
+
+                self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step)
+            except ImportError:
+                print("tensorboard is not installed: scalars go to log.jsonl only (pip install tensorboard)", flush=True)
+
+    def __enter__(self) -> "TrainingLog":
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self.file is not None:
+            self.file.close()
+        if self.board is not None:
+            self.board.close()
+
+    def step(self, step: int, terms: dict[str, Tensor], rate: float, spent: float) -> None:
+        """Takes note of a step; spent: seconds of training so far, earlier calls included."""
+        if self.file is None:
+            return
+        for name, value in terms.items():
+            self.sums[name] += float(value)
+        self.count += 1
+        if step % EVERY:
+            return
+        means = {name: value / self.count for name, value in self.sums.items()}
+        pace = (spent - self.last) / self.count if self.last else spent / step
+        self.file.write(json.dumps({"step": step, "seconds": round(spent, 1), "rate": rate, **means}) + "\n")
+        self.file.flush()
+        if self.board is not None:
+            for name, value in {**means, "rate": rate}.items():
+                self.board.add_scalar(name, value, step)
+        print(f"step {step}  {'  '.join(f'{k} {v:.4f}' for k, v in means.items())}  {pace:.2f} s a step", flush=True)
+        self.sums.clear()
+        self.count, self.last = 0, spent
+
+    def pictures(self, step: int, network: nn.Module, batch) -> None:
+        """Now and then, the first crops as filled, as made and as they should be, side by side."""
+        if self.board is None or step % PICTURES_EVERY:
+            return
+        with torch.no_grad():
+            made = network(batch.x[:4])[:, :3].float().clamp(0, 1)
+        rows = torch.cat([batch.x[:4, :3], made, batch.colour[:4]], 3)
+        self.board.add_image("filled, made, true", torch.cat(list(rows.cpu()), 1), step)

@@ -1,0 +1,65 @@
+"""Exposure between stations: known gains undone, and colours left alone where nothing can be known."""
+
+import numpy as np
+import pytest
+
+from model.exposure import exposures_of, match_exposures
+
+
+def _room(rng, count, gains, noise=2.0, apart=0.0):
+    """Points of a textured box wall seen by len(gains) scans, each with its own gain (3,)."""
+    xyz, rgb, scan = [], [], []
+    for number, gain in enumerate(gains):
+        p = rng.uniform(0, 4, (count, 3))
+        p[:, 2] = 0.002 * rng.normal(size=count)
+        p[:, 0] += apart * number
+        true = 110 + 60 * np.sin(3 * p[:, :1]) + 25 * np.cos(5 * p[:, 1:2]) * np.array([1, 0.5, -0.5])
+        xyz.append(p)
+        rgb.append(np.clip(np.rint(true * gain + noise * rng.normal(size=(count, 3))), 0, 255).astype(np.uint8))
+        scan.append(np.full(count, number, np.uint8))
+    return np.concatenate(xyz), np.concatenate(rgb), np.concatenate(scan)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_known_gains_are_undone_at_any_scale(seed, scale):
+    rng = np.random.default_rng(seed)
+    gains = 1 + rng.uniform(-0.12, 0.12, (4, 3))
+    gains /= gains.mean(0)
+    xyz, rgb, scan = _room(rng, 40_000, gains)
+    found = exposures_of(xyz * scale + 1e6 * scale, rgb, scan)
+    assert found.matched.all() and (found.shared + np.eye(4, dtype=int) > 0).all()
+    assert np.abs(found.gains * gains - 1).max() < 0.02
+    matched = match_exposures(xyz, rgb, scan)
+    means = [matched[scan == s].mean(0) for s in range(4)]
+    assert np.ptp(means, axis=0).max() < 3 < np.ptp([rgb[scan == s].mean(0) for s in range(4)], axis=0).max()
+
+
+def test_scans_that_share_nothing_keep_their_colours():
+    rng = np.random.default_rng(1)
+    xyz, rgb, scan = _room(rng, 20_000, np.array([[0.9] * 3, [1.1] * 3]), apart=10.0)
+    assert not exposures_of(xyz, rgb, scan).matched.any()
+    assert np.array_equal(match_exposures(xyz, rgb, scan), rgb)
+
+
+def test_scans_that_differ_in_more_than_exposure_keep_their_colours():
+    rng = np.random.default_rng(2)
+    xyz, rgb, scan = _room(rng, 20_000, np.array([[1.0] * 3, [1.0] * 3]))
+    rgb[scan == 1] = rng.integers(30, 230, ((scan == 1).sum(), 3))
+    assert np.array_equal(match_exposures(xyz, rgb, scan), rgb)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_few_points_and_a_single_scan_are_left_alone(count):
+    xyz, rgb = np.zeros((count, 3)), np.full((count, 3), 9, np.uint8)
+    assert np.array_equal(match_exposures(xyz, rgb, np.zeros(count, np.uint8)), rgb)
+
+
+def test_two_linked_groups_each_keep_their_own_mean():
+    rng = np.random.default_rng(3)
+    a = _room(rng, 30_000, np.array([[0.9] * 3, [1.1] * 3]))
+    b = _room(rng, 30_000, np.array([[0.95] * 3, [1.05] * 3]))
+    xyz = np.concatenate([a[0], b[0] + (100, 0, 0)])
+    found = exposures_of(xyz, np.concatenate([a[1], b[1]]), np.concatenate([a[2], b[2] + 2]))
+    assert found.gains[:2].mean(1) == pytest.approx([1 / 0.9, 1 / 1.1], abs=0.02)
+    assert found.gains[2:].mean(1) == pytest.approx([1 / 0.95, 1 / 1.05], abs=0.02)

@@ -1,0 +1,229 @@
+"""Training: pairs, crops, the objective; exact resume after a kill; two processes that learn as one."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from rooms import make_room
+
+from model.data.crops import Crops
+from model.data.pairs import build, flow_to, project_scan
+from model.data.stations import load_scene
+from model.data.truth import DataError, MemoryPicture
+from model.objective import Objective, inside_flow, warp
+from model.train import Process, TrainConfig, Trainer, config_from, train
+from model.weights import load_weights
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module")
+def pairs(tmp_path_factory):
+    root = tmp_path_factory.mktemp("pairs")
+    assert build([load_scene(make_room(root / "box"))], root / "out", scans=1, variants=2, neighbours=True) == 8
+    return root / "out"
+
+
+def _config(pairs, out, **changes):
+    return TrainConfig(**{"pairs": (str(pairs),), "out": str(out), "quality": "fast", "steps": 8, "batch": 2, "crop": 32,
+                          "neighbours": 1, "save_every": 0.0, "device": "cpu", **changes})
+
+
+def _state(path):
+    return load_weights(path)[0].state_dict()
+
+
+class _Killed(Exception):
+    pass
+
+
+def test_training_resumes_exactly_after_a_kill(pairs, tmp_path):
+    whole = _state(train(_config(pairs, tmp_path / "whole")))
+
+    def kill(step):
+        if step == 5:
+            raise _Killed
+
+    with pytest.raises(_Killed):
+        train(_config(pairs, tmp_path / "parts", save_every=0.0), on_step=kill)
+    parts = _state(train(_config(pairs, tmp_path / "parts")))
+    assert all(torch.equal(whole[k], parts[k]) for k in whole)
+    assert config_from(tmp_path / "whole" / "config.json").crop == 32
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_another_seed_trains_other_weights(pairs, tmp_path):
+    a, b = (_state(train(_config(pairs, tmp_path / str(seed), seed=seed))) for seed in (1, 2))
+    assert any(not torch.equal(a[k], b[k]) for k in a)
+
+
+def test_a_checkpoint_of_another_network_is_refused_by_name(pairs, tmp_path):
+    (tmp_path / "checkpoint.pt").write_bytes(b"not a checkpoint")
+    with pytest.raises(DataError, match=r"checkpoint\.pt: not a checkpoint") as caught:
+        train(_config(pairs, tmp_path))
+    assert "\n" not in str(caught.value)
+
+
+def test_two_processes_learn_from_the_mean_of_their_gradients(pairs, tmp_path):
+    script = tmp_path / "both.py"
+    script.write_text(
+        "import sys; sys.path.insert(0, sys.argv[1])\n"
+        "from model.train import TrainConfig, train\n"
+        "import torch.distributed as dist\n"
+        "seen = []\n"
+        "train(TrainConfig(pairs=(sys.argv[2],), out=sys.argv[3], quality='fast', steps=2, batch=1, crop=32,\n"
+        "                  neighbours=0, device='cpu', threads=1, warmup=1),\n"
+        "      on_step=lambda step: seen.append((step, dist.get_world_size())))\n"
+        "assert seen == [(1, 2), (2, 2)], seen\n"
+    )
+    run = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2", str(script)]
+    done = subprocess.run([*run, str(ROOT), str(pairs), str(tmp_path / "two")], capture_output=True, text=True,
+                          timeout=240, env={**os.environ, "OMP_NUM_THREADS": "1"})
+    assert done.returncode == 0, done.stderr[:3000]
+    assert json.loads((tmp_path / "two" / "config.json").read_text())["processes"] == 2
+    two = torch.load(tmp_path / "two" / "checkpoint.pt", weights_only=True)["network"]
+
+    config = _config(pairs, tmp_path / "one", steps=2, batch=1, neighbours=0, warmup=1)
+    trainer = Trainer(config, Process(0, 1, torch.device("cpu")))
+    objective, crops = Objective(None, 0.1, 0.1, 0.1), Crops([pairs], 32, config.seed)
+
+    class Mean:
+        """Both processes' crops, one after the other: the mean of their losses has the mean of their gradients."""
+
+        def __call__(self, made, beside, batch):
+            losses = [objective(made[k : k + 1], beside, crops.batch(trainer.step, 1, 0, process=k))[0] for k in (0, 1)]
+            return (losses[0] + losses[1]) / 2, {}
+
+    for step in range(2):
+        both = [crops.batch(step, 1, 0, process=k) for k in (0, 1)]
+        batch = replace(both[0], x=torch.cat([b.x for b in both]))
+        trainer.advance(batch, Mean(), config.learning_rate(step, step / 2))  # type: ignore[arg-type]
+    one = trainer.network.state_dict()
+    start = Trainer(config, trainer.process).network.state_dict()
+
+    def apart(a, b):
+        return sum(float((a[k] - b[k]).square().sum()) for k in a) ** 0.5
+
+    alone = torch.load(train(_config(pairs, tmp_path / "alone", steps=2, batch=1, neighbours=0, warmup=1)).with_name(
+        "checkpoint.pt"), weights_only=True)["network"]
+    # Adam's first steps are nearly signs of gradients, so rounding moves a few weights far: norms, not maxima
+    assert apart(one, two) < 0.2 * apart(one, start) < 0.2 * 2 * apart(one, alone)
+
+
+def test_a_batch_depends_on_seed_step_and_process_alone(pairs):
+    crops, again = Crops([pairs], 32, 5), Crops([pairs], 32, 5)
+    for _ in range(3):
+        again.batch(99, 2)
+    a, b = crops.batch(7, 3, 1), again.batch(7, 3, 1)
+    assert torch.equal(a.x, b.x) and torch.equal(a.colour, b.colour) and torch.equal(a.neighbour, b.neighbour)
+    assert not torch.equal(a.x, crops.batch(8, 3, 1).x) and not torch.equal(a.x, crops.batch(7, 3, 1, process=1).x)
+
+
+def test_flow_leads_to_the_same_surface_however_a_crop_is_turned(tmp_path):
+    """A pattern and the same pattern moved unevenly: brought back along the flow it must be the first again."""
+    j, i = np.mgrid[0:60, 0:80].astype(float)
+    flow = np.stack([3 + 2 * np.sin(j / 9), -2 + 1.5 * np.cos(i / 11)])
+
+    def pattern(x, y):
+        return np.stack([0.3 + 0.1 * np.sin(x / 5 + c) + 0.1 * np.cos(y / 7 - c) for c in range(5)])
+
+    np.save(tmp_path / "neighbours.npy", pattern(i, j).astype(np.float16)[None])
+    np.save(tmp_path / "inputs.npy", pattern(i + flow[0], j + flow[1]).astype(np.float16)[None])
+    np.save(tmp_path / "truth.npy", np.zeros((1, 5, 60, 80), np.uint8))
+    np.save(tmp_path / "flow.npy", flow.astype(np.float16)[None])
+    crops = Crops([tmp_path], 32, 3)
+    for step in range(24):
+        batch = crops.batch(step, 1, 1)
+        gap = (warp(batch.neighbour, batch.flow) - batch.x).abs() * inside_flow(batch.flow)
+        assert gap.max() < 0.01 < (batch.neighbour - batch.x).abs().max()
+
+
+def test_flow_is_the_motion_of_a_plane_and_stops_at_what_hides(tmp_path):
+    pose = np.diag([1.0, 1.0, 1.0, 1.0])
+    depth = np.full((60, 80), 4.0, np.float32)
+    depth[:, 40:] = 2.0  # a nearer half to the right
+    shot = MemoryPicture(np.zeros((60, 80, 3), np.uint8), 50.0, pose, depth)
+    moved = pose.copy()
+    moved[0, 3] = -0.2  # to the left: the near half slides right by 5 pixels, the far one by 2.5, and uncovers
+    flow = flow_to(shot, moved, SimpleNamespace(width=80, height=60, fx=50.0, fy=50.0, cx=40.0, cy=30.0), 1).astype(float)
+    assert np.allclose(flow[0, 5:-5, 5:30], 2.5, atol=0.01) and np.allclose(flow[0, 5:-5, 45:70], 5.0, atol=0.01)
+    moved[0, 3] = 0.2  # to the right: the near half slides left over the far one
+    flow = flow_to(shot, moved, SimpleNamespace(width=80, height=60, fx=50.0, fy=50.0, cx=40.0, cy=30.0), 1).astype(float)
+    assert np.isnan(flow[0, 5:-5, 39]).all() and np.allclose(flow[0, 5:-5, 10:30], -2.5, atol=0.01)
+
+
+def test_warp_follows_a_known_motion():
+    picture = torch.rand(1, 2, 9, 12)
+    flow = torch.zeros(1, 2, 9, 12)
+    flow[:, 0], flow[:, 1] = 2.0, -1.0
+    moved = warp(picture, flow)
+    assert torch.allclose(moved[..., 1:, :-2], picture[..., :-1, 2:], atol=1e-5)
+    assert inside_flow(flow)[0, 0].sum() == 8 * 10
+    flow[0, 0, 4, 4] = float("nan")
+    assert not inside_flow(flow)[0, 0, 4, 4]
+
+
+def test_the_objective_ignores_what_is_not_known_and_rewards_steadiness(pairs):
+    batch = Crops([pairs], 32, 1).batch(0, 2, 1)
+    objective = Objective(None, 0.1, 0.5, 1.0)
+    perfect = torch.cat([batch.colour, torch.ones(2, 1, 32, 32)], 1)
+    _, terms = objective(perfect, perfect[:0], batch)
+    assert terms["l1"] == 0 and terms["coverage"] == 0 and "change" not in terms
+    batch.known[:, :, :16] = 0
+    spoiled = perfect.clone()
+    spoiled[:, :, :16] = 0.5
+    _, terms = objective(spoiled, perfect[:0], batch)
+    assert terms["l1"] == 0 and terms["coverage"] == 0
+    spoiled[:, 3, 16:] = 0.25
+    assert objective(spoiled, perfect[:0], batch)[1]["coverage"] == pytest.approx(0.375)
+    steady = objective(perfect, warp(perfect[:1], -torch.nan_to_num(batch.flow)), batch)[1]["change"]
+    shaken = objective(perfect, torch.rand(1, 4, 32, 32), batch)[1]["change"]
+    assert steady < shaken
+
+
+def test_pairs_keep_coverage_and_what_is_unknown(tmp_path):
+    scene = load_scene(make_room(tmp_path / "box"))
+    shot = scene.views[0]
+    covered = np.ones((shot.height, shot.width), np.float32)
+    covered[:5] = 0.5
+    known = np.ones((shot.height, shot.width), bool)
+    known[:, :3] = False
+    shot = MemoryPicture(shot.rgb(), shot.fl, shot.camera_to_world, shot.depth(), covered, known)
+
+    class Place:
+        name = "made"
+        views = (shot,)
+        scan = staticmethod(scene.scan)
+
+    build([Place()], tmp_path / "out", scans=1, variants=1)
+    truth = np.load(tmp_path / "out" / "truth.npy")
+    assert (truth[0, 3, :5] == 128).all() and (truth[0, 3, 5:] == 255).all()
+    assert (truth[0, 4, :, :3] == 0).all() and (truth[0, 4, :, 3:] == 255).all()
+
+
+def test_the_same_points_survive_in_every_picture_of_a_scan(tmp_path):
+    scene = load_scene(make_room(tmp_path / "box"))
+    scan = scene.scan(1)
+    a, b = (project_scan(scan, view, seed=9) for view in scene.views[:2])
+    assert len(np.intersect1d(a.rank.numpy(), b.rank.numpy())) == len(np.intersect1d(a.rank, b.rank)) > 0
+
+
+def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
+    with pytest.raises(DataError, match=r"inputs\.npy.*cannot be read"):
+        Crops([tmp_path], 32, 1)
+    np.save(tmp_path / "inputs.npy", np.zeros((2, 4, 40, 40), np.float16))
+    with pytest.raises(DataError, match=r"inputs\.npy.*expected \(pairs, 5"):
+        Crops([tmp_path], 32, 1)
+    np.save(tmp_path / "inputs.npy", np.zeros((2, 5, 40, 40), np.float16))
+    np.save(tmp_path / "truth.npy", np.zeros((3, 5, 40, 40), np.uint8))
+    with pytest.raises(DataError, match=r"truth\.npy.*does not match"):
+        Crops([tmp_path], 32, 1)
+    with pytest.raises(DataError, match="smaller than"):
+        Crops([pairs], 320, 1)
