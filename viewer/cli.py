@@ -50,6 +50,11 @@ def _add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
     parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and keep nothing")
 
 
+def _add_exposures(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--exposures", choices=["matched", "as-scanned"], default="matched",
+                        help="matched: scans of one place are given the same brightness; as-scanned: colours as in the file")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="pointglass", description="Fly through a raw coloured laser scan as if it were a film of the place.")
     parser.add_argument("--version", action="version", version=f"pointglass {__version__}")
@@ -57,6 +62,7 @@ def _parser() -> argparse.ArgumentParser:
 
     view = commands.add_parser("view", help="open the window (what `pointglass SCAN` does)")
     _add_scans(view, least="*")
+    _add_exposures(view)
     _add_settings(view)
 
     demo = commands.add_parser("demo", help="the shipped scan, in a window or as pictures")
@@ -65,6 +71,7 @@ def _parser() -> argparse.ArgumentParser:
 
     render = commands.add_parser("render", help="pictures of a list of cameras")
     _add_scans(render)
+    _add_exposures(render)
     render.add_argument("--cameras", type=Path, required=True, metavar="F",
                         help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
     render.add_argument("--out", type=Path, required=True, metavar="DIR")
@@ -80,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     convert = commands.add_parser("convert", help="build the grid into a folder")
     convert.add_argument("scans", nargs="+", type=Path, metavar="SCAN")
     convert.add_argument("--out", type=Path, required=True, metavar="DIR")
+    _add_exposures(convert)
 
     bench = commands.add_parser("bench", help="run time, measured")
     bench.add_argument("kind", nargs="?", default="frame", choices=["frame", "grid", "open"])
@@ -126,7 +134,7 @@ def _view(options: argparse.Namespace) -> int:
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     from viewer.window.app import run
 
-    return run(options.scans, _settings(options), cache=not options.no_cache)
+    return run(options.scans, _settings(options), cache=not options.no_cache, match=options.exposures == "matched")
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -151,7 +159,8 @@ def _render(options: argparse.Namespace) -> int:
     from viewer.render.renderer import Renderer
 
     context = create_context()
-    renderer = Renderer(context, open_scene(options.scans, cache=not options.no_cache))
+    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched")
+    renderer = Renderer(context, scene)
     try:
         count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux)
     finally:
@@ -172,7 +181,7 @@ def _info(options: argparse.Namespace) -> int:
 def _convert(options: argparse.Namespace) -> int:
     from viewer.cloud.convert import convert
 
-    convert(options.scans, options.out)
+    convert(options.scans, options.out, match=options.exposures == "matched")
     print(f"grid in {options.out}")
     return 0
 

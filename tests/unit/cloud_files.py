@@ -18,7 +18,9 @@ def surface(count: int, seed: int = 0, origin=(0.0, 0.0, 0.0), size: float = 4.0
     return xyz, random.integers(1, 256, (count, 3), dtype=np.uint8)
 
 
-def write_las(path: Path, xyz, rgb=None, intensity=None, *, scale=1 / 4096, wkt: str | None = None) -> Path:
+def write_las(
+    path: Path, xyz, rgb=None, intensity=None, *, scale=1 / 4096, wkt: str | None = None, source=None
+) -> Path:  # fmt: skip
     """LAS, or LAZ by the suffix.  rgb: (n, 3), written as it is into the 16-bit fields."""
     import laspy
 
@@ -32,6 +34,8 @@ def write_las(path: Path, xyz, rgb=None, intensity=None, *, scale=1 / 4096, wkt:
         las.red, las.green, las.blue = np.asarray(rgb, np.uint16).T
     if intensity is not None:
         las.intensity = intensity
+    if source is not None:
+        las.point_source_id = np.asarray(source, np.uint16)
     las.write(str(path))
     return path
 

@@ -4,6 +4,7 @@ Frame: file coordinates throughout; several files are taken to share one frame.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,13 @@ from viewer.errors import InputError
 _IN_MEMORY = 32_000_000  # points; larger scans are built in a file
 
 
-def open_scene(paths: Sequence[Path | str] | Path | str, *, cache: bool = True, rebuild: bool = False) -> Scene:
+def open_scene(
+    paths: Sequence[Path | str] | Path | str, *, cache: bool = True, rebuild: bool = False, match: bool = True
+) -> Scene:
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
     cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.  rebuild: build it anew.
+    match: give scans of one place the same exposure (see viewer.cloud.exposure).
     Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled if progress says so.
     """
     from viewer.cloud import cache as store
@@ -30,14 +34,14 @@ def open_scene(paths: Sequence[Path | str] | Path | str, *, cache: bool = True, 
     for file in files:
         check_file(file)
     if not cache:
-        return build_scene(files, in_memory)
-    folder = store.folder_of(files)
+        return build_scene(files, in_memory, match=match)
+    folder = store.folder_of(files, match)
     if not rebuild and (scene := store.load(folder, files)) is not None:
         return scene
-    return store.build_into(folder, files, build_scene, keep_old=False)
+    return store.build_into(folder, files, partial(build_scene, match=match), keep_old=False)
 
 
-def build_scene(files: list[Path], allocate) -> Scene:
+def build_scene(files: list[Path], allocate, *, match: bool = True) -> Scene:
     """Reads the files and builds their grid; ``allocate`` gives room for the packed points (see grid.Allocate)."""
     from viewer.cloud.colour import Colours
     from viewer.cloud.grid import build_grid
@@ -58,7 +62,7 @@ def build_scene(files: list[Path], allocate) -> Scene:
         meta["warnings"].append(
             "the files differ in their coordinate reference system; they are shown as if they agreed"
         )
-    scene = build_grid(sources, colours=Colours(sources), allocate=allocate, meta=meta)
+    scene = build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, meta=meta)
     meta["warnings"][:0] = [warning for source in sources for warning in source.warnings]
     return scene
 

@@ -20,7 +20,7 @@ from viewer.cloud.scene import Scene
 from viewer.errors import InputError
 from viewer.paths import cache_dir
 
-MAGIC, VERSION = "pointglass grid", 1
+MAGIC, VERSION = "pointglass grid", 2
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8")}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
@@ -32,9 +32,9 @@ class CacheError(InputError):
     """The cache folder cannot be used; the scan itself may be fine."""
 
 
-def folder_of(files: list[Path]) -> Path:
-    """Where the grid of these files belongs in the cache; another place once a file has changed."""
-    key = json.dumps([VERSION, _identity(files)]).encode()
+def folder_of(files: list[Path], match: bool = True) -> Path:
+    """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures."""
+    key = json.dumps([VERSION, _identity(files), match]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from viewer.cloud.exposure import Stations
 from viewer.cloud.source import Chunk, Source
 
 _RAMP = np.array([
@@ -49,13 +50,16 @@ class _File:
 class Colours:
     """Learns from every chunk (``add``), decides (``decide``), then gives each chunk its 8-bit colours (``apply``)."""
 
-    def __init__(self, sources: list[Source]):
+    def __init__(self, sources: list[Source], *, match: bool = True):
         self._names = [source.path.name for source in sources]
+        self._match = match
+        self.exposures: dict | None = None
         self.forget()
 
     def forget(self) -> None:
         """Begins pass 1 anew."""
         self._files = [_File(name) for name in self._names]
+        self._stations = Stations()
 
     def add(self, source: int, chunk: Chunk) -> None:
         """Takes note of a chunk of source number ``source``."""
@@ -69,6 +73,8 @@ class Colours:
             scan.has_rgb = True
             file.largest = max(file.largest, largest)
             file.wide |= chunk.rgb.dtype == np.uint16
+            if self._match:
+                self._stations.add(source, chunk)
         elif chunk.intensity is not None:
             file.intensity += np.bincount(chunk.intensity, minlength=65536)
 
@@ -78,6 +84,7 @@ class Colours:
         Returns meta["colour"] and the warnings a person should see.
         """
         warnings, kinds, bits = [], set(), 8
+        self.exposures = self._stations.solve([file.shift for file in self._files]) if self._match else None
         for file in self._files:
             if len(file.colourless) < len(file.scans):
                 kinds.add("rgb")
@@ -115,7 +122,8 @@ class Colours:
         file = self._files[source]
         scan = file.scans.get(int(np.max(chunk.scan)), _Scan()) if len(chunk.xyz) else _Scan()
         if scan.has_rgb and chunk.rgb is not None:
-            return (chunk.rgb >> file.shift).astype(np.uint8)
+            matched = self._stations.apply(source, chunk, file.shift)
+            return (chunk.rgb >> file.shift).astype(np.uint8) if matched is None else matched
         if file.grey is not None and chunk.intensity is not None:
             return np.repeat(file.grey[chunk.intensity][:, None], 3, axis=1)
         return height_colours(chunk.xyz[:, 2], *file.ramp)

@@ -80,6 +80,7 @@ def build_grid(
         _check_any(sources, survey)
         if colours is not None:
             meta["colour"], said = colours.decide(_heights(survey))
+            meta["exposures"] = colours.exposures
             meta["warnings"] += said
         clock.lap("count")
         points = allocate(survey.count)

@@ -35,6 +35,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "metres_per_unit": meta.get("metres_per_unit"),
         "crs": meta.get("crs"),
         "colour": meta.get("colour"),
+        "exposures": meta.get("exposures"),
         "scans": meta.get("scans", []),
         "dropped": meta.get("dropped", {}),
         "warnings": meta.get("warnings", []),
@@ -69,6 +70,8 @@ def format_text(info: dict) -> str:
         ("CRS", info["crs"] or "not given"),
         ("colour", (info["colour"] or {}).get("note", "-")),
     ]
+    if exposures := info.get("exposures"):
+        rows.append(("exposure", _exposures(exposures)))
     for scan in info["scans"]:
         place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
         rows.append(("scan", f"{scan['name']}: {scan['count']:,} points, {place}"))
@@ -77,6 +80,17 @@ def format_text(info: dict) -> str:
         rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
     rows += [("warning", text) for text in info["warnings"]]
     return "\n".join(f"{name:<8} {value}" for name, value in rows)
+
+
+def _exposures(found: dict) -> str:
+    if not found["matched"]:
+        return f"as scanned: {found['stations']} stations, too little in common to match them"
+    if not found["applied"]:
+        return f"{found['stations']} stations, already alike"
+    return (
+        f"{found['matched']} of {found['stations']} stations matched, gains {found['smallest_gain']:.2f} to "
+        f"{found['largest_gain']:.2f} (--exposures as-scanned leaves them)"
+    )
 
 
 def _vector(values) -> str:

@@ -72,7 +72,8 @@ class LasSource(Source):
                 colours = [np.asarray(points[c]) for c in ("red", "green", "blue") if c in names]
                 rgb = np.stack(colours, axis=1) if len(colours) == 3 else None
                 intensity = np.array(points["intensity"], np.uint16) if "intensity" in names else None
-                yield Chunk(xyz, rgb, intensity)
+                station = np.array(points["point_source_id"]) if rgb is not None else None
+                yield Chunk(xyz, rgb, intensity, station=station)
 
         if stray:
             text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"

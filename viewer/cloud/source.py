@@ -31,6 +31,7 @@ class Chunk:
     xyz: (n, 3) float64.  rgb: (n, 3) uint8, or uint16 where the file's fields are 16 bits wide, or None.
     intensity: (n,) uint16 or None.  scan: index into the source's ``scans`` (or (n,) uint8, one for each point).
     invalid: points left out of this chunk because the file marks them so.
+    station: (n,) ids of the scanner positions or flight lines within the scan, where the file tells them apart.
     """
 
     xyz: np.ndarray
@@ -38,6 +39,7 @@ class Chunk:
     intensity: np.ndarray | None = None
     scan: int | np.ndarray = 0
     invalid: int = 0
+    station: np.ndarray | None = None
 
 
 @dataclass(eq=False)

@@ -33,12 +33,12 @@ _BREATH = 0.06  # seconds between interface frames while only the interface chan
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
-def run(paths: list[Path], settings: Settings, *, cache: bool = True) -> int:
+def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True) -> int:
     """Opens the window on ``paths`` (none: an empty start page) until it is closed.  Returns the exit code, 0.
 
-    cache: whether grids are kept for the next time.  Raises DeviceError where there is no display or no OpenGL 4.3.
+    cache: whether grids are kept for the next time.  match: scans to the same exposure.  Raises DeviceError where there is no display or no OpenGL 4.3.
     """
-    app = App(settings, cache=cache)
+    app = App(settings, cache=cache, match=match)
     try:
         if paths:
             app.session.open(paths)
@@ -56,7 +56,7 @@ class App:
     """
 
     def __init__(self, settings: Settings, *, size: tuple[int, int] = SIZE, folder: Path | None = None,
-                 scale: float | None = None, cache: bool = True):
+                 scale: float | None = None, cache: bool = True, match: bool = True):
         from imgui_bundle import imgui  # isort: skip  (before glfw: it brings the library that glfw then loads)
         import glfw  # isort: skip
 
@@ -72,7 +72,7 @@ class App:
             raise
         self.session = Session(
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
-            open_scene=lambda files: _open_scene(files, cache),
+            open_scene=lambda files: _open_scene(files, cache, match),
         )
         self.renderer: Renderer | None = None
         self._frame = None
@@ -355,7 +355,7 @@ def _make_window(glfw, size: tuple[int, int]):
     return window
 
 
-def _open_scene(paths: list[Path], cache: bool):
+def _open_scene(paths: list[Path], cache: bool, match: bool):
     from viewer.cloud import open_scene
 
-    return open_scene(paths, cache=cache)
+    return open_scene(paths, cache=cache, match=match)

@@ -1,0 +1,83 @@
+"""Scans opened as one place: their exposures matched in every format that tells stations apart, and left alone if asked."""
+
+import numpy as np
+import pytest
+from cloud_files import E57Scan, write_e57, write_las, write_ply
+
+from viewer.cli import main
+from viewer.cloud import open_scene
+from viewer.cloud.info import facts, format_text
+
+GAINS = (0.9, 1.0, 1.1)
+
+
+def _stations(seed, count=30_000):
+    """One textured floor seen by three stations, each with its own gain: xyz, rgb, station."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for number, gain in enumerate(GAINS):
+        xyz = np.column_stack([rng.uniform(0, 3, (count, 2)), 0.001 * rng.normal(size=count)])
+        true = 120 + 50 * np.sin(4 * xyz[:, :1]) + 20 * np.cos(6 * xyz[:, 1:2]) * (1, 0, -1)
+        rgb = np.clip(np.rint(true * gain), 0, 255).astype(np.uint8)
+        parts.append((np.round(xyz * 4096) / 4096, rgb, np.full(count, number)))
+    return tuple(np.concatenate([p[k] for p in parts]) for k in range(3))
+
+
+def _brightness(scene):
+    """Mean colour of the scene, and how far neighbours differ: nothing but the gains makes them."""
+    word = np.asarray(scene.points[:, 2])
+    return np.stack([(word >> s) & 0xFF for s in (0, 8, 16)], 1).astype(float)
+
+
+@pytest.mark.parametrize("kind", ["laz", "laz 16-bit", "e57", "three plys"])
+def test_stations_are_matched_in_every_format_that_tells_them_apart(tmp_path, kind):
+    xyz, rgb, station = _stations(1)
+    if kind.startswith("laz"):
+        wide = rgb.astype(np.uint16) * (257 if "16" in kind else 1)
+        files = [write_las(tmp_path / "a.laz", xyz, wide, source=station + 7)]
+    elif kind == "e57":
+        scans = [E57Scan(xyz[station == s], rgb[station == s]) for s in range(3)]
+        files = [write_e57(tmp_path / "a.e57", scans)]
+    else:
+        files = [write_ply(tmp_path / f"{s}.ply", xyz[station == s], rgb[station == s]) for s in range(3)]
+    matched, plain = (open_scene(files, cache=False, match=match) for match in (True, False))
+    found = facts(matched)["exposures"]
+    assert (found["stations"], found["matched"], found["applied"]) == (3, 3, True)
+    assert found["smallest_gain"] == pytest.approx(1 / 1.1, abs=0.02)
+    assert found["largest_gain"] == pytest.approx(1 / 0.9, abs=0.02)
+    assert "3 of 3 stations matched" in format_text(facts(matched))
+    assert facts(plain)["exposures"] is None
+    # the floor's own pattern has this spread; three gains widen it
+    assert _brightness(matched).std(0).max() < _brightness(plain).std(0).max() - 1
+    assert abs(_brightness(matched).mean() - _brightness(plain).mean()) < 1
+
+
+def test_one_station_and_equal_stations_keep_every_colour(tmp_path):
+    xyz, rgb, station = _stations(2)
+    one = station == 0
+    for source in (None, station[one]):
+        file = write_las(tmp_path / "one.las", xyz[one], rgb[one], source=source)
+        a, b = (open_scene([file], cache=False, match=match) for match in (True, False))
+        assert np.array_equal(a.points, b.points)
+    # the same floor, the same gain: two stations already alike
+    file = write_las(tmp_path / "two.las", xyz[one], rgb[one], source=np.arange(one.sum()) % 2)
+    a, b = (open_scene([file], cache=False, match=match) for match in (True, False))
+    assert np.array_equal(a.points, b.points) and facts(a)["exposures"]["applied"] is False
+
+
+def test_as_scanned_and_matched_grids_are_kept_apart(tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    xyz, rgb, station = _stations(3)
+    file = write_las(tmp_path / "a.las", xyz, rgb, source=station)
+    for match in (True, False, True):
+        assert (facts(open_scene([file], match=match))["exposures"] is not None) == match
+
+
+def test_convert_leaves_colours_as_scanned_when_asked(tmp_path):
+    xyz, rgb, station = _stations(4)
+    file = write_las(tmp_path / "a.las", xyz, rgb, source=station)
+    assert main(["convert", str(file), "--out", str(tmp_path / "plain"), "--exposures", "as-scanned"]) == 0
+    assert main(["convert", str(file), "--out", str(tmp_path / "matched")]) == 0
+    plain, matched = (open_scene(tmp_path / name) for name in ("plain", "matched"))
+    assert not np.array_equal(plain.points, matched.points)
+    assert np.array_equal(np.sort(_brightness(plain)[:, 0]), np.sort(rgb[:, 0].astype(float)))
