@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from rooms import make_room
 from safetensors.torch import save_file
 
@@ -128,11 +129,20 @@ def test_scans_of_a_room_keep_its_geometry_and_mean_exposure(tmp_path):
     assert abs(np.mean(gains) - 1) < 0.01 and abs(gains[0] - gains[1]) > 0.001
 
 
-def test_a_room_with_missing_files_is_refused_naming_them(tmp_path):
+def test_a_room_with_missing_torn_or_mismatched_files_is_refused_naming_ten(tmp_path):
     folder = make_room(tmp_path / "box")
     (folder / "v2.png").unlink()
-    with pytest.raises(DataError, match=r"1 files .* missing: .*v2\.png"):
+    whole = (folder / "v1.png").read_bytes()
+    (folder / "v1.png").write_bytes(whole[: len(whole) // 2])
+    Image.open(folder / "v3.depth.png").crop((0, 0, 20, 20)).save(folder / "v3.depth.png")
+    with pytest.raises(DataError, match=r"3 pictures .*v1\.png cannot be read.*v2\.png is missing.*v3\.depth\.png has 20x20"):
         load_scene(folder)
+    for face in range(6):
+        for name in (f"s0f{face}.png", f"s1f{face}.png"):
+            (folder / name).write_text("no picture")
+    with pytest.raises(DataError, match="15 pictures") as caught:
+        load_scene(folder)
+    assert str(caught.value).count(".png ") == 10 and "\n" not in str(caught.value)
     with pytest.raises(DataError, match=r"no scene\.json"):
         load_scene(tmp_path)
 

@@ -36,7 +36,8 @@ _LINGER = 0.7  # seconds the interface is watched after the pointer moved over i
 def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True) -> int:
     """Opens the window on ``paths`` (none: an empty start page) until it is closed.  Returns the exit code, 0.
 
-    cache: whether grids are kept for the next time.  match: scans to the same exposure.  Raises DeviceError where there is no display or no OpenGL 4.3.
+    cache: whether grids are kept for the next time.  match: scans to the same exposure.  Raises DeviceError where there
+    is no display or no OpenGL 4.3.
     """
     app = App(settings, cache=cache, match=match)
     try:
