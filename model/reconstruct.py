@@ -56,6 +56,10 @@ class Reconstructor:
                 "train them with `pointglass train`"
             )
         network, self.header = load_weights(path)
+        expected = "filtered" if filtered else "unfiltered"
+        if self.header.get("input") != expected:
+            raise WeightsError(f"{path}: made for {self.header.get('input')} input, this picture's is {expected}; "
+                               f"choose other weights or {'--filter off' if filtered else 'a filter'}")
         self.device = device
         self.precision = precision or fast_precision(device)
         self.dtype = PRECISIONS[self.precision]

@@ -37,10 +37,11 @@ def _add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None
     parser.add_argument("--filter-levels", type=int, metavar="N", help="pyramid levels (default: the filter's own)")
     parser.add_argument("--lod", type=float, metavar="P",
                         help="level of detail: draw only as many points as give P a pixel (default: every point)")
+    parser.add_argument("--weights", metavar="F", help="weights of your own, as `train` makes them (default: the shipped ones)")
 
 
 def _settings(options: argparse.Namespace) -> Settings:
-    names = (*CHOICES, "filter_strength", "filter_levels", "lod")
+    names = (*CHOICES, "filter_strength", "filter_levels", "lod", "weights")
     return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 

@@ -21,6 +21,20 @@ def assets_dir() -> Path:
     return _root() / "assets"
 
 
+def weights_home() -> Path:
+    """Folder of a person's own weights: POINTGLASS_WEIGHTS if set, else the user's data folder.  Not created here."""
+    if configured := os.environ.get("POINTGLASS_WEIGHTS"):
+        return Path(configured).expanduser()
+    from platformdirs import user_data_path
+
+    return user_data_path("pointglass", appauthor=False) / "weights"
+
+
+def own_weights() -> dict[str, Path]:
+    """A person's own weights by name."""
+    return {path.stem: path for path in sorted(weights_home().glob("*.safetensors"))}
+
+
 def cache_dir() -> Path:
     """Folder of the built grids: POINTGLASS_CACHE if set, else the user's cache folder.  Not created here."""
     if configured := os.environ.get("POINTGLASS_CACHE"):

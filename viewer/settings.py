@@ -52,6 +52,7 @@ class Settings:
     filter_strength: multiplies the filter's depth tolerance; 1 is the preset's own, smaller keeps fewer points.
     filter_levels: pyramid levels, None = the preset's own.
     lod: level of detail, the points drawn per pixel a cell covers; None draws every point.
+    weights: a weights file of one's own (`pointglass train` makes them) in place of the shipped ones of ``quality``.
     """
 
     view: str = "neural"
@@ -63,6 +64,7 @@ class Settings:
     quality: str = "balanced"
     device: str = "auto"
     soft_z: str = "auto"
+    weights: str | None = None
 
     def __post_init__(self) -> None:
         for name, table in CHOICES.items():

@@ -1,4 +1,4 @@
-"""Random crops of training pairs: turned, mirrored, recoloured, and the same for a step whenever it is asked for.
+"""Random crops of training pairs: turned, mirrored, recoloured, grained; the same for a step whenever it is asked for.
 
 A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
 """
@@ -8,9 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import torch
+import torch.nn.functional as F
+from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
 from model.data.truth import DataError
+from model.pull_push import pull_push
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,27 @@ class Batch:
             t.to(device, non_blocking=True, memory_format=torch.channels_last) if t.ndim == 4 else t.to(device)
             for t in (self.x, self.colour, self.coverage, self.known, self.neighbour, self.flow)
         ))
+
+
+GRAIN_SHARE = 0.35
+"""Share of the crops whose surfaces get a fine texture."""
+
+
+def _grain(rng: np.random.Generator, side: int) -> np.ndarray:
+    """(1, side, side) float32 around 1: a texture as fine as a pixel, as grain or as the hard edges of print.
+
+    The true rooms are smooth and their scans a little noisy: alone they teach that whatever is fine is noise, and brick and
+    print came out soft.  A texture seen by points and truth alike teaches that it may be real.
+    """
+    noise = rng.normal(size=(side, side)).astype(np.float32)
+    fine, coarse = np.exp(rng.uniform(np.log(0.35), np.log(2.0))), np.exp(rng.uniform(np.log(1.0), np.log(3.0)))
+    noise = gaussian_filter(noise, fine) - gaussian_filter(noise, fine + coarse)
+    noise /= max(float(noise.std()), 1e-6)
+    if rng.random() < 0.4:
+        noise = np.tanh(noise * rng.uniform(1.5, 6.0)) * (noise > rng.uniform(-1.0, 1.0))
+    patches = F.interpolate(torch.from_numpy(rng.normal(size=(1, 1, 5, 5))), (side, side), mode="bicubic")[0, 0].numpy()
+    depth = rng.uniform(0.03, 0.25) * np.clip(2 * patches, 0, 1)
+    return np.clip(1 + depth * noise, 0.1, 1.6).astype(np.float32)[None]
 
 
 class PairFolder:
@@ -102,6 +126,8 @@ class Crops:
         gain = np.exp(rng.normal(0, 0.15, (3, 1, 1)) * 0.4 + rng.normal(0, 0.15)).astype(np.float32)
         order = rng.permutation(3) if rng.random() < 0.5 else np.arange(3)
 
+        grain = _grain(rng, crop) if rng.random() < GRAIN_SHARE else None
+
         def turned(a: np.ndarray) -> np.ndarray:
             a = np.rot90(a, turns, (1, 2))
             return np.ascontiguousarray(a[:, :, ::-1] if mirror else a)
@@ -110,6 +136,11 @@ class Crops:
             a = turned(a)
             a[:3] = np.minimum(a[:3] * gain, 1.0)[order]
             return a
+
+        if grain is not None and not beside:
+            x, y = x.copy(), y.copy()
+            y[:3] = np.minimum(y[:3] * grain, 1.0)
+            x[:3] = np.minimum(x[:3] * pull_push(torch.from_numpy(grain), torch.from_numpy(x[3] > 0)).numpy(), 1.0)
 
         flow = turned(flow)
         for _ in range(turns):  # rot90 takes the direction (x, y) to (y, -x)

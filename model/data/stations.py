@@ -66,8 +66,9 @@ class StationScene:
     path: list[Shot] = field(default_factory=list)
 
     def scan(self, seed: int) -> Scan:
-        """The merged scan of the stations, spoiled with this seed."""
-        return scan_stations(self, seed)
+        """The merged scan of the stations, spoiled with this seed; in WIDE_SHARE of the scans with exposures far apart."""
+        wide = np.random.default_rng([seed, 1]).random() < WIDE_SHARE
+        return scan_stations(self, seed, WIDE if wide else ScanModel())
 
 
 def load_scene(folder: Path) -> StationScene:
@@ -156,6 +157,11 @@ class ScanModel:
     dropout: float = 0.01
     misregistration: float = 0.001
     colour_noise: float = 1.5
+
+
+WIDE_SHARE = 0.25
+WIDE = ScanModel(exposure=0.35, white_balance=0.05)
+"""Some merged scans have stations half as bright again as others (studio.laz): their points must become one surface."""
 
 
 def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:

@@ -227,3 +227,34 @@ def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
         Crops([tmp_path], 32, 1)
     with pytest.raises(DataError, match="smaller than"):
         Crops([pairs], 320, 1)
+
+
+def test_grain_is_the_same_texture_on_points_and_truth(tmp_path):
+    """Where a pixel is measured, points and truth get the same factor: what was equal stays equal."""
+    rng = np.random.default_rng(0)
+    x = np.full((1, 5, 64, 64), 0.4, np.float16)
+    x[0, 3] = rng.random((64, 64)) < 0.5
+    np.save(tmp_path / "inputs.npy", x)
+    truth = np.full((1, 5, 64, 64), 102, np.uint8)
+    truth[:, 3:] = 255
+    np.save(tmp_path / "truth.npy", truth)
+    crops, grained = Crops([tmp_path], 64, 2), 0
+    for step in range(12):
+        batch = crops.batch(step, 1)
+        measured = batch.x[:, 3:4] > 0
+        assert float(((batch.x[:, :3] - batch.colour).abs() * measured).max()) < 2e-3
+        assert torch.equal(batch.coverage, torch.ones(1, 1, 64, 64)) and torch.equal(batch.known, batch.coverage)
+        grained += bool(batch.colour[0, 0].std() > 0.003)
+    assert 1 <= grained <= 10
+
+
+def test_some_scans_have_exposures_far_apart(tmp_path):
+    scene = load_scene(make_room(tmp_path / "box"))
+
+    def ratio(seed):
+        scan = scene.scan(seed)
+        a, b = (scan.rgb[scan.station == s].astype(float).mean() for s in (0, 1))
+        return abs(np.log(a / b) - np.log(1.0))
+
+    ratios = np.array([ratio(seed) for seed in range(24)])
+    assert (ratios > 0.3).any() and np.median(ratios) < 0.2

@@ -1,20 +1,24 @@
 """The neural view: filled pixels through the bridge and the network into a picture.  torch is imported here, at first use."""
 
+from pathlib import Path
+
 from model.reconstruct import Reconstructor, cuda_problem
 from model.weights import WeightsError
 from viewer.errors import DeviceError, InputError
 from viewer.render import shader
 from viewer.render.bridge import make_bridge
 
-_networks: dict[tuple[str, bool, str], Reconstructor] = {}
+_networks: dict[tuple[str, bool, str | None, str], Reconstructor] = {}
 
 
-def load_network(quality: str, filtered: bool, device: str) -> Reconstructor:
-    """A network, loaded once a process.  Raises InputError where there are no such weights."""
-    key = (quality, filtered, device)
+def load_network(quality: str, filtered: bool, weights: str | None, device: str) -> Reconstructor:
+    """A network, loaded once a process.  weights: a file in place of the shipped ones.  Raises InputError where there are no
+    such weights."""
+    key = (quality, filtered, weights, device)
     if key not in _networks:
         try:
-            _networks[key] = Reconstructor(quality, filtered=filtered, device=device)
+            path = Path(weights) if weights else None
+            _networks[key] = Reconstructor(quality, filtered=filtered, device=device, weights=path)
         except WeightsError as error:
             raise InputError(str(error)) from None
     return _networks[key]
@@ -23,17 +27,19 @@ def load_network(quality: str, filtered: bool, device: str) -> Reconstructor:
 class NeuralStage:
     """Owns the bridge and the picture for one size, quality and device.
 
-    filtered: whether a depth filter ran, which decides the weights.  device: auto, cuda or cpu; ``cuda`` where CUDA does
+    filtered: whether a depth filter ran, which decides the weights; weights: a file of one's own instead.
+    device: auto, cuda or cpu; ``cuda`` where CUDA does
     not work raises DeviceError; ``auto`` falls back to the CPU, which ``device`` and ``name`` show.
     """
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, device: str):
-        self.key = (quality, filtered, device)
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, weights: str | None,
+                 device: str):
+        self.key = (quality, filtered, weights, device)
         problem = None if device == "cpu" else cuda_problem()
         if device == "cuda" and problem:
             raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
         self.device = "cuda" if device != "cpu" and problem is None else "cpu"
-        self.network = load_network(quality, filtered, self.device)
+        self.network = load_network(quality, filtered, weights, self.device)
         self.context = programs.context
         self.bridge, self.bridge_problem = make_bridge(self.context, size, self.device)
         self.picture = self.context.texture(size, 4, dtype="f1")

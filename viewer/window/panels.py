@@ -75,6 +75,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     new = _choice(new, "raster", "rasteriser", look)
     _heading("Network", look)
     new = _choice(new, "quality", "quality", look)
+    new = _own_weights(new, session, look)
     new = _choice(new, "device", "device", look)
     _label("flying", "where the network is slow, fly with the filled view and repaint at rest", look)
     changed, quick = imgui.checkbox("filled while it is slow", session.preview_when_slow)
@@ -103,6 +104,7 @@ def _folded(session: Session, look: Theme) -> None:
     imgui.pop_style_var(2)
 
 
+_SHIPPED = "shipped"
 _CLAMP = imgui.SliderFlags_.always_clamp
 
 
@@ -175,6 +177,21 @@ def _choice(settings: Settings, name: str, label: str, look: Theme) -> Settings:
     _label(label, table[value], look)
     chosen = _combo(f"##{name}", value, table, look)
     return settings if chosen == value else replace(settings, **{name: chosen})
+
+
+def _own_weights(settings: Settings, session: Session, look: Theme) -> Settings:
+    """A row that chooses among a person's own weights, where there are any."""
+    if not session.own_weights and settings.weights is None:
+        return settings
+    names = {str(path): name for name, path in session.own_weights.items()}
+    if settings.weights is not None:
+        names.setdefault(settings.weights, settings.weights.rpartition("/")[2])
+    table = {_SHIPPED: "the weights that came with pointglass", **{name: path for path, name in names.items()}}
+    value = _SHIPPED if settings.weights is None else names[settings.weights]
+    _label("weights", "your own weights, made by `pointglass train`", look)
+    chosen = _combo("##weights", value, table, look)
+    path = next((path for path, name in names.items() if name == chosen), None)
+    return settings if chosen == value else replace(settings, weights=path)
 
 
 def _combo(label: str, value: str, table: dict[str, str], look: Theme) -> str:

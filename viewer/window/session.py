@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.camera import Camera, from_fov
+from viewer.paths import own_weights
 from viewer.settings import VIEWS, Settings
 from viewer.window.capture import FrameTimes
 from viewer.window.navigation import FlyState, Motion, changed_speed, step
@@ -77,6 +78,7 @@ class Session:
         self._load_network = load_network or _load_network
         self._clock, self._wake = clock, wake
         self.size = size
+        self.own_weights = own_weights()
         self.settings = replace(settings, view="filled") if settings.view == "neural" else settings
         self.wanted: Settings | None = None
         self._left_wanted: str | None = None
@@ -275,7 +277,9 @@ class Session:
         if settings.view != "raw":
             self._right = settings.view
         neural = settings.view == "neural" or (self.split and self.left == "neural")
-        neural |= settings.quality != self.settings.quality  # said at once if there are no such weights
+        shown = self.settings
+        # said at once if there are no such weights
+        neural |= (settings.quality, settings.weights) != (shown.quality, shown.weights)
         if neural and _network_key(settings) not in self._networks:
             self.wanted = settings
             if self.network_load is None:
@@ -424,7 +428,7 @@ def _notes(meta: dict) -> list[str]:
 
 
 def _network_key(settings: Settings) -> tuple:
-    return settings.quality, settings.filter != "off", settings.device
+    return settings.quality, settings.filter != "off", settings.weights, settings.device
 
 
 def _open_scene(paths: list[Path]) -> "Scene":
@@ -442,4 +446,5 @@ def _load_network(settings: Settings) -> None:
     problem = None if settings.device == "cpu" else cuda_problem()
     if settings.device == "cuda" and problem:
         raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
-    load_network(settings.quality, settings.filter != "off", "cpu" if settings.device == "cpu" or problem else "cuda")
+    device = "cpu" if settings.device == "cpu" or problem else "cuda"
+    load_network(settings.quality, settings.filter != "off", settings.weights, device)
