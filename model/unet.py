@@ -28,10 +28,11 @@ INPUT_CHANNELS = 5
 
 @dataclass(frozen=True)
 class Size:
-    """Channels of each level and 3x3 convolutions on the way down and up at each."""
+    """Channels of each level, 3x3 convolutions on the way down and up at each, pixels a side of the blocks it works on."""
 
     widths: tuple[int, ...]
     convolutions: int
+    block: int = 2
 
 
 SIZES = {
@@ -48,7 +49,7 @@ def _convolutions(width: int, count: int) -> nn.Sequential:
     return nn.Sequential(*layers)
 
 
-def _local_mean(x: Tensor) -> Tensor:
+def local_mean(x: Tensor) -> Tensor:
     """Means over blocks of MEAN_BLOCK pixels, interpolated between the blocks' centres; the size of ``x``."""
     height, width = x.shape[-2:]
     padded = F.pad(x, (0, -width % MEAN_BLOCK, 0, -height % MEAN_BLOCK), mode="replicate")
@@ -63,13 +64,14 @@ class CompactUNet(nn.Module):
     def __init__(self, size: Size):
         super().__init__()
         widths, count = size.widths, size.convolutions
-        self.multiple = 2 ** len(widths)
-        self.stem = nn.Conv2d(4 * INPUT_CHANNELS, widths[0], 3, padding=1)
+        self.block = size.block
+        self.multiple = size.block * 2 ** (len(widths) - 1)
+        self.stem = nn.Conv2d(size.block**2 * INPUT_CHANNELS, widths[0], 3, padding=1)
         self.down = nn.ModuleList(_convolutions(w, count) for w in widths)
         self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in itertools.pairwise(widths))
         self.grow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in itertools.pairwise(widths))
         self.up = nn.ModuleList(_convolutions(w, count) for w in widths[:-1])
-        self.head = nn.Conv2d(widths[0], 4 * (3 + BLENDS + 1), 3, padding=1)
+        self.head = nn.Conv2d(widths[0], size.block**2 * (3 + BLENDS + 1), 3, padding=1)
         nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture, covered everywhere
         nn.init.zeros_(self.head.bias)  # type: ignore[arg-type]
         binomial = torch.tensor([0.25, 0.5, 0.25])
@@ -85,7 +87,7 @@ class CompactUNet(nn.Module):
     def _blend(self, x: Tensor, guide: Tensor) -> Tensor:
         picture = x[:, :3]
         weight = x[:, 3:4] * (1.0 - FILLED_WEIGHT) + FILLED_WEIGHT
-        correction = guide[:, :3] - _local_mean(guide[:, :3])
+        correction = guide[:, :3] - local_mean(guide[:, :3])
         sums, sharper, out = torch.cat([picture * weight, weight], 1), picture, picture + correction
         kernel = self.get_buffer("kernel").to(x.dtype)
         for number in range(BLENDS):
@@ -99,7 +101,7 @@ class CompactUNet(nn.Module):
     def _trunk(self, x: Tensor) -> Tensor:
         height, width = x.shape[-2:]
         padded = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
-        h = F.relu(self.stem(F.pixel_unshuffle(padded, 2)))
+        h = F.relu(self.stem(F.pixel_unshuffle(padded, self.block)))
         skips = []
         for level, convolutions in enumerate(self.down):
             h = convolutions(h)
@@ -109,7 +111,7 @@ class CompactUNet(nn.Module):
         for level in range(len(skips) - 1, -1, -1):
             h = F.interpolate(self.grow[level](h), scale_factor=2, mode="nearest")
             h = self.up[level](F.relu(h + skips[level]))
-        return F.pixel_shuffle(self.head(h), 2)[..., :height, :width]
+        return F.pixel_shuffle(self.head(h), self.block)[..., :height, :width]
 
 
 class PaperUNet(nn.Module):

@@ -37,17 +37,22 @@ class Camera:
     def __post_init__(self) -> None:
         label = f"camera {self.name!r}" if self.name else "camera"
         for side in ("width", "height"):
-            value = getattr(self, side)
-            if int(value) != value or not 1 <= value <= MAX_SIDE:
-                raise InputError(f"{label}: {side} {value!r}: expected a whole number of pixels from 1 to {MAX_SIDE}")
+            given = getattr(self, side)
+            value = _number(given)
+            if not (1 <= value <= MAX_SIDE and value == int(value)):
+                raise InputError(f"{label}: {side} {given!r}: expected a whole number of pixels from 1 to {MAX_SIDE}")
             object.__setattr__(self, side, int(value))
         for focal in ("fx", "fy"):
-            value = float(getattr(self, focal))
+            given = getattr(self, focal)
+            value = _number(given)
             if not (np.isfinite(value) and value > 0):
-                raise InputError(f"{label}: {focal} {value!r}: expected a focal length in pixels above 0")
-        if not np.isfinite([self.cx, self.cy]).all():
+                raise InputError(f"{label}: {focal} {given!r}: expected a focal length in pixels above 0")
+        if not np.isfinite([_number(self.cx), _number(self.cy)]).all():
             raise InputError(f"{label}: principal point ({self.cx!r}, {self.cy!r}) is not finite")
-        matrix = np.array(self.camera_to_world, np.float64)
+        try:
+            matrix = np.array(self.camera_to_world, np.float64)
+        except (TypeError, ValueError):
+            raise InputError(f"{label}: camera_to_world must be a finite 4x4 matrix of numbers") from None
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
             raise InputError(f"{label}: camera_to_world must be a finite 4x4 matrix, got shape {matrix.shape}")
         rotation = matrix[:3, :3]
@@ -115,7 +120,7 @@ class Camera:
 def look_at(position, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
     """(4, 4) float64 camera_to_world at ``position`` looking at ``target`` with ``up`` (world axes) upward.
 
-    Looking straight along ``up`` falls back to the next axis, so that the result is always a rotation.
+    Looking straight along ``up`` falls back to another axis, so that the result is always a rotation.
     """
     position, target, up = (np.asarray(v, np.float64) for v in (position, target, up))
     back = position - target
@@ -124,11 +129,19 @@ def look_at(position, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
     back = back / np.linalg.norm(back)
     right = np.cross(up, back)
     if np.linalg.norm(right) < 1e-9:
-        right = np.cross(np.roll(up, 1), back)
+        right = np.cross(np.eye(3)[np.abs(back).argmin()], back)  # the axis farthest from the line of sight
     right /= np.linalg.norm(right)
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, position
     return matrix
+
+
+def _number(value: object) -> float:
+    """``value`` as a float, NaN where it is none: every comparison with NaN fails."""
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        return float("nan")
 
 
 def from_fov(width: int, height: int, vertical_fov: float, camera_to_world: np.ndarray, name: str = "") -> Camera:

@@ -101,3 +101,26 @@ def test_a_pose_cannot_be_changed_from_outside():
 def test_from_fov_refuses_what_no_lens_sees(fov):
     with pytest.raises(InputError, match=f"field of view {fov!r}"):
         from_fov(8, 6, fov, np.eye(4))
+
+
+@pytest.mark.parametrize("field", ["width", "height", "fx", "fy", "cx", "cy"])
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), "wide", None, 10**400])
+def test_a_lens_that_is_no_number_is_refused_in_one_line(field, value):
+    lens = {"width": 64, "height": 48, "fx": 50.0, "fy": 50.0, "cx": 32.0, "cy": 24.0, field: value}
+    with pytest.raises(InputError) as caught:
+        Camera(**lens, camera_to_world=np.eye(4))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("matrix", [[["a"] * 4] * 4, None, [[1, 2], [3]], "identity"])
+def test_a_pose_that_is_no_matrix_is_refused_in_one_line(matrix):
+    with pytest.raises(InputError, match="camera_to_world must be a finite 4x4 matrix"):
+        Camera(64, 48, 50.0, 50.0, 32.0, 24.0, matrix)
+
+
+@pytest.mark.parametrize("up", [(1, 1, 1), (0, 0, 1), (-2, -2, -2), (1, 0, 0), (1, 1, 0)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_looking_along_any_up_is_still_a_rotation(up, sign):
+    matrix = look_at((1, 2, 3), np.array((1, 2, 3)) + sign * np.array(up, float), up)
+    assert np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1)
