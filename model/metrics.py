@@ -1,8 +1,9 @@
 """Picture metrics: PSNR, SSIM and the gradient energy that keeps blur from winning.  Pictures (..., 3, H, W) in 0..1."""
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
+
+WINDOW = 11  # pixels, of a Gaussian of sigma 1.5
 
 
 def psnr(a: Tensor, b: Tensor) -> float:
@@ -17,22 +18,54 @@ def psnr_after_gain(a: Tensor, b: Tensor) -> float:
     return psnr(a * ((a * b).sum() / a.square().sum().clamp_min(1e-12)), b)
 
 
+def masked_psnr(a: Tensor, b: Tensor, where: Tensor) -> float:
+    """PSNR over the pixels of ``where`` (H, W) bool; NaN where there are none."""
+    return psnr(a[..., where], b[..., where])
+
+
+def masked_error(a: Tensor, b: Tensor, where: Tensor) -> float:
+    """Mean absolute difference over the pixels of ``where`` (H, W) bool; NaN where there are none."""
+    return float((a[..., where].double() - b[..., where].double()).abs().mean())
+
+
+def _window_means(x: Tensor) -> Tensor:
+    """Gaussian means of the windows that lie within the picture: (..., H, W) -> (..., H - 10, W - 10)."""
+    middle = WINDOW // 2
+    weights = torch.exp(-(torch.arange(WINDOW, dtype=torch.float64) - middle).square() / (2 * 1.5**2))
+    share = (weights / weights.sum()).tolist()
+    for axis in (-1, -2):
+        length = x.shape[axis] - WINDOW + 1
+        total = x.narrow(axis, middle, length) * share[middle]
+        for k in range(middle):
+            total.add_(x.narrow(axis, k, length) + x.narrow(axis, WINDOW - 1 - k, length), alpha=share[k])
+        x = total
+    return x
+
+
+class SsimTo:
+    """Structural similarity (Wang et al. 2004: 11x11 Gaussian window, per channel) to one picture, whose own moments are
+    taken once.  Works in that picture's precision.  Raises ValueError for pictures smaller than the window."""
+
+    def __init__(self, truth: Tensor):
+        if min(truth.shape[-2:]) < WINDOW:
+            raise ValueError(f"SSIM needs {WINDOW} pixels a side; this picture has {truth.shape[-1]}x{truth.shape[-2]}")
+        self.truth = truth
+        self.mean, squares = _window_means(torch.stack([truth, truth * truth]))
+        self.variance = squares - self.mean**2
+
+    def __call__(self, a: Tensor) -> float:
+        """Mean over windows and channels, 1 where equal."""
+        a = a.to(self.truth.dtype)
+        mean, squares, products = _window_means(torch.stack([a, a * a, a * self.truth]))
+        c1, c2 = 0.01**2, 0.03**2
+        value = (2 * mean * self.mean + c1) * (2 * (products - mean * self.mean) + c2)
+        value = value / ((mean**2 + self.mean**2 + c1) * (squares - mean**2 + self.variance + c2))
+        return float(value.mean(dtype=torch.float64))
+
+
 def ssim(a: Tensor, b: Tensor) -> float:
-    """Mean structural similarity, 11x11 Gaussian window of sigma 1.5, per channel (Wang et al. 2004)."""
-    offsets = torch.arange(11, dtype=torch.float64, device=a.device) - 5
-    kernel = torch.exp(-offsets.square() / (2 * 1.5**2))
-    kernel = kernel / kernel.sum()
-    a, b = a.double().reshape(-1, 1, *a.shape[-2:]), b.double().reshape(-1, 1, *b.shape[-2:])
-
-    def blur(x: Tensor) -> Tensor:
-        return F.conv2d(F.conv2d(x, kernel.view(1, 1, 1, -1)), kernel.view(1, 1, -1, 1))
-
-    mean_a, mean_b = blur(a), blur(b)
-    var_a, var_b = blur(a * a) - mean_a**2, blur(b * b) - mean_b**2
-    cov = blur(a * b) - mean_a * mean_b
-    c1, c2 = 0.01**2, 0.03**2
-    value = ((2 * mean_a * mean_b + c1) * (2 * cov + c2)) / ((mean_a**2 + mean_b**2 + c1) * (var_a + var_b + c2))
-    return float(value.mean())
+    """Mean structural similarity, see :class:`SsimTo`; in float64."""
+    return SsimTo(b.double())(a)
 
 
 def gradient_energy(a: Tensor) -> float:

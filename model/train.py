@@ -19,7 +19,7 @@ import torch
 import torch.distributed as dist
 from torch import nn
 
-from model.data.crops import Crops
+from model.data.crops import Ahead, Crops
 from model.data.truth import DataError
 from model.objective import Objective
 from model.training_log import TrainingLog
@@ -36,7 +36,8 @@ class TrainConfig:
     neighbours: how many of them come with a neighbouring camera, where the pairs have them.
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
     average: what the averaged network keeps of itself each step.
-    threads: of each process on the CPU (0: torch's choice).
+    threads: of each process on the CPU (0: torch's choice).  loaders: processes that make crops ahead (-1: none on the CPU,
+    one a core but one beside a GPU).
     """
 
     pairs: tuple[str, ...]
@@ -61,6 +62,7 @@ class TrainConfig:
     shares: tuple[float, ...] = ()
     device: str = "auto"
     threads: int = 0
+    loaders: int = -1
 
     def learning_rate(self, step: int, done: float) -> float:
         """Warm-up, then a cosine over the share of the run that is done (0..1), by steps or by minutes."""
@@ -196,29 +198,34 @@ def train(config: TrainConfig, on_step=None) -> Path:
 def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objective, trainer: Trainer, log: TrainingLog,
          save, on_step) -> None:
     start, last_save, limit = time.monotonic() - trainer.spent, time.monotonic(), config.minutes * 60
-    while trainer.step < config.steps and not _all_stop(process, bool(limit) and trainer.spent >= limit):
-        batch = crops.batch(trainer.step, config.batch, config.neighbours, process.rank).to(process.device)
-        done = max(trainer.step / config.steps, trainer.spent / limit if limit else 0.0)
-        rate = config.learning_rate(trainer.step, done)
-        terms = trainer.advance(batch, objective, rate)
-        trainer.spent = time.monotonic() - start
-        log.step(trainer.step, terms, rate, trainer.spent)
-        log.pictures(trainer.step, trainer.averaged, batch)
-        if time.monotonic() - last_save > config.save_every:
-            save()
-            last_save = time.monotonic()
-        if on_step is not None:
-            on_step(trainer.step)
+    loaders = config.loaders if config.loaders >= 0 else (os.cpu_count() or 1) - 1 if process.device.type == "cuda" else 0
+    with Ahead(crops, config.batch, config.neighbours, process.rank, loaders) as ahead:
+        while trainer.step < config.steps:
+            trainer.spent = _of_the_first(process, trainer.spent)
+            if limit and trainer.spent >= limit:
+                break
+            batch = ahead.batch(trainer.step).to(process.device)
+            done = max(trainer.step / config.steps, trainer.spent / limit if limit else 0.0)
+            rate = config.learning_rate(trainer.step, done)
+            terms = trainer.advance(batch, objective, rate)
+            trainer.spent = time.monotonic() - start
+            log.step(trainer.step, terms, rate, trainer.spent)
+            log.pictures(trainer.step, trainer.averaged, batch)
+            if time.monotonic() - last_save > config.save_every:
+                save()
+                last_save = time.monotonic()
+            if on_step is not None:
+                on_step(trainer.step)
     save()
 
 
-def _all_stop(process: Process, mine: bool) -> bool:
-    """Whether the first process says stop: clocks differ, and all must take the same number of steps."""
+def _of_the_first(process: Process, seconds: float) -> float:
+    """The first process's clock: all must take the same steps at the same rates."""
     if process.count == 1:
-        return mine
-    flag = torch.tensor([float(mine)], device=process.device)
-    dist.broadcast(flag, 0)
-    return bool(flag.item())
+        return seconds
+    shared = torch.tensor([seconds], dtype=torch.float64, device=process.device)
+    dist.broadcast(shared, 0)
+    return float(shared.item())
 
 
 def config_from(path: Path) -> TrainConfig:

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from model import train_command
+from model.evaluation import command as evaluation_command
 from viewer import __version__
 from viewer.errors import Cancelled, InputError, PointglassError
 from viewer.settings import CHOICES, Settings
@@ -106,23 +108,10 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument("--seed", type=int, default=1)
 
     train = commands.add_parser("train", help="train the network on registered rooms")
-    train.add_argument("data", nargs="+", type=Path, metavar="FOLDER", help="scene folders (scene.json, stations, views)")
-    train.add_argument("--out", type=Path, required=True, metavar="DIR", help="pairs, checkpoint and weights; resumes there")
-    train.add_argument("--quality", default="balanced", choices=list(CHOICES["quality"]))
-    train.add_argument("--unfiltered", action="store_true", help="for `--filter off`")
-    train.add_argument("--minutes", type=float, default=60.0)
-    train.add_argument("--steps", type=int, default=40_000)
-    train.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
-    train.add_argument("--start-from", type=Path, metavar="F")
-    train.add_argument("--seed", type=int, default=1)
+    train_command.add_arguments(train)
 
     evaluate = commands.add_parser("evaluate", help="judge pictures against registered truth")
-    evaluate.add_argument("data", type=Path, metavar="FOLDER")
-    evaluate.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F", help="default: all shipped")
-    evaluate.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D")
-    evaluate.add_argument("--views", type=int, metavar="N")
-    evaluate.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
-    evaluate.add_argument("--json", type=Path, metavar="F")
+    evaluation_command.add_arguments(evaluate)
 
     doctor = commands.add_parser("doctor", help="what works here, what is used, what to do")
     doctor.add_argument("--json", action="store_true")
@@ -202,42 +191,11 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _train(options: argparse.Namespace) -> int:
-    from model.data.pairs import build
-    from model.data.stations import load_scene
-    from model.train import TrainConfig, train
-
-    filtered = not options.unfiltered
-    options.out.mkdir(parents=True, exist_ok=True)
-    places = [load_scene(folder) for folder in options.data]
-    folders = []
-    for reduce in (1, 2):  # at the pictures' own size, and at half of it, where many points meet in a pixel
-        folders.append(options.out / f"pairs-{'filtered' if filtered else 'unfiltered'}-{reduce}")
-        if not folders[-1].is_dir():
-            build(places, folders[-1], seed=options.seed, preset="auto" if filtered else "off", reduce=reduce,
-                  neighbours=reduce == 2)
-    path = train(TrainConfig(
-        pairs=tuple(map(str, folders)), out=str(options.out), quality=options.quality, filtered=filtered, steps=options.steps,
-        minutes=options.minutes, seed=options.seed,
-        perceptual_path=str(options.perceptual) if options.perceptual else None,
-        start_from=str(options.start_from) if options.start_from else None,
-    ))
-    print(f"weights in {path}")
-    return 0
+    return train_command.run(options)
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from model.evaluate import evaluate, format_table, save
-    from model.weights import weights_dir
-
-    files = options.weights or sorted(weights_dir().glob("*.safetensors"))
-    result = evaluate(
-        options.data, densities=tuple(options.densities), weights={f.stem: f for f in files},
-        distance_path=options.perceptual, views=options.views,
-    )
-    print(format_table(result))
-    if options.json:
-        save(result, options.json)
-    return 0
+    return evaluation_command.run(options)
 
 
 def _doctor(options: argparse.Namespace) -> int:

@@ -3,7 +3,9 @@
 A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
 """
 
+from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -74,6 +76,9 @@ class PairFolder:
             if array is not None and (len(array), *array.shape[2:]) != (len(self.inputs), *self.inputs.shape[2:]):
                 raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match inputs.npy {self.inputs.shape}; make "
                                 "the pairs again")
+
+    def __reduce__(self):
+        return PairFolder, (self.folder,)  # to another process goes the path, not the pixels
 
     def _array(self, name: str, channels: int, kind: type) -> np.ndarray:
         path = self.folder / f"{name}.npy"
@@ -148,3 +153,45 @@ class Crops:
         if mirror:
             flow[0] = -flow[0]
         return recoloured(x), recoloured(y), recoloured(near), flow
+
+
+class Ahead:
+    """Batches of consecutive steps, made ahead by ``workers`` processes; with none, made when asked for.
+
+    The same batches either way: they depend on the step alone.
+    """
+
+    def __init__(self, crops: Crops, count: int, neighbours: int, process: int, workers: int):
+        self.crops, self.rest, self.workers = crops, (count, neighbours, process), workers
+        self.pool: ProcessPoolExecutor | None = None
+        self.coming: dict[int, Future[Batch]] = {}
+
+    def __enter__(self) -> "Ahead":
+        if self.workers > 0:
+            self.pool = ProcessPoolExecutor(self.workers, get_context("spawn"), _start_worker, (self.crops,))
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self.pool is not None:
+            self.pool.shutdown(wait=True, cancel_futures=True)
+
+    def batch(self, step: int) -> Batch:
+        """The batch of a step; those of the next ones are begun."""
+        if self.pool is None:
+            return self.crops.batch(step, *self.rest)
+        for coming in range(step, step + 2 * self.workers):
+            if coming not in self.coming:
+                self.coming[coming] = self.pool.submit(_work, coming, *self.rest)
+        return self.coming.pop(step).result()
+
+
+_worker: list[Crops] = []
+
+
+def _start_worker(crops: Crops) -> None:
+    torch.set_num_threads(1)
+    _worker.append(crops)
+
+
+def _work(step: int, *rest: int) -> Batch:
+    return _worker[0].batch(step, *rest)

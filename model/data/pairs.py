@@ -84,16 +84,16 @@ def picture(seen: Projected, keep: Tensor, spacing: float, preset: str = "auto",
 
 @dataclass(frozen=True)
 class Spoiling:
-    """What a real scan might lack, seen from one picture: density (H x W,) share of the points left at each pixel, and the
-    station that is missing (None: all there)."""
+    """What a real scan might lack, seen from one picture: density (H x W,) share of the points left at each pixel, and
+    stations (S,) share of each station's points (0: it is missing)."""
 
     density: np.ndarray
-    without: int | None
+    stations: np.ndarray
 
     def keep(self, seen: Projected) -> Tensor:
         """(M,) bool: the points left."""
-        left = seen.rank < torch.from_numpy(self.density)[seen.index]
-        return left if self.without is None else left & (seen.station != self.without)
+        share = torch.from_numpy(self.density)[seen.index] * torch.from_numpy(self.stations)[seen.station.long()]
+        return seen.rank < share
 
 
 def spoil(width: int, height: int, stations: int, density: float, rng: np.random.Generator) -> Spoiling:
@@ -109,8 +109,11 @@ def spoil(width: int, height: int, stations: int, density: float, rng: np.random
             a = rng.uniform(0, 2 * np.pi)
             inside &= dx * np.cos(a) + dy * np.sin(a) < 0.6
         share[inside] *= rng.choice([0.0, 0.0, 0.15, 0.4])
-    missing = int(rng.integers(stations)) if stations > 1 and rng.random() < 0.2 else None
-    return Spoiling(share.ravel(), missing)
+    weights = np.ones(stations, np.float32)
+    if stations > 1 and rng.random() < 0.5:  # one is missing, or far away: single points of its colour on another's surface
+        thin = 0.0 if rng.random() < 0.4 else np.exp(rng.uniform(np.log(0.03), np.log(0.5)))
+        weights[rng.integers(stations)] = thin
+    return Spoiling(share.ravel(), weights)
 
 
 def _density(rng: np.random.Generator) -> float:
@@ -233,6 +236,17 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
                     network_input(other, kept, camera.fx, apart).numpy().astype(np.float16),
                     flow_to(shot, pose, camera, reduce),
                 )
+
+
+def by_size(places: Sequence[TruePlace]) -> list[list[TruePlace]]:
+    """The places grouped by the size of their pictures; pairs of one folder have one size."""
+    groups: dict[tuple[int, int], list[TruePlace]] = {}
+    for place in places:
+        sizes = {(view.width, view.height) for view in place.views}
+        if len(sizes) != 1:
+            raise DataError(f"{place.name}: its pictures have {len(sizes)} sizes; one size a place is needed")
+        groups.setdefault(sizes.pop(), []).append(place)
+    return list(groups.values())
 
 
 def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto",

@@ -7,7 +7,7 @@ import torch
 from model.data.pairs import project_scan
 from model.data.stations import load_scene, scan_stations
 from model.depth_filter import keep_mask
-from model.evaluate import true_visibility
+from model.evaluation import true_visibility
 from model.project import SoftZ, rasterise
 from model.pyramid import bilinear, half, parents, quads
 

@@ -11,7 +11,7 @@ from safetensors.torch import save_file
 
 from model.data.stations import ScanModel, load_scene, scan_stations
 from model.data.truth import DataError
-from model.evaluate import evaluate, format_table
+from model.evaluation import evaluate, format_table
 from model.metrics import psnr, psnr_after_gain, ssim
 from model.reconstruct import CLOSED, Reconstructor, fast_precision
 from model.unet import SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network

@@ -13,7 +13,7 @@ import pytest
 import torch
 from rooms import make_room
 
-from model.data.crops import Crops
+from model.data.crops import Ahead, Crops
 from model.data.pairs import build, flow_to, project_scan
 from model.data.stations import load_scene
 from model.data.truth import DataError, MemoryPicture
@@ -258,3 +258,13 @@ def test_some_scans_have_exposures_far_apart(tmp_path):
 
     ratios = np.array([ratio(seed) for seed in range(24)])
     assert (ratios > 0.3).any() and np.median(ratios) < 0.2
+
+
+def test_batches_made_ahead_are_the_same(pairs):
+    crops = Crops([pairs], 32, 4)
+    with Ahead(crops, 2, 1, 0, 2) as ahead:
+        made = [ahead.batch(step) for step in range(3, 7)]
+    for step, batch in zip(range(3, 7), made, strict=True):
+        alone = crops.batch(step, 2, 1)
+        assert torch.equal(batch.x, alone.x) and torch.equal(batch.colour, alone.colour)
+        assert torch.equal(torch.nan_to_num(batch.flow), torch.nan_to_num(alone.flow))

@@ -1,0 +1,68 @@
+"""The command line's part: what ``pointglass evaluate`` takes, and doing it.  Importing this loads nothing heavy."""
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+
+CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options :func:`run` reads."""
+    parser.add_argument("data", type=Path, metavar="FOLDER", help="scene folder (scene.json, stations, views)")
+    parser.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F", help="default: all shipped")
+    parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D", help="shares of the points")
+    parser.add_argument("--views", type=int, metavar="N", help="how many, evenly chosen (default: all)")
+    parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
+    parser.add_argument("--exposures", choices=list(CHOICES), default="both",
+                        help="colours as the stations took them, matched between stations, or both")
+    parser.add_argument("--outside", action="append", default=[], metavar="NAME=FOLDER",
+                        help="another method's PNGs, named after the views; may be repeated")
+    parser.add_argument("--flicker", action=argparse.BooleanOptionalAction, default=True,
+                        help="along the scene's path, where it has one")
+    parser.add_argument("--frames", type=int, default=20, metavar="N", help="of the path, from its middle (0: all)")
+    parser.add_argument("--precision", action="store_true", help="also fp16 and bf16 against fp32")
+    parser.add_argument("--json", type=Path, metavar="F")
+    parser.add_argument("--plot", type=Path, metavar="F", help="PSNR and distance against ms (.png, .svg, .pdf)")
+
+
+def names_of(files: Sequence[Path]) -> dict[str, Path]:
+    """A name for each weights file: its stem, with its folder where several share one.  Raises DataError for the same twice."""
+    from model.data.truth import DataError
+
+    stems = [path.stem for path in files]
+    names: dict[str, Path] = {}
+    for path in files:
+        name = path.stem if stems.count(path.stem) == 1 else f"{path.absolute().parent.name}/{path.stem}"
+        if name in names:
+            raise DataError(f"--weights {path}: {names[name]} has the same name, {name}; rename one")
+        names[name] = path
+    return names
+
+
+def run(options: argparse.Namespace) -> int:
+    """Evaluates, prints the table, writes what was asked for.  Returns 0.  Raises DataError and WeightsError."""
+    from model.evaluation.outside import parse_outside
+    from model.evaluation.precision import precision_of_scene
+    from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save
+    from model.evaluation.scene import evaluate
+    from model.weights import weights_dir
+
+    if options.json:
+        check_output(options.json)
+    if options.plot:
+        check_output(options.plot, PLOT_SUFFIXES)
+    files = options.weights or sorted(weights_dir().glob("*.safetensors"))
+    result = evaluate(
+        options.data, densities=tuple(options.densities), weights=names_of(files), distance_path=options.perceptual,
+        views=options.views, exposures=CHOICES[options.exposures], outside=parse_outside(options.outside),
+        flicker=options.flicker, frames=options.frames or None,
+    )
+    if options.precision:
+        result["precision"] = precision_of_scene(options.data, files, options.densities)
+    print(format_table(result))
+    if options.json:
+        save(result, options.json)
+    if options.plot:
+        plot(result, options.plot)
+    return 0

@@ -1,0 +1,69 @@
+"""One picture against its truth.  What depends on the truth alone is computed once for all methods."""
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from model.losses import SqueezeDistance
+from model.metrics import SsimTo, masked_error, masked_psnr, psnr, psnr_after_gain
+
+
+@dataclass(frozen=True)
+class Figures:
+    """psnr, psnr_gain (after one global gain): dB.  distance: perceptual, NaN without one.  invented: share of the picture
+    that is; invented_psnr, invented_error (mean absolute, 0..1), invented_distance: over those pixels only, NaN where none is.
+    """
+
+    psnr: float
+    psnr_gain: float
+    ssim: float
+    distance: float
+    invented: float
+    invented_psnr: float
+    invented_error: float
+    invented_distance: float
+
+
+class Truth:
+    """A true picture to judge by.  rgb: (3, H, W) in 0..1.  distance: of :func:`model.losses.perceptual`, or None."""
+
+    def __init__(self, rgb: Tensor, distance: nn.Module | None):
+        self.rgb, self.distance = rgb, distance
+        self.similarity = SsimTo(rgb)
+        self.features = None
+        if isinstance(distance, SqueezeDistance):
+            with torch.inference_mode():
+                self.features = distance.features(_batch(rgb))
+
+    @torch.inference_mode()
+    def gap(self, made: Tensor) -> float:
+        """Perceptual distance of (3, H, W) to the truth; NaN without one."""
+        if self.distance is None:
+            return math.nan
+        if self.features is None:
+            return float(self.distance(made[None], self.rgb[None]))
+        assert isinstance(self.distance, SqueezeDistance)
+        total = 0.0
+        for number, (p, q) in enumerate(zip(self.distance.features(_batch(made)), self.features, strict=True)):
+            head = self.distance.get_buffer(f"head{number}")[None, :, None, None]
+            total += float(((p - q).square() * head).sum(1).mean())
+        return total
+
+    def figures(self, made: Tensor, invented: Tensor) -> Figures:
+        """made: (3, H, W).  invented: (H, W) bool, the same set for all methods that are to be compared.
+
+        For the perceptual distance of invented pixels they are set into the true picture.
+        """
+        some = bool(invented.any())
+        return Figures(
+            psnr(made, self.rgb), psnr_after_gain(made, self.rgb), self.similarity(made), self.gap(made),
+            float(invented.double().mean()),
+            masked_psnr(made, self.rgb, invented), masked_error(made, self.rgb, invented),
+            self.gap(torch.where(invented, made, self.rgb)) if some else math.nan,
+        )
+
+
+def _batch(rgb: Tensor) -> Tensor:
+    return rgb[None].contiguous(memory_format=torch.channels_last)

@@ -1,0 +1,183 @@
+"""The ways of making a picture that are compared: no learning, the networks, all behind the same projected points.
+
+A :class:`Sight` is what a method may look at: one view's points at one density in their pixels.  Masks and filled inputs are
+made when first asked for, and shared by the methods that use them.
+"""
+
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from model.data.pairs import Projected
+from model.depth_filter import keep_mask
+from model.evaluation.open3d_points import POINT_SIZES, Open3DPoints
+from model.project import Raster, SoftZ, network_input, rasterise
+from model.unet import mac_per_pixel
+from model.weights import load_weights
+
+PRESETS = {
+    "no filter": "off", "paper's filter": "paper-code", "NPBG++'s visibility": "npbg++", "our filter": "auto",
+}
+"""Name of a mask in tables -> preset of :func:`model.depth_filter.keep_mask`."""
+TRUE, OURS = "true visibility", "our filter"
+TIMES = 3  # a duration is the median of this many, after one to warm up
+
+
+def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
+    """(visible, hidden) masks of projected points against a true depth picture; pixels too close to call are in neither.
+
+    A point is visible up to 1 % + 1 cm behind the farthest true depth of its 3x3 neighbourhood, hidden beyond 2 % + 3 cm.
+    """
+    known = torch.where(torch.isfinite(truth), truth, torch.full_like(truth, 1e4))[None, None]
+    farthest = F.max_pool2d(F.pad(known, (1, 1, 1, 1), mode="replicate"), 3, 1)[0, 0]
+    hit = torch.isfinite(depth)
+    return hit & (depth <= farthest * 1.01 + 0.01), hit & (depth > farthest * 1.02 + 0.03)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """A view's points at one density.  seen: the points left; raster: the same in their pixels; true_depth: (H, W) float32.
+
+    Masks depend on depth alone, so that sights that differ in colour only may share them.
+    """
+
+    seen: Projected
+    raster: Raster
+    true_depth: Tensor
+    spacing: float
+    masks: dict[str, Tensor] = field(default_factory=dict)
+    inputs: dict[str, Tensor] = field(default_factory=dict)
+
+    def mask(self, name: str) -> Tensor:
+        """(H, W) bool: a key of PRESETS, or TRUE."""
+        if name not in self.masks:
+            depth = self.raster.depth
+            self.masks[name] = true_visibility(depth, self.true_depth)[0] if name == TRUE else keep_mask(depth, PRESETS[name])
+        return self.masks[name]
+
+    def input(self, mask: str) -> Tensor:
+        """(5, H, W) network input behind the named mask; its first three channels are the pull-push picture."""
+        if mask not in self.inputs:
+            self.inputs[mask] = network_input(self.raster, self.mask(mask), self.seen.camera.fx, self.spacing)
+        return self.inputs[mask]
+
+    def fresh(self) -> "Sight":
+        """The same with nothing made yet, to be timed."""
+        return replace(self, masks={}, inputs={})
+
+
+def sight(seen: Projected, true_depth: Tensor, spacing: float, masks: dict[str, Tensor] | None = None) -> Sight:
+    """The points ``seen``, already thinned, through our soft z-buffer.  spacing: of the thinned scan, file units."""
+    camera = seen.camera
+    raster = rasterise(seen.index, seen.z, seen.rgb, camera.width, camera.height, SoftZ.preset("auto", spacing, 1.0))
+    return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks)
+
+
+def thinned(seen: Projected, density: float) -> Projected:
+    """The points of rank < density."""
+    keep = seen.rank < density
+    return replace(seen, index=seen.index[keep], z=seen.z[keep], rgb=seen.rgb[keep], station=seen.station[keep],
+                   rank=seen.rank[keep])
+
+
+@dataclass(frozen=True)
+class Method:
+    """A way of making a picture.
+
+    prepare: a sight -> what ``network`` takes, or the picture itself where there is no network.  network: (5, H, W) ->
+    (3, H, W).  mask: the name of the one it uses, None where it has none.  mac: multiply-accumulates a pixel.
+    """
+
+    name: str
+    prepare: Callable[[Sight], Tensor]
+    mask: str | None
+    network: Callable[[Tensor], Tensor] | None = None
+    mac: float = 0.0
+
+    def picture(self, sight: Sight) -> Tensor:
+        """(3, H, W) in 0..1."""
+        made = self.prepare(sight)
+        return made if self.network is None else self.network(made)
+
+
+def plain_methods() -> list[Method]:
+    """Raw points, and pull-push behind every mask."""
+    methods = [Method("raw", lambda sight: sight.raster.colour / 255, "no filter")]
+    for mask in (*PRESETS, TRUE):
+        methods.append(Method(f"pull-push, {mask}", lambda sight, mask=mask: sight.input(mask)[:3], mask))
+    return methods
+
+
+def network_method(name: str, path: Path) -> Method:
+    """A network from a weights file, behind our filter if it was trained on filtered input, else behind none.
+
+    Raises WeightsError.
+    """
+    network, header = load_weights(path)
+    mac = mac_per_pixel(network)
+    network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+    mask = "no filter" if header.get("input") == "unfiltered" else OURS
+
+    @torch.inference_mode()
+    def run(x: Tensor) -> Tensor:
+        return network(x[None].contiguous(memory_format=torch.channels_last))[0, :3].clamp(0, 1)
+
+    return Method(f"network {name}", lambda sight: sight.input(mask), mask, run, mac)
+
+
+class Open3DMethod:
+    """Open3D's pictures of a sight, by name of a method, one a point size."""
+
+    def __init__(self, renderer: Open3DPoints):
+        self.renderer = renderer
+        self.names = [f"Open3D, {size:g} px points" for size in POINT_SIZES]
+
+    def pictures(self, sight: Sight) -> dict[str, tuple[Tensor, float]]:
+        """Picture (3, H, W) in 0..1, and the milliseconds it took.
+
+        Points are put in the middle of their pixels, which changes no picture while point sizes are odd, and before a camera
+        whose principal point is the middle of the picture, the only kind that Open3D draws.
+        """
+        seen, camera = sight.seen, sight.seen.camera
+        index, z = seen.index.numpy(), seen.z.numpy().astype(np.float64)
+        row, column = np.divmod(index, camera.width)
+        x, y = column + 0.5 - camera.width / 2, row + 0.5 - camera.height / 2
+        xyz = np.stack([x / camera.fx * z, y / camera.fx * z, z], 1).astype(np.float32)
+        made, spent = self.renderer.draw(xyz, seen.rgb.numpy(), (camera.width, camera.height), camera.fx)
+        return {
+            name: (torch.from_numpy(picture.copy()).permute(2, 0, 1) / 255, ms)
+            for name, picture, ms in zip(self.names, made, spent, strict=True)
+        }
+
+
+def _median_ms(work: Callable[[], object]) -> float:
+    spent = []
+    for _ in range(TIMES + 1):
+        start = time.perf_counter()
+        work()
+        spent.append(1000 * (time.perf_counter() - start))
+    return statistics.median(spent[1:])
+
+
+def timings(methods: list[Method], view: Sight) -> dict[str, tuple[float, float | None]]:
+    """Milliseconds of every method, warm, median of three: (points in view to picture, network alone or None)."""
+    raster = _median_ms(lambda: sight(view.seen, view.true_depth, view.spacing))
+    prepared: dict[str | None, float] = {}
+    result: dict[str, tuple[float, float | None]] = {}
+    for method in methods:
+        key = method.name if method.name == "raw" else method.mask
+        if key not in prepared:
+            prepared[key] = _median_ms(lambda m=method: m.prepare(view.fresh()))
+        alone = None
+        if method.network is not None:
+            x = method.prepare(view)
+            alone = _median_ms(lambda m=method, x=x: m.network(x))  # type: ignore[misc]
+        result[method.name] = raster + prepared[key] + (alone or 0.0), alone
+    return result

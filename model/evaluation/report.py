@@ -1,0 +1,166 @@
+"""What an evaluation found, as text, JSON and plot.  Files are written beside and renamed."""
+
+import json
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from model.data.truth import DataError
+
+PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table: heading, the row's key, how to write a number."""
+
+    heading: str
+    key: str
+    form: str
+
+
+PICTURES = (
+    Column("points", "density", "{:.4g}%"), Column("exposure", "exposure", "{}"), Column("PSNR", "psnr", "{:.2f}"),
+    Column("gain", "psnr_gain", "{:.2f}"), Column("SSIM", "ssim", "{:.3f}"), Column("distance", "distance", "{:.3f}"),
+    Column("invented", "invented", "{:.3f}"), Column("inv.PSNR", "invented_psnr", "{:.2f}"),
+    Column("inv.err", "invented_error", "{:.4f}"), Column("inv.dist", "invented_distance", "{:.3f}"),
+    Column("kept", "kept", "{:.3f}"), Column("leaked", "leaked", "{:.3f}"), Column("ms", "ms", "{:.0f}"),
+    Column("net ms", "network_ms", "{:.0f}"), Column("MAC/px", "mac", "{:.0f}"),
+)
+MOVES = (
+    Column("points", "density", "{:.4g}%"), Column("exposure", "exposure", "{}"), Column("flicker", "flicker", "{:.2f}"),
+    Column("gradient", "gradient", "{:.3f}"), Column("change", "change", "{:.4f}"), Column("compared", "valid", "{:.3f}"),
+)
+PRECISIONS = (
+    Column("numbers", "precision", "{}"), Column("scale", "scale", "{:g}"), Column("largest", "largest", "{:.4f}"),
+    Column("99.9 %", "percentile", "{:.4f}"), Column("PSNR", "psnr", "{:.2f}"), Column("NaN", "nan", "{:d}"),
+)
+
+
+def _cell(row: dict, column: Column) -> str:
+    value = row.get(column.key)
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "-"
+    return column.form.format(100 * value if column.key == "density" else value)
+
+
+def table(rows: list[dict], columns: tuple[Column, ...]) -> list[str]:
+    """Lines of text, numbers flush right, the method's name first; a dash where there is no figure."""
+    cells = [[str(row["method"]), *(_cell(row, column) for column in columns)] for row in rows]
+    head = ["picture", *(column.heading for column in columns)]
+    widths = [max(map(len, column)) for column in zip(head, *cells, strict=True)]
+    return ["  ".join([line[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(line[1:], widths[1:], strict=True))])
+            for line in (head, *cells)]
+
+
+def _threads(result: dict) -> str:
+    return "one CPU thread" if result["threads"] == 1 else f"{result['threads']} CPU threads"
+
+
+def format_table(result: dict) -> str:
+    """The figures as text, worst first within a density and exposure."""
+    lines = [
+        f"{result['scene']}, {result['views']} views, {result['points']:,} points; distance: {result['distance']}; "
+        f"ms: torch, {_threads(result)}, from the points in view to the picture",
+        "invented (inv.): pixels outside our filter's mask, the same for all",
+    ]
+    rows = sorted(result["rows"], key=lambda r: (-r["density"], r["exposure"], r["psnr"]))
+    lines += table(rows, PICTURES)
+    lines += [f"not in the table: {name}: {reason}" for name, reason in result["absent"].items()]
+    if result["exposures"]:
+        gains = zip(result["exposures"]["gains"], result["exposures"]["matched"], strict=True)
+        lines.append("matched: stations' gains " + "; ".join(
+            " ".join(f"{g:.3f}" for g in gain) + ("" if matched else " (not matched)") for gain, matched in gains))
+    if result["flicker"]:
+        lines += ["", f"along {result['frames']} frames of the path: change between neighbours (flicker) and gradient energy, "
+                      "1 = the truth's own"]
+        lines += table(sorted(result["flicker"], key=lambda r: (-r["density"], -r["flicker"])), MOVES)
+    if result.get("precision"):
+        lines += ["", "against fp32: differences of 0..1, scale: file units in a metre"]
+        lines += table(result["precision"], PRECISIONS)
+    return "\n".join(lines)
+
+
+def _beside(path: Path, write: Callable[[Path], Any]) -> None:
+    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    try:
+        write(partial)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold: numbers that are not finite become null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def save(result: dict, path: Path) -> None:
+    """Writes the figures as JSON; null where there is no figure, or an infinite one."""
+    text = json.dumps(_plain(result), indent=1, allow_nan=False)
+    _beside(path, lambda partial: partial.write_text(text))
+
+
+def check_output(path: Path, suffixes: tuple[str, ...] = ()) -> None:
+    """Raises DataError where a file of this name cannot be written; to be asked before minutes of work.
+
+    suffixes: what the name may end in; anything if empty.
+    """
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise DataError(f"{path}: the name must end in {', '.join(suffixes)}")
+    if path.is_dir() or not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
+        raise DataError(f"{path}: cannot be written; its folder must be there, and the name not a folder's")
+
+
+def plot(result: dict, path: Path) -> None:
+    """PSNR and perceptual distance against milliseconds, a column of panels a density.
+
+    Filled marks: exposures matched; hollow: as scanned; dashed lines: methods whose time is not known.  Raises DataError for a
+    name without one of PLOT_SUFFIXES.
+    """
+    check_output(path, PLOT_SUFFIXES)
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    rows = result["rows"]
+    densities = sorted({row["density"] for row in rows}, reverse=True)
+    measures = [("psnr", "PSNR, dB")]
+    if any(math.isfinite(row["distance"]) for row in rows):
+        measures.append(("distance", result["distance"]))
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    colours = {name: f"C{k % 10}" for k, name in enumerate(methods)}
+    marks = {name: "osD^v"[k // 10 % 5] for k, name in enumerate(methods)}
+    figure = Figure(figsize=(5.2 * len(densities) + 3.4, 3.8 * len(measures)), layout="constrained")
+    panels = figure.subplots(len(measures), len(densities), squeeze=False, sharex="col")
+    for line, (key, label) in zip(panels, measures, strict=True):
+        for panel, density in zip(line, densities, strict=True):
+            for row in rows:
+                name = row["method"]
+                if row["density"] != density or not math.isfinite(row[key]):
+                    continue
+                if row["ms"] is None:
+                    panel.axhline(row[key], color=colours[name], linestyle="--", linewidth=1)
+                else:
+                    face = "none" if row["exposure"] == "scanned" else colours[name]
+                    panel.plot(row["ms"], row[key], marks[name], color=colours[name], markerfacecolor=face)
+            panel.set_xscale("log")
+            panel.xaxis.set_major_locator(LogLocator(subs=(1, 2, 3, 5)))
+            panel.xaxis.set_major_formatter("{x:g}")
+            panel.xaxis.set_minor_formatter(NullFormatter())
+            panel.set_ylabel(label)
+            panel.grid(alpha=0.3)
+            panel.set_title(f"{100 * density:g} % of the points" if key == "psnr" else "")
+    for panel in panels[-1]:
+        panel.set_xlabel(f"ms, torch, {_threads(result)}")
+    for name in methods:
+        panels[0][-1].plot([], [], marks[name], color=colours[name], label=name)
+    figure.legend(loc="outside right center", fontsize="small", title="filled: matched\nhollow: as scanned")
+    figure.suptitle(f"{result['scene']}, {result['views']} views")
+    _beside(path, lambda partial: figure.savefig(partial, format=path.suffix[1:].lower(), dpi=130))

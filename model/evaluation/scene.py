@@ -1,0 +1,244 @@
+"""Judges every way of making a picture on a scene folder in the ``renders/`` form: views at several densities, the path.
+
+The scan is made once and projected once a view; a density keeps the points of the lowest rank, an exposure changes their
+colours only.  ``scanned``: colours as the stations took them; ``matched``: after :mod:`model.exposure`, as the viewer shows
+them.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+from tqdm import tqdm
+
+from model.data.pairs import Projected, project_scan, scan_spacing
+from model.data.stations import Shot, StationScene, load_scene, scan_stations
+from model.data.truth import DataError, Scan, TruePicture
+from model.evaluation.figures import Truth
+from model.evaluation.flicker import Key, measure_flicker, middle_stretch
+from model.evaluation.methods import (
+    OURS,
+    TRUE,
+    Method,
+    Open3DMethod,
+    Sight,
+    network_method,
+    plain_methods,
+    sight,
+    thinned,
+    timings,
+    true_visibility,
+)
+from model.evaluation.open3d_points import Open3DError, Open3DPoints
+from model.evaluation.outside import Outside, open_outside
+from model.exposure import Exposures, exposures_of
+from model.losses import perceptual
+from model.metrics import WINDOW
+
+EXPOSURES = ("scanned", "matched")
+FRAMES = 20
+"""Of the path, from its middle, unless more are asked for."""
+
+
+def pick_views(scene: StationScene, count: int | None) -> list[Shot]:
+    """``count`` views, evenly chosen; None: all.  Raises DataError where there is none, or one is too small to judge."""
+    if count is not None and count < 1:
+        raise DataError(f"{count} views: at least 1")
+    total = len(scene.views)
+    picked = range(total) if count is None else np.unique(np.linspace(0, total - 1, min(count, total)).astype(int))
+    shots = [scene.views[int(i)] for i in picked]
+    if not shots:
+        raise DataError(f"scene {scene.name}: it has no views to judge by")
+    small = [shot.rgb_file for shot in shots if min(shot.width, shot.height) < WINDOW]
+    if small:
+        raise DataError(f"scene {scene.name}: views under {WINDOW} pixels cannot be judged: {', '.join(small[:10])}")
+    return shots
+
+
+def matched_colours(rgb: Tensor, station: Tensor, gains: np.ndarray) -> Tensor:
+    """(M, 3) uint8 with each station's gains (S, 3) applied, to the bit as :func:`model.exposure.match_exposures` does."""
+    gain = torch.from_numpy(gains.astype(np.float32))[station.long()]
+    return (rgb.float() * gain).round().clamp(0, 255).to(torch.uint8)
+
+
+def truth_of(shot: TruePicture) -> Tensor:
+    """(3, H, W) in 0..1."""
+    return torch.from_numpy(shot.rgb().copy()).permute(2, 0, 1) / 255
+
+
+class Evaluation:
+    """All that is set up before the first picture: scan, methods, distance.  ``rows`` and ``flicker`` make the figures."""
+
+    def __init__(self, scan: Scan, methods: list[Method], *, densities: Sequence[float], exposures: Sequence[str], seed: int,
+                 open3d: Open3DMethod | None, outside: list[Outside], distance: torch.nn.Module | None):
+        self.scan, self.methods, self.seed = scan, methods, seed
+        self.densities, self.exposures = densities, exposures
+        self.open3d, self.outside, self.distance = open3d, outside, distance
+        self.spacing = scan_spacing(scan)
+        self.solved: Exposures | None = None
+        if "matched" in exposures:
+            self.solved = exposures_of(scan.xyz, scan.rgb, scan.station)
+        self.absent: dict[str, str] = {}
+        self.times: dict[tuple[str, float], tuple[float, float | None]] = {}
+
+    def exposed(self, seen: Projected, exposure: str) -> Projected:
+        """The same points with the colours of that exposure."""
+        if exposure == "scanned":
+            return seen
+        assert self.solved is not None
+        return dataclasses.replace(seen, rgb=matched_colours(seen.rgb, seen.station, self.solved.gains))
+
+    def _open3d(self, view: Sight, density: float) -> dict[str, Tensor]:
+        """Open3D's pictures; none, and the reason in ``absent``, once it has failed."""
+        if self.open3d is None:
+            return {}
+        try:
+            drawn = self.open3d.pictures(view)
+        except Open3DError as error:
+            self.absent["Open3D"] = str(error)
+            self.open3d = None
+            return {}
+        for name, (_, ms) in drawn.items():
+            self.times.setdefault((name, density), (ms, None))
+        return {name: picture for name, (picture, _) in drawn.items()}
+
+    def rows(self, shots: Sequence[Shot]) -> list[dict]:
+        """Mean figures of every method at every density and exposure, over the views."""
+        figures: dict[tuple[str, float, str], list[tuple[float, ...]]] = {}
+        names: list[str] = []
+        mac = {method.name: method.mac for method in self.methods}
+        with tqdm(total=len(shots) * len(self.densities) * len(self.exposures), desc="views", disable=None) as meter:
+            for number, shot in enumerate(shots):
+                seen = project_scan(self.scan, shot, seed=self.seed + number)
+                truth, depth = Truth(truth_of(shot), self.distance), torch.from_numpy(shot.depth())
+                for density in self.densities:
+                    left, masks = thinned(seen, density), {}
+                    for exposure in self.exposures:
+                        view = sight(self.exposed(left, exposure), depth, self.spacing / density**0.5, masks)
+                        for name, exposed, picture, mask in self._pictures(view, shot, density, exposure):
+                            names.append(name)
+                            kept, leaked = _judged(mask, view)
+                            values = dataclasses.astuple(truth.figures(picture, ~view.mask(OURS)))
+                            figures.setdefault((name, density, exposed), []).append((*values, kept, leaked))
+                        if number == 0 and exposure == self.exposures[0]:
+                            for name, spent in timings(self.methods, view).items():
+                                self.times[name, density] = spent
+                        meter.update(1)
+        fields = ["psnr", "psnr_gain", "ssim", "distance", "invented", "invented_psnr", "invented_error", "invented_distance",
+                  "kept", "leaked"]
+        rows = []
+        for (name, density, exposed), values in figures.items():
+            if len(values) < len(shots):  # Open3D failed half way
+                continue
+            ms, network_ms = self.times.get((name, density), (None, None))
+            means = dict(zip(fields, _means(np.array(values)), strict=True))
+            rows.append({"method": name, "density": density, "exposure": exposed, **means, "ms": ms,
+                         "network_ms": network_ms, "mac": mac.get(name)})
+        return rows
+
+    def _pictures(self, view: Sight, shot: Shot, density: float, exposure: str):
+        """(method, exposure, picture, mask or None) of a sight.  What knows no exposure comes with the first one only."""
+        for method in self.methods:
+            mask = None if method.mask is None else view.mask(method.mask)
+            yield method.name, exposure, method.picture(view), mask
+        if exposure == self.exposures[0]:
+            for name, picture in self._open3d(view, density).items():
+                yield name, exposure, picture, None
+            for other in self.outside:
+                yield other.name, "-", other.picture(shot, density), None
+
+    def flicker(self, frames: Sequence[Shot]) -> list[dict]:
+        """Flicker along frames, at the last exposure.  The same points survive in every frame: the seed never changes."""
+        exposure = self.exposures[-1]
+
+        def draw(shot: TruePicture) -> dict[Key, Tensor]:
+            assert isinstance(shot, Shot)
+            seen = self.exposed(project_scan(self.scan, shot, seed=self.seed), exposure)
+            depth = torch.from_numpy(shot.depth())
+            pictures: dict[Key, Tensor] = {}
+            for density in self.densities:
+                view = sight(thinned(seen, density), depth, self.spacing / density**0.5)
+                pictures |= {(method.name, density): method.picture(view) for method in self.methods}
+                pictures |= {(o.name, density): o.picture(shot, density) for o in self.outside if o.path_frames}
+            return pictures
+
+        with tqdm(total=len(frames), desc="path", disable=None) as meter:
+            rows = measure_flicker(frames, draw, lambda: meter.update(1))
+        return [{**row, "exposure": "-" if row["method"] in {o.name for o in self.outside} else exposure} for row in rows]
+
+
+def _means(values: np.ndarray) -> list[float]:
+    """Column means over views, leaving NaN (no invented pixels, no distance) out; NaN where there is nothing else."""
+    known = ~np.isnan(values)
+    count = known.sum(0)
+    return np.where(count > 0, np.where(known, values, 0.0).sum(0) / np.maximum(count, 1), np.nan).tolist()
+
+
+def _judged(mask: Tensor | None, view: Sight) -> tuple[float, float]:
+    """Share of the visible pixels a mask keeps, share of what it keeps that is hidden; NaN without a mask."""
+    if mask is None:
+        return float("nan"), float("nan")
+    if "hidden" not in view.masks:
+        view.masks[TRUE], view.masks["hidden"] = true_visibility(view.raster.depth, view.true_depth)
+    visible, hidden = view.masks[TRUE], view.masks["hidden"]
+    return (float((mask & visible).sum() / visible.sum().clamp_min(1)),
+            float((mask & hidden).sum() / (mask & (visible | hidden)).sum().clamp_min(1)))
+
+
+def evaluate(
+    folder: Path, *, densities: Sequence[float] = (1.0, 0.1), weights: dict[str, Path] | None = None,
+    distance_path: Path | None = None, views: int | None = None, seed: int = 11, exposures: Sequence[str] = ("scanned",),
+    outside: dict[str, Path] | None = None, flicker: bool = True, frames: int | None = FRAMES, open3d: bool = True,
+) -> dict:
+    """Figures over a scene folder in the ``renders/`` form.
+
+    weights: name -> file.  views: how many, evenly chosen (None: all).  exposures: of EXPOSURES; baselines that know none are
+    drawn at the first, flicker is measured at the last.  outside: name -> folder of PNGs.  flicker: where the scene has a path
+    of at least two frames; frames: how many of it (None: all).  Returns a JSON-able dict: ``rows``, ``flicker``, ``exposures``
+    (gains), ``absent`` (method -> why it is not there).  Raises DataError and WeightsError before anything slow starts.
+    """
+    densities = tuple(dict.fromkeys(densities))
+    bad = [density for density in densities if not 0 < density <= 1]
+    if bad or not densities:
+        raise DataError(f"density {bad[0]:g}: over 0 and at most 1" if bad else "no density given")
+    unknown = [exposure for exposure in exposures if exposure not in EXPOSURES]
+    if unknown or not exposures:
+        raise DataError(f"exposures {unknown}: choose of {', '.join(EXPOSURES)}")
+    if frames is not None and frames < 2:
+        raise DataError(f"{frames} frames: flicker is seen between at least 2")
+    scene = load_scene(folder)
+    shots = pick_views(scene, views)
+    along = middle_stretch(scene.path, frames) if flicker and len(scene.path) > 1 else []
+    methods = plain_methods() + [network_method(name, path) for name, path in (weights or {}).items()]
+    taken = sorted({method.name for method in methods} & set(outside or {}))
+    if taken:
+        raise DataError(f"--outside {taken[0]}: a method of that name is compared already; choose another")
+    others = open_outside(outside or {}, shots, along, densities)
+    distance, distance_name = perceptual(distance_path)
+    absent: dict[str, str] = {}
+    renderer = None
+    if open3d:
+        try:
+            renderer = Open3DPoints()
+        except Open3DError as error:
+            absent["Open3D"] = str(error)
+    try:
+        work = Evaluation(
+            scan_stations(scene, seed), methods, densities=densities, exposures=tuple(exposures), seed=seed,
+            open3d=Open3DMethod(renderer) if renderer else None, outside=others, distance=distance,
+        )
+        rows = work.rows(shots)
+        moving = work.flicker(along) if along else []
+    finally:
+        if renderer is not None:
+            renderer.close()
+    solved = work.solved
+    return {
+        "scene": scene.name, "views": len(shots), "distance": distance_name, "seed": seed, "points": len(work.scan.xyz),
+        "threads": torch.get_num_threads(), "frames": len(along),
+        "exposures": None if solved is None else {"gains": solved.gains.tolist(), "matched": solved.matched.tolist()},
+        "absent": absent | work.absent, "rows": rows, "flicker": moving,
+    }

@@ -1,0 +1,92 @@
+"""The command line's part of training: what ``pointglass train`` takes, and doing it.  Importing this loads nothing heavy.
+
+Runs alone, or as ``torchrun --nproc-per-node N -m viewer train ...``: the first process makes the pairs, the others wait.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the options :func:`run` reads."""
+    parser.add_argument("data", nargs="*", type=Path, metavar="FOLDER",
+                        help="folders with scene.json, of ScanNet++, or of RGB-D frames with poses")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="pairs, checkpoint and weights; resumes there")
+    parser.add_argument("--procedural", type=int, default=0, metavar="N", help="also N places made up, of every kind in turn")
+    parser.add_argument("--recipe", choices=["gpu", "night"],
+                        help="gpu: the most of one CUDA GPU in 25 minutes; night: of two CPU cores in 10 hours")
+    parser.add_argument("--quality", default="balanced", choices=["fast", "balanced", "best", "paper"])
+    parser.add_argument("--unfiltered", action="store_true", help="for `--filter off`")
+    parser.add_argument("--minutes", type=float, help="of training (default 60; with --recipe, of everything: 25 or 600)")
+    parser.add_argument("--steps", type=int, default=40_000)
+    parser.add_argument("--batch", type=int, default=8, metavar="N", help="crops a step and process")
+    parser.add_argument("--crop", type=int, default=192, metavar="PIXELS")
+    parser.add_argument("--rate", type=float, default=1e-3, help="learning rate")
+    parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
+    parser.add_argument("--validation", type=Path, metavar="FOLDER", help="with --recipe: a scene to judge the weights on")
+    parser.add_argument("--start-from", type=Path, metavar="F", help="weights to go on from")
+    parser.add_argument("--device", default="auto", choices=["auto", "cuda", "cpu"])
+    parser.add_argument("--seed", type=int, default=1)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Makes the pairs where they are not there yet, trains, prints where the weights are.  Returns 0.
+
+    Raises DataError where data is missing, unreadable or does not fit, before anything is made.
+    """
+    from model.data.truth import DataError
+
+    if options.recipe:
+        from model.recipes import RECIPES, follow
+
+        recipe = RECIPES[options.recipe]
+        follow(recipe, options.data, options.out, minutes=options.minutes or recipe.minutes,
+               perceptual=options.perceptual, validation=options.validation, seed=options.seed, device=options.device)
+        return 0
+    if not options.data and not options.procedural:
+        raise DataError("nothing to learn from: give folders with scene.json, or --procedural N")
+    from model.train import TrainConfig, train
+
+    path = train(TrainConfig(
+        pairs=tuple(map(str, _pairs(options))), out=str(options.out), quality=options.quality,
+        filtered=not options.unfiltered, steps=options.steps,
+        minutes=60.0 if options.minutes is None else options.minutes, batch=options.batch,
+        crop=options.crop, rate=options.rate, seed=options.seed, device=options.device,
+        perceptual_path=str(options.perceptual) if options.perceptual else None,
+        start_from=str(options.start_from) if options.start_from else None,
+    ))
+    if int(os.environ.get("RANK", 0)) == 0:
+        print(f"weights in {path}")
+    return 0
+
+
+def _pairs(options: argparse.Namespace) -> list[Path]:
+    """Folders of pairs at the pictures' own size and, with neighbours, at half of it, one of each for every picture size."""
+    first = int(os.environ.get("RANK", 0)) == 0
+    listed = options.out / f"pairs-{'unfiltered' if options.unfiltered else 'filtered'}.txt"
+    while not first and not listed.is_file():
+        time.sleep(1.0)
+    if listed.is_file():
+        return [options.out / name for name in listed.read_text().split()]
+    from model.data.pairs import build, by_size
+    from model.data.procedural import procedural_places
+    from model.data.sources import open_places
+
+    places = open_places(options.data)
+    if options.procedural:
+        places += list(procedural_places(seeds=range(options.seed, options.seed + options.procedural)))
+    options.out.mkdir(parents=True, exist_ok=True)
+    folders = []
+    for number, alike in enumerate(by_size(places)):
+        for reduce in (1, 2):  # at half the size many points meet in a pixel
+            folder = options.out / f"{listed.stem}-{number}-{reduce}"
+            folders.append(folder)
+            if not folder.is_dir():
+                build(alike, folder, seed=options.seed, preset="off" if options.unfiltered else "auto", reduce=reduce,
+                      neighbours=reduce == 2)
+    beside = listed.with_name(f"{listed.name}.{os.getpid()}.partial")
+    beside.write_text("\n".join(folder.name for folder in folders) + "\n")
+    beside.replace(listed)
+    return folders
