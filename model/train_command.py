@@ -13,7 +13,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options :func:`run` reads."""
     parser.add_argument("data", nargs="*", type=Path, metavar="FOLDER",
                         help="folders with scene.json, of ScanNet++, or of RGB-D frames with poses")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="pairs, checkpoint and weights; resumes there")
+    parser.add_argument("--out", type=Path, metavar="DIR",
+                        help="pairs, checkpoint and weights; resumes there (--tune: where the weights go, if not to the viewer)")
     parser.add_argument("--procedural", type=int, default=0, metavar="N", help="also N places made up, of every kind in turn")
     parser.add_argument("--recipe", choices=["gpu", "night"],
                         help="gpu: the most of one CUDA GPU in 25 minutes; night: of two CPU cores in 10 hours")
@@ -38,6 +39,8 @@ def run(options: argparse.Namespace) -> int:
     """
     from model.data.truth import DataError
 
+    if options.out is None:
+        raise DataError("--out DIR is needed: pairs, checkpoint and weights go there")
     if options.recipe:
         from model.recipes import RECIPES, follow
 

@@ -109,6 +109,8 @@ def _parser() -> argparse.ArgumentParser:
 
     train = commands.add_parser("train", help="train the network on registered rooms")
     train_command.add_arguments(train)
+    train.add_argument("--tune", type=Path, metavar="SCAN.e57",
+                       help="adapt the shipped weights to the photographs inside an E57, in minutes (default 10)")
 
     evaluate = commands.add_parser("evaluate", help="judge pictures against registered truth")
     evaluation_command.add_arguments(evaluate)
@@ -191,6 +193,12 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _train(options: argparse.Namespace) -> int:
+    if options.tune is not None:
+        from viewer.tools.tune import tune
+
+        tune(options.tune, options.out, quality=options.quality, minutes=options.minutes or 10.0,
+             perceptual=options.perceptual, seed=options.seed, device=options.device)
+        return 0
     return train_command.run(options)
 
 
