@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("data", nargs="*", type=Path, metavar="FOLDER",
                         help="folders with scene.json, of ScanNet++, or of RGB-D frames with poses")
     parser.add_argument("--out", type=Path, metavar="DIR",
-                        help="pairs, checkpoint and weights; resumes there (--tune: where the weights go, if not to the viewer)")
+                        help="pairs, checkpoint and weights; resumes there (--tune: where weights go, if not to the viewer)")
     parser.add_argument("--procedural", type=int, default=0, metavar="N", help="also N places made up, of every kind in turn")
     parser.add_argument("--recipe", choices=["gpu", "night"],
                         help="gpu: the most of one CUDA GPU in 25 minutes; night: of two CPU cores in 10 hours")

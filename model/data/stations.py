@@ -15,6 +15,8 @@ import numpy as np
 from PIL import Image
 
 from model.data.truth import DataError, Scan
+from model.synth.panorama import Panorama, Passer, from_z_up, to_z_up, with_passers
+from model.synth.scanner import ScannerModel, VirtualScanner
 
 
 @dataclass(frozen=True)
@@ -66,9 +68,11 @@ class StationScene:
     path: list[Shot] = field(default_factory=list)
 
     def scan(self, seed: int) -> Scan:
-        """The merged scan of the stations, spoiled with this seed; in WIDE_SHARE of the scans with exposures far apart."""
-        wide = np.random.default_rng([seed, 1]).random() < WIDE_SHARE
-        return scan_stations(self, seed, WIDE if wide else ScanModel())
+        """The merged scan of the stations, spoiled with this seed: every pixel a return, or INSTRUMENT_SHARE of the time as an
+        instrument samples them; in WIDE_SHARE of the scans with exposures far apart."""
+        kind = np.random.default_rng([seed, 1]).random(2)
+        model = WIDE if kind[0] < WIDE_SHARE else ScanModel()
+        return instrument_scan(self, seed, model) if kind[1] < INSTRUMENT_SHARE else scan_stations(self, seed, model)
 
 
 def load_scene(folder: Path) -> StationScene:
@@ -160,17 +164,22 @@ class ScanModel:
 
 
 WIDE_SHARE = 0.25
+INSTRUMENT_SHARE = 0.3
 WIDE = ScanModel(exposure=0.35, white_balance=0.05)
 """Some merged scans have stations half as bright again as others (studio.laz): their points must become one surface."""
+
+
+def station_gains(model: ScanModel, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count,) exposures whose mean is 1."""
+    gains = 1 + model.exposure * rng.uniform(-1, 1, count)
+    return gains / gains.mean()
 
 
 def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:
     """The merged scan of all stations of a scene, spoiled by ``model`` with the given seed."""
     model = model or ScanModel()
     rng = np.random.default_rng(seed)
-    count = len(scene.stations)
-    gains = 1 + model.exposure * rng.uniform(-1, 1, count)
-    gains = gains / gains.mean()
+    gains = station_gains(model, len(scene.stations), rng)
     parts = []
     for index, faces in enumerate(scene.stations):
         balance = gains[index] * (1 + model.white_balance * rng.uniform(-1, 1, 3))
@@ -193,3 +202,53 @@ def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None
         np.concatenate([p[1] for p in parts]),
         np.concatenate([np.full(len(p[0]), p[2], np.uint8) for p in parts]),
     )
+
+
+UP = "y"  # of the scene folders
+
+
+def panorama(faces: list[Shot]) -> Panorama:
+    """The six faces of a station, in a z-up world."""
+    rotations = np.stack([to_z_up(face.camera_to_world[:3, :3].T, UP).T for face in faces])
+    depth = np.stack([face.depth() for face in faces]).astype(np.float64)
+    return Panorama(rotations, faces[0].fl, depth, np.stack([face.rgb() for face in faces]))
+
+
+def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:
+    """The stations as a terrestrial scanner samples them: its angular grid and limited vertical field, the blind cone under the
+    tripod, noise that grows with range and grazing angle, mixed points, dropouts on dark and grazed surfaces, stations a
+    few millimetres and hundredths of a degree off, and people who walk by while one station scans.
+
+    model: exposure and white balance are taken from it.
+    """
+    model = model or ScanModel()
+    rng = np.random.default_rng([seed, 2])
+    gains = station_gains(model, len(scene.stations), rng)
+    instrument = ScannerModel(
+        lowest=float(rng.uniform(-65, -50)), highest=float(rng.uniform(70, 90)), white_balance=model.white_balance,
+        grazing=float(rng.uniform(0.2, 0.6)), dropout=float(rng.uniform(0.002, 0.02)),
+        noise=float(rng.uniform(0.0004, 0.002)), colour_noise=float(rng.uniform(0.3, 1.5)),
+    )
+    parts = []
+    for number, faces in enumerate(scene.stations):
+        seen = panorama(faces)
+        position = to_z_up(faces[0].camera_to_world[:3, 3], UP)
+        passers = _passers(position, rng) if rng.random() < 0.2 else []
+        scanner = VirtualScanner(with_passers(seen.trace, passers), instrument, snap=seen.snap)
+        # gains here act on sRGB, as in scan_stations; the scanner's own camera is left at 1
+        xyz, rgb, _, station, _ = scanner.station(position, int(0.8 * faces[0].width**2 * 6), rng, 1.0, number)
+        rgb = np.clip(np.rint(rgb * gains[number]), 0, 255).astype(np.uint8)
+        parts.append((from_z_up(xyz, UP), rgb, station))
+    return Scan(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
+
+
+def _passers(position: np.ndarray, rng: np.random.Generator) -> list[Passer]:
+    """One or two people on the floor, a few metres from the station."""
+    floor = float(position[2]) - 1.5
+    people = []
+    for _ in range(rng.integers(1, 3)):
+        angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(1.2, 3.5)
+        foot = np.array([position[0] + away * np.cos(angle), position[1] + away * np.sin(angle), floor])
+        clothes = rng.uniform(0.05, 0.7) + rng.uniform(0, 0.2, 3)
+        people.append(Passer(foot, float(rng.uniform(1.5, 1.9)), float(rng.uniform(0.15, 0.28)), clothes))
+    return people

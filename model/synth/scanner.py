@@ -95,10 +95,12 @@ class VirtualScanner:
 
     trace: (origins (N,3), directions (N,3)) -> an object with t (N,), rgb (N,3) sRGB 0..1, normal (N,3),
     shininess (N,), darkness (N,), as `place.Hits`.  ranges: the same arguments -> t alone, where that is cheaper.
+    snap: (N,3) directions of the grid -> (M,3) those that can be asked for, where not all can (`panorama.Panorama`).
     """
 
-    def __init__(self, trace: Callable, model: ScannerModel | None = None, ranges: Callable | None = None):
-        self.trace = trace
+    def __init__(self, trace: Callable, model: ScannerModel | None = None, ranges: Callable | None = None,
+                 snap: Callable | None = None):
+        self.trace, self.snap = trace, snap
         self.model = model or ScannerModel()
         self.ranges = ranges or (lambda origins, rays: trace(origins, rays).t)
 
@@ -109,16 +111,19 @@ class VirtualScanner:
         """
         places = np.asarray(positions, np.float64)
         exposures = np.ones(len(places)) if exposures is None else np.asarray(exposures, np.float64)
-        parts = [self._station(p, pulses, rng, e, n) for n, (p, e) in enumerate(zip(places, exposures))]
+        parts = [self.station(p, pulses, rng, e, n) for n, (p, e) in enumerate(zip(places, exposures))]
         xyz, rgb, intensity, station, mixed = (np.concatenate(column) for column in zip(*parts))
         return Scan(xyz, rgb, intensity, station, places, exposures, mixed)
 
-    def _station(self, position, pulses: int, rng: np.random.Generator, exposure: float, number: int):
+    def station(self, position, pulses: int, rng: np.random.Generator, exposure: float, number: int):
+        """One station: xyz (N,3), rgb (N,3) uint8, intensity (N,) uint16, station (N,) uint8, mixed (N,) bool."""
         m = self.model
         # The scanner's own heading: two stations never sample the same grid.
         heading = rng.uniform(0, 2 * np.pi)
         c, s = np.cos(heading), np.sin(heading)
         rays = directions(pitch_for(pulses, m), m) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1.0]])
+        if self.snap is not None:
+            rays = self.snap(rays)
         origins = np.broadcast_to(position, rays.shape).copy()
         hits = self.trace(origins, rays)
         t, rgb, mixed = hits.t.copy(), hits.rgb.copy(), np.zeros(len(rays), bool)
