@@ -93,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_exposures(convert)
 
     bench = commands.add_parser("bench", help="run time, measured")
-    bench.add_argument("kind", nargs="?", default="frame", choices=["frame", "grid", "open"])
+    bench.add_argument("kind", nargs="?", default="frame", choices=["frame", "grid", "open", "error"])
     bench.add_argument("scans", nargs="*", type=Path, metavar="SCAN", help="default: the demo scan")
     bench.add_argument("--size", default="960x720", metavar="WxH")
     bench.add_argument("--points", type=int, default=10_000_000, metavar="N", help="grid: points made on the spot")

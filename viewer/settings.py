@@ -38,6 +38,12 @@ SOFT_Z: dict[str, str] = {
     "paper-code": "rounded pixel, 0.02 m",
     "paper-text": "truncated pixel, 0.02 m",
 }
+PRECISIONS: dict[str, str] = {
+    "auto": "fp16 on CUDA, bf16 on CPUs that multiply it in hardware, else fp32",
+    "fp32": "single precision, the exact one",
+    "bf16": "bfloat16",
+    "fp16": "half precision",
+}
 DEVICES: dict[str, str] = {
     "auto": "CUDA where it works, else CPU",
     "cuda": "CUDA or an error",
@@ -64,6 +70,7 @@ class Settings:
     quality: str = "balanced"
     device: str = "auto"
     soft_z: str = "auto"
+    precision: str = "auto"
     weights: str | None = None
 
     def __post_init__(self) -> None:
@@ -84,5 +91,6 @@ CHOICES: dict[str, dict[str, str]] = {
     "filter": FILTERS,
     "quality": QUALITIES,
     "device": DEVICES,
+    "precision": PRECISIONS,
     "soft_z": SOFT_Z,
 }

@@ -17,6 +17,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -194,6 +195,13 @@ def scan_spacing(scan: Scan) -> float:
     return median_spacing(scan.xyz[pick]) * float(np.sqrt(len(pick) / len(scan.xyz)))
 
 
+@runtime_checkable
+class PhotographedPlace(Protocol):
+    """A place whose truth is photographs: the points in front take their colours (paper, "Training Data Generation")."""
+
+    def photographed(self, seen: Projected, view: Any, seed: int, *, toned: bool = True) -> Projected: ...
+
+
 def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, preset: str, reduce: int = 1,
                 neighbours: bool = False) -> Iterator[Pair]:
     """Yields ``variants`` densities of ``scans`` scans of every view of a place.
@@ -212,6 +220,8 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
         for index, shot in enumerate(place.views):
             rank_seed = int(rng.integers(2**31))
             seen = project_scan(scan, shot, rank_seed, reduce)
+            if isinstance(place, PhotographedPlace):
+                seen = place.photographed(seen, shot, seed * 1000 + number, toned=not matched)
             truth = _truth(shot, reduce)
             camera = seen.camera
             for _ in range(variants):

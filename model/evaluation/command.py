@@ -22,6 +22,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="along the scene's path, where it has one")
     parser.add_argument("--frames", type=int, default=20, metavar="N", help="of the path, from its middle (0: all)")
     parser.add_argument("--precision", action="store_true", help="also fp16 and bf16 against fp32")
+    parser.add_argument("--paper-table", action="store_true",
+                        help="the paper's table instead, for a ScanNet++ or any other data folder: two sizes, 100 %% and 10 %%")
+    parser.add_argument("--split", default="val", help="of ScanNet++ (--paper-table): train, val, test or a file in splits/")
+    parser.add_argument("--camera", choices=["dslr", "iphone"], default="dslr", help="of ScanNet++ (--paper-table)")
     parser.add_argument("--json", type=Path, metavar="F")
     parser.add_argument("--plot", type=Path, metavar="F", help="PSNR and distance against ms (.png, .svg, .pdf)")
 
@@ -53,6 +57,8 @@ def run(options: argparse.Namespace) -> int:
     if options.plot:
         check_output(options.plot, PLOT_SUFFIXES)
     files = options.weights or sorted(weights_dir().glob("*.safetensors"))
+    if options.paper_table:
+        return _paper_table(options, names_of(files))
     result = evaluate(
         options.data, densities=tuple(options.densities), weights=names_of(files), distance_path=options.perceptual,
         views=options.views, exposures=CHOICES[options.exposures], outside=parse_outside(options.outside),
@@ -65,4 +71,23 @@ def run(options: argparse.Namespace) -> int:
         save(result, options.json)
     if options.plot:
         plot(result, options.plot)
+    return 0
+
+
+def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
+    from model.data.scannetpp import load_scannetpp, scenes
+    from model.data.sources import open_places
+    from model.evaluation.report import save
+    from model.paper_table import format_paper_table, paper_table
+
+    if (options.data / "splits").is_dir():
+        names = scenes(options.data, options.split)
+        places = [load_scannetpp(options.data, name, options.camera) for name in names]
+    else:
+        places = open_places([options.data])
+    result = paper_table(places, weights, densities=tuple(options.densities), views=options.views,
+                         distance_path=options.perceptual)
+    print(format_paper_table(result))
+    if options.json:
+        save(result, options.json)
     return 0

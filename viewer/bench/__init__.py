@@ -1,4 +1,4 @@
-"""Run time, measured and never asserted: ``pointglass bench frame | grid | open``.
+"""Run time, measured and never asserted: ``pointglass bench frame | grid | open | error``.
 
 Every result carries the machine it was had on.  Speed is shown here, not by timed tests.
 """
@@ -51,6 +51,16 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
 
         result = run_open(scans, parse_size(options.size), settings)
         rows = [(name, f"{value:.0f} ms") for name, value in result["milliseconds"].items()]
+    elif options.kind == "error":
+        from viewer.bench.errors import run_errors
+
+        result = run_errors(scans, parse_size(options.size), options.repeats, options.plot)
+        rows = [
+            (f"{row['group']}: {row['name']}", f"{row['milliseconds']:7.1f} ms  {row['time']:5.2f} of the exact frame's time"
+             f"   {row['psnr']:6.2f} dB   largest {row['largest']:3.0f}"
+            + (f"   mask {row['mask']:.4%}" if row["mask"] == row["mask"] else ""))
+            for row in result["rows"]
+        ]
     else:
         from viewer.bench.frames import run_frames
 
@@ -64,7 +74,7 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     where = result["machine"]
     print(f"{where['processor']}, {where['cores']} cores" + (f", {result['opengl']}" if "opengl" in result else ""))
     for name, text in rows:
-        print(f"  {name:28} {text}")
+        print(f"  {name:44} {text}")
     if options.json:
         write_json(options.json, result)
     return 0

@@ -8,17 +8,18 @@ from viewer.errors import DeviceError, InputError
 from viewer.render import shader
 from viewer.render.bridge import make_bridge
 
-_networks: dict[tuple[str, bool, str | None, str], Reconstructor] = {}
+_networks: dict[tuple[str, bool, str | None, str, str], Reconstructor] = {}
 
 
-def load_network(quality: str, filtered: bool, weights: str | None, device: str) -> Reconstructor:
+def load_network(quality: str, filtered: bool, weights: str | None, precision: str, device: str) -> Reconstructor:
     """A network, loaded once a process.  weights: a file in place of the shipped ones.  Raises InputError where there are no
     such weights."""
-    key = (quality, filtered, weights, device)
+    key = (quality, filtered, weights, precision, device)
     if key not in _networks:
         try:
             path = Path(weights) if weights else None
-            _networks[key] = Reconstructor(quality, filtered=filtered, device=device, weights=path)
+            _networks[key] = Reconstructor(
+                quality, filtered=filtered, device=device, weights=path, precision=None if precision == "auto" else precision)
         except WeightsError as error:
             raise InputError(str(error)) from None
     return _networks[key]
@@ -33,13 +34,13 @@ class NeuralStage:
     """
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, weights: str | None,
-                 device: str):
-        self.key = (quality, filtered, weights, device)
+                 precision: str, device: str):
+        self.key = (quality, filtered, weights, precision, device)
         problem = None if device == "cpu" else cuda_problem()
         if device == "cuda" and problem:
             raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
         self.device = "cuda" if device != "cpu" and problem is None else "cpu"
-        self.network = load_network(quality, filtered, weights, self.device)
+        self.network = load_network(quality, filtered, weights, precision, self.device)
         self.context = programs.context
         self.bridge, self.bridge_problem = make_bridge(self.context, size, self.device)
         self.picture = self.context.texture(size, 4, dtype="f1")

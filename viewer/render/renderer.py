@@ -140,7 +140,7 @@ class Renderer:
         from viewer.render.neural import NeuralStage
 
         device = settings.device if settings.device != "auto" else self._device
-        key = (settings.quality, settings.filter != "off", settings.weights, device)
+        key = (settings.quality, settings.filter != "off", settings.weights, settings.precision, device)
         if self._neural is None or self._neural.key != key:
             if self._neural is not None:
                 self._neural.release()

@@ -76,6 +76,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     _heading("Network", look)
     new = _choice(new, "quality", "quality", look)
     new = _own_weights(new, session, look)
+    new = _choice(new, "precision", "precision", look)
     new = _choice(new, "device", "device", look)
     _label("flying", "where the network is slow, fly with the filled view and repaint at rest", look)
     changed, quick = imgui.checkbox("filled while it is slow", session.preview_when_slow)

@@ -6,6 +6,7 @@ has changed.  It owns no GL object: the app uploads a loaded scene and then call
 Frame: file coordinates, world up = +z.  The clock counts seconds; any steady one will do.
 """
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -277,9 +278,8 @@ class Session:
         if settings.view != "raw":
             self._right = settings.view
         neural = settings.view == "neural" or (self.split and self.left == "neural")
-        shown = self.settings
-        # said at once if there are no such weights
-        neural |= (settings.quality, settings.weights) != (shown.quality, shown.weights)
+        network, shown = (operator.attrgetter("quality", "weights", "precision")(s) for s in (settings, self.settings))
+        neural |= network != shown  # said at once if there are no such weights
         if neural and _network_key(settings) not in self._networks:
             self.wanted = settings
             if self.network_load is None:
@@ -428,7 +428,7 @@ def _notes(meta: dict) -> list[str]:
 
 
 def _network_key(settings: Settings) -> tuple:
-    return settings.quality, settings.filter != "off", settings.weights, settings.device
+    return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
 
 
 def _open_scene(paths: list[Path]) -> "Scene":
@@ -447,4 +447,4 @@ def _load_network(settings: Settings) -> None:
     if settings.device == "cuda" and problem:
         raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
     device = "cpu" if settings.device == "cpu" or problem else "cuda"
-    load_network(settings.quality, settings.filter != "off", settings.weights, device)
+    load_network(settings.quality, settings.filter != "off", settings.weights, settings.precision, device)

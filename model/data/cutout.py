@@ -1,0 +1,77 @@
+"""A piece of a room in a void: what teaches the network where nothing is, without a place that has a sky.
+
+A box is cut out of a registered room, scan and truth alike.  A true pixel is covered where its surface lies in the box, void
+where its ray misses the box or passes through it to a surface behind, and unknown where something outside the box stands
+before it.  Furniture, plants and railings get outlines against nothing; floors and walls end as a scan's own border does.
+World frame: the room's, metres.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from model.data.truth import MemoryPicture, Scan, TruePicture, TruePlace
+
+LEAST_COVERED = 0.04  # of a picture, for it to be worth learning from
+
+
+@dataclass(frozen=True, eq=False)
+class CutOut:
+    """``place`` within the box from ``low`` (3,) to ``high`` (3,); a TruePlace."""
+
+    place: TruePlace
+    low: np.ndarray
+    high: np.ndarray
+
+    @property
+    def name(self) -> str:
+        return f"{self.place.name} cut out"
+
+    @property
+    def views(self) -> Sequence[TruePicture]:
+        """The views that show enough of it."""
+        return _views(self)
+
+    def scan(self, seed: int) -> Scan:
+        """The part of the place's scan that lies in the box."""
+        scan = self.place.scan(seed)
+        inside = ((scan.xyz >= self.low) & (scan.xyz <= self.high)).all(1)
+        return Scan(scan.xyz[inside], scan.rgb[inside], scan.station[inside])
+
+    def cut(self, view: TruePicture) -> MemoryPicture | None:
+        """The view with what lies outside taken away; None where its depth is unknown."""
+        depth = view.depth()
+        if depth is None:
+            return None
+        j, i = np.mgrid[0 : view.height, 0 : view.width] + 0.5
+        ray = np.stack([(i - view.cx) / view.fl, -(j - view.cy) / view.fl, -np.ones_like(i)], -1)
+        ray = ray @ view.camera_to_world[:3, :3].T  # z-depth is the length along it
+        eye = view.camera_to_world[:3, 3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            a, b = (self.low - eye) / ray, (self.high - eye) / ray
+        enters, leaves = np.fmin(a, b).max(-1), np.fmax(a, b).min(-1)
+        meets = (leaves > enters) & (leaves > 0)
+        inside = meets & (depth >= enters) & (depth <= leaves)
+        void = ~meets | (depth > leaves)
+        return MemoryPicture(view.rgb(), view.fl, view.camera_to_world, np.where(inside, depth, np.inf).astype(np.float32),
+                             inside.astype(np.float32), inside | void, (view.cx, view.cy))
+
+
+@lru_cache(maxsize=4)
+def _views(piece: CutOut) -> list[MemoryPicture]:
+    shots = (piece.cut(view) for view in piece.place.views)
+    return [shot for shot in shots if shot is not None and np.mean(shot.covered) > LEAST_COVERED]
+
+
+def cut_outs(place: TruePlace, count: int, seed: int) -> list[CutOut]:
+    """``count`` seeded boxes of one to three metres around points of the place."""
+    rng = np.random.default_rng(seed)
+    points = place.scan(seed).xyz
+    boxes = []
+    for _ in range(count):
+        middle = points[rng.integers(len(points))]
+        half = np.exp(rng.uniform(np.log(0.4), np.log(1.5), 3))
+        boxes.append(CutOut(place, middle - half, middle + half))
+    return boxes

@@ -1,0 +1,292 @@
+"""ScanNet++ (Yeshwanth et al. 2023), versions 1 and 2: laser scans with registered photographs.
+
+A root folder holds ``splits/*.txt`` and ``data/<scene>/``: ``scans/pc_aligned.ply`` (or the mesh), ``dslr/`` (fisheye
+photographs in ``resized_images``, masks in ``resized_anon_masks``) and ``iphone/`` (frames of the video in ``rgb``, taken
+out by the data set's own toolkit, 1920x1440: the paper's larger size).  Poses come from ``colmap/``, which is aligned
+with the scan; where that is missing from ``nerfstudio/transforms.json``, whose world is turned: x and y swapped, z
+turned over.
+
+World frame: that of the scan, metres, z up.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from model.data.photos import Lens, Photograph, PhotoPlace, check_pictures
+from model.data.truth import DataError, Scan
+
+SPLITS = {"train": "nvs_sem_train", "val": "nvs_sem_val", "test": "nvs_test"}
+TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))
+FROM_NERFSTUDIO = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])  # its own inverse
+PLY_TYPES = {
+    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
+    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
+    "float64": "f8",
+}
+
+
+@dataclass(frozen=True)
+class _Camera:
+    """Where a camera's files lie under its folder, and what to do where its pictures are missing."""
+
+    pictures: str
+    masks: str
+    remedy: str
+
+
+CAMERAS = {
+    "dslr": _Camera("resized_images", "resized_anon_masks", "download the scene's DSLR pictures"),
+    "iphone": _Camera("rgb", "rgb_masks", "extract them with the toolkit: python -m iphone.prepare_iphone_data"),
+}
+
+
+def scenes(root: Path, split: str) -> list[str]:
+    """Scene names of a split: train, val, test, or the name of a file in ``splits/``.  Raises DataError."""
+    folder = Path(root) / "splits"
+    path = folder / f"{SPLITS.get(split, split)}.txt"
+    if not path.is_file():
+        there = ", ".join(sorted(p.stem for p in folder.glob("*.txt"))) or "none"
+        raise DataError(f"{path}: no such split; there are: {there}")
+    return [line.strip() for line in path.read_text().splitlines() if line.strip()]
+
+
+def load_scannetpp(root: Path, scene: str, camera: str = "dslr", *, part: str = "all", every: int = 1,
+                   surface: str = "points", mesh_points: int = 10_000_000) -> PhotoPlace:
+    """A scene's scan and photographs.
+
+    camera: dslr or iphone.  part: all, train or test pictures (of the DSLR; test pictures are held back for some scenes).
+    every: takes each so manieth.  surface: ``points``, or ``mesh`` to scatter ``mesh_points`` over the mesh instead.
+    Raises DataError, before anything is learned, naming the first ten files that are missing, unreadable or of another size.
+    """
+    if camera not in CAMERAS or part not in ("all", "train", "test") or surface not in ("points", "mesh") or every < 1:
+        raise DataError(f"camera {camera!r}, part {part!r}, surface {surface!r}, every {every}: expected dslr or iphone; "
+                        "all, train or test; points or mesh; 1 or more")
+    home = Path(root) / "data" / scene
+    if not home.is_dir():
+        raise DataError(f"{home}: no such scene; {root} should be the folder that holds data/ and splits/")
+    cloud = home / "scans" / ("pc_aligned.ply" if surface == "points" else "mesh_aligned_0.05.ply")
+    if not cloud.is_file():
+        other = home / "scans" / "mesh_aligned_0.05.ply"
+        hint = "; its mesh is there: choose surface='mesh'" if surface == "points" and other.is_file() else ""
+        raise DataError(f"{cloud}: missing; download the scene's scan{hint}")
+    header = PlyHeader.read(cloud)
+    photographs = _photographs(home, camera, part)[::every]
+    if not photographs:
+        raise DataError(f"{home / camera}: no {part} pictures with a pose")
+    check_pictures(home, [(path, (p.width, p.height)) for p in photographs for path in (p.path, p.mask) if path])
+    hidden = cloud.with_name(f"{cloud.stem}_mask.txt")  # indices of anonymised points
+    load: Callable[[], Scan] = (
+        (lambda: read_points(cloud, header, hidden)) if surface == "points" else (lambda: scatter(cloud, header, mesh_points))
+    )
+    return PhotoPlace(f"{scene}/{camera}", load, photographs)
+
+
+def _photographs(home: Path, camera: str, part: str) -> list[Photograph]:
+    folder, kind = home / camera, CAMERAS[camera]
+    pictures = folder / kind.pictures
+    if not pictures.is_dir():
+        raise DataError(f"{pictures}: no pictures; {kind.remedy}")
+    facts = _json(folder / "nerfstudio" / "transforms.json")
+    frames = [*facts.get("frames", []), *facts.get("test_frames", [])]
+    if not all(isinstance(frame, dict) and "file_path" in frame for frame in frames):
+        raise DataError(f"{folder / 'nerfstudio/transforms.json'}: frames without file_path; download it again")
+    bad = {Path(f["file_path"]).name for f in frames if f.get("is_bad")}
+    lists = _json(folder / "train_test_lists.json")
+    tests = set(lists.get("test", [])) or {Path(f["file_path"]).name for f in facts.get("test_frames", [])}
+    if part == "test" and not tests:
+        raise DataError(f"{folder}: neither train_test_lists.json nor transforms.json names test pictures; choose part='all'")
+    masked = bool(lists.get("has_masks", facts.get("has_mask", (folder / kind.masks).is_dir())))
+    if (folder / "colmap" / "images.txt").is_file():
+        posed = read_colmap(folder / "colmap")
+    elif frames:
+        lens = _nerfstudio_lens(folder / "nerfstudio" / "transforms.json", facts)
+        posed = [(Path(f["file_path"]).name, lens, FROM_NERFSTUDIO @ _pose(folder, f)) for f in frames]
+    else:
+        raise DataError(f"{folder}: neither colmap/images.txt nor nerfstudio/transforms.json; download the scene's poses")
+    held_back = part == "all" and not any((pictures / name).is_file() for name in tests)  # in the benchmark's test scenes
+    chosen = []
+    for name, lens, pose in sorted(posed, key=lambda entry: entry[0]):
+        wanted = not (held_back and name in tests) if part == "all" else (name in tests) == (part == "test")
+        if wanted and name not in bad:
+            mask = folder / kind.masks / f"{Path(name).stem}.png" if masked else None
+            chosen.append(Photograph(pictures / name, lens, pose, mask))
+    return chosen
+
+
+def _json(path: Path) -> dict:
+    """The file's contents; nothing where there is no file."""
+    if not path.is_file():
+        return {}
+    try:
+        data = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: not JSON ({error}); download it again") from None
+    if not isinstance(data, dict):
+        raise DataError(f"{path}: not a JSON object; download it again")
+    return data
+
+
+def _nerfstudio_lens(path: Path, facts: dict) -> Lens:
+    model = str(facts.get("camera_model"))
+    names = ("k1", "k2", "k3", "k4") if model == "OPENCV_FISHEYE" else ("k1", "k2", "p1", "p2") if model == "OPENCV" else ()
+    try:
+        values = [float(facts[key]) for key in ("fl_x", "fl_y", "cx", "cy")] + [float(facts.get(k, 0.0)) for k in names]
+        return Lens.colmap(str(path), model, int(facts["w"]), int(facts["h"]), values)
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{path}: no camera in it ({error!r}); download it again") from None
+
+
+def _pose(folder: Path, frame: dict) -> np.ndarray:
+    try:
+        return np.asarray(frame["transform_matrix"], np.float64).reshape(4, 4)
+    except (KeyError, TypeError, ValueError) as error:
+        raise DataError(f"{folder / 'nerfstudio/transforms.json'}: {frame.get('file_path')}: no pose ({error!r})") from None
+
+
+def read_colmap(folder: Path) -> list[tuple[str, Lens, np.ndarray]]:
+    """Name without folder, lens and camera_to_world (OpenGL axes) of every picture of a COLMAP text model.
+
+    Raises DataError naming the line that cannot be understood.
+    """
+    lenses: dict[str, Lens] = {}
+    for number, words in _rows(folder / "cameras.txt"):
+        where = f"{folder / 'cameras.txt'}: line {number}"
+        if not words:
+            continue
+        try:
+            lenses[words[0]] = Lens.colmap(where, words[1], int(words[2]), int(words[3]), [float(w) for w in words[4:]])
+        except (IndexError, ValueError):
+            raise DataError(f"{where}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, got {' '.join(words)[:80]!r}") from None
+    posed = []
+    rows = iter(_rows(folder / "images.txt"))
+    for number, words in rows:
+        if not words:
+            continue
+        where = f"{folder / 'images.txt'}: line {number}"
+        try:
+            w, x, y, z, *shift = (float(word) for word in words[1:8])
+            lens, name = lenses[words[8]], " ".join(words[9:])
+        except KeyError:
+            raise DataError(f"{where}: camera {words[8]!r} is not in cameras.txt") from None
+        except (IndexError, ValueError):
+            raise DataError(f"{where}: expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, got {words[:10]}") from None
+        norm = w * w + x * x + y * y + z * z
+        if not name or not np.isfinite(shift).all() or not np.isfinite(norm) or norm < 0.5:
+            raise DataError(f"{where}: no pose or no name: {words[:10]}")
+        camera_to_world = np.eye(4)
+        camera_to_world[:3, :3] = quaternion(w, x, y, z).T
+        camera_to_world[:3, 3] = -camera_to_world[:3, :3] @ shift
+        posed.append((Path(name).name, lens, camera_to_world @ TO_OPENGL))
+        points = next(rows, (0, []))[1]  # the picture's points: triples; a line left out would swallow the next picture
+        if len(points) % 3 or (points and not points[-1].lstrip("-").isdigit()):
+            raise DataError(f"{where}: the line below should hold the picture's points (it may be empty)")
+    return posed
+
+
+def quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
+    """(3, 3) rotation of a quaternion of any length but zero."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat((x, y, z, w)).as_matrix()
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """Line numbers and words of all lines that are no comments, empty ones too."""
+    try:
+        lines = path.read_text().splitlines()
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read ({error}); download it again") from None
+    return [(number, line.split()) for number, line in enumerate(lines, 1) if not line.startswith("#")]
+
+
+@dataclass(frozen=True)
+class PlyHeader:
+    """Where a binary PLY's vertices and triangles lie.  faces: how many, 0 where there are none or other elements between."""
+
+    start: int
+    vertex: np.dtype
+    vertices: int
+    face: np.dtype | None
+    faces: int
+
+    @staticmethod
+    def read(path: Path) -> "PlyHeader":
+        """Raises DataError where it is no binary PLY of coloured vertices, or shorter than its header says."""
+        order, elements = None, []
+        with path.open("rb") as file:
+            for number in range(200):
+                line = file.readline(4096)
+                words = line.decode("latin-1").split()
+                if (number == 0) != (words == ["ply"]) or not line.endswith(b"\n"):
+                    raise DataError(f"{path}: not a PLY file; download it again")
+                if words[:1] == ["format"]:
+                    order = {"binary_little_endian": "<", "binary_big_endian": ">"}.get(words[1])
+                elif words[:1] == ["element"]:
+                    elements.append((words[1], int(words[2]), []))
+                elif words[:1] == ["property"] and elements:
+                    elements[-1][2].append(words[1:])
+                elif words == ["end_header"]:
+                    break
+            start = file.tell()
+        if order is None or not elements or elements[0][0] != "vertex":
+            raise DataError(f"{path}: expected a binary PLY that begins with vertices; download it again")
+        try:
+            vertex = np.dtype([(name, order + PLY_TYPES[kind]) for kind, name in elements[0][2]])
+        except (KeyError, ValueError):
+            raise DataError(f"{path}: vertex properties not understood: {elements[0][2]}") from None
+        if missing := [n for n in ("x", "y", "z", "red", "green", "blue") if n not in (vertex.names or ())]:
+            raise DataError(f"{path}: its vertices have no {', '.join(missing)}")
+        face, faces, size = None, 0, path.stat().st_size - start
+        if len(elements) > 1 and elements[1][0] == "face" and [p[0] for p in elements[1][2]] == ["list"]:
+            _, length, kind, _ = elements[1][2][0]
+            face = np.dtype([("n", order + PLY_TYPES[length]), ("v", order + PLY_TYPES[kind], 3)])
+            faces = elements[1][1]
+        needed = elements[0][1] * vertex.itemsize + (faces * face.itemsize if face else 0)
+        if size < needed or not elements[0][1]:
+            raise DataError(f"{path}: truncated or empty: {size:,} of {needed:,} bytes; download it again")
+        return PlyHeader(start, vertex, elements[0][1], face, faces)
+
+
+def _vertices(path: Path, header: PlyHeader) -> tuple[np.ndarray, np.ndarray]:
+    rows = np.memmap(path, header.vertex, "r", header.start, (header.vertices,))
+    xyz = np.stack([rows[axis].astype(np.float64) for axis in "xyz"], 1)
+    rgb = np.stack([rows[name] for name in ("red", "green", "blue")], 1)
+    if rgb.dtype.kind == "f" and rgb.size and rgb.max() <= 1:
+        rgb = rgb * 255
+    return xyz, np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
+
+
+def read_points(path: Path, header: PlyHeader, hidden: Path) -> Scan:
+    """All points of a PLY but those that are not finite or whose indices ``hidden`` lists (where that file is)."""
+    xyz, rgb = _vertices(path, header)
+    keep = np.asarray(np.isfinite(xyz).all(axis=1))
+    if hidden.is_file():
+        try:
+            keep[np.array(hidden.read_text().split(), np.int64)] = False
+        except (ValueError, IndexError) as error:
+            raise DataError(f"{hidden}: not a list of point indices ({error}); download it again") from None
+    return Scan(xyz[keep], rgb[keep], np.zeros(int(keep.sum()), np.uint8))
+
+
+def scatter(path: Path, header: PlyHeader, count: int) -> Scan:
+    """Points scattered evenly over the triangles of a PLY, seeded, colours between their corners'."""
+    if header.face is None or not header.faces:
+        raise DataError(f"{path}: has no triangles to scatter points on")
+    xyz, rgb = _vertices(path, header)
+    start = header.start + header.vertices * header.vertex.itemsize
+    faces = np.memmap(path, header.face, "r", start, (header.faces,))
+    corners = faces["v"].astype(np.int64)
+    if (faces["n"] != 3).any() or corners.min() < 0 or corners.max() >= header.vertices:
+        raise DataError(f"{path}: faces that are no triangles of its vertices; download it again")
+    a, b, c = (xyz[corners[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    rng = np.random.default_rng(0)
+    pick = rng.choice(len(area), count, p=area / area.sum())
+    s, t = rng.random((2, count, 1))
+    s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
+    mixed = [v[corners[pick, 0]] * (1 - s - t) + v[corners[pick, 1]] * s + v[corners[pick, 2]] * t for v in (xyz, rgb)]
+    return Scan(mixed[0], np.rint(mixed[1]).astype(np.uint8), np.zeros(count, np.uint8))
