@@ -36,6 +36,7 @@ class TrainConfig:
     neighbours: how many of them come with a neighbouring camera, where the pairs have them.
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
     average: what the averaged network keeps of itself each step.
+    recolour: crops take other exposures and orders of channels; not where one scanner's own colours are to be learned.
     threads: of each process on the CPU (0: torch's choice).  loaders: processes that make crops ahead (-1: none on the CPU,
     one a core but one beside a GPU).
     """
@@ -61,6 +62,7 @@ class TrainConfig:
     save_every: float = 60.0
     shares: tuple[float, ...] = ()
     device: str = "auto"
+    recolour: bool = True
     threads: int = 0
     loaders: int = -1
 
@@ -179,7 +181,7 @@ def train(config: TrainConfig, on_step=None) -> Path:
     if config.threads:
         torch.set_num_threads(config.threads)
     with processes(config.device) as process:
-        crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed, config.shares)
+        crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed, config.shares, recolour=config.recolour)
         objective = Objective(
             Path(config.perceptual_path) if config.perceptual_path else None, config.perceptual_weight,
             config.coverage_weight, config.steady_weight,

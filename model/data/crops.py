@@ -93,9 +93,10 @@ class PairFolder:
 
 
 class Crops:
-    """Draws batches from folders of pairs.  shares: relative share of each folder (default: equal)."""
+    """Draws batches from folders of pairs.  shares: relative share of each folder (default: equal).  recolour: other exposures and
+    orders of channels."""
 
-    def __init__(self, folders: list[Path], crop: int, seed: int, shares: tuple[float, ...] = ()):
+    def __init__(self, folders: list[Path], crop: int, seed: int, shares: tuple[float, ...] = (), *, recolour: bool = True):
         self.folders = [PairFolder(folder) for folder in folders]
         for folder in self.folders:
             if min(folder.inputs.shape[2:]) < crop:
@@ -105,7 +106,7 @@ class Crops:
         self.shares = weights / weights.sum()
         paired = np.array([folder.neighbours is not None for folder in self.folders]) * self.shares
         self.paired = paired / paired.sum() if paired.sum() else None
-        self.crop, self.seed = crop, seed
+        self.crop, self.seed, self.recolour = crop, seed, recolour
 
     def batch(self, step: int, count: int, neighbours: int = 0, process: int = 0) -> Batch:
         """``count`` crops; the first ``neighbours`` come from folders that have neighbours, where there are any."""
@@ -130,6 +131,8 @@ class Crops:
         turns, mirror = int(rng.integers(4)), rng.random() < 0.5
         gain = np.exp(rng.normal(0, 0.15, (3, 1, 1)) * 0.4 + rng.normal(0, 0.15)).astype(np.float32)
         order = rng.permutation(3) if rng.random() < 0.5 else np.arange(3)
+        if not self.recolour:
+            gain, order = np.ones_like(gain), np.arange(3)
 
         grain = _grain(rng, crop) if rng.random() < GRAIN_SHARE else None
 

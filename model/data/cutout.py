@@ -62,7 +62,7 @@ class CutOut:
 @lru_cache(maxsize=4)
 def _views(piece: CutOut) -> list[MemoryPicture]:
     shots = (piece.cut(view) for view in piece.place.views)
-    return [shot for shot in shots if shot is not None and np.mean(shot.covered) > LEAST_COVERED]
+    return [s for s in shots if s is not None and s.covered is not None and s.covered.mean() > LEAST_COVERED]
 
 
 def cut_outs(place: TruePlace, count: int, seed: int) -> list[CutOut]:

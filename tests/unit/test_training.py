@@ -268,3 +268,16 @@ def test_batches_made_ahead_are_the_same(pairs):
         alone = crops.batch(step, 2, 1)
         assert torch.equal(batch.x, alone.x) and torch.equal(batch.colour, alone.colour)
         assert torch.equal(torch.nan_to_num(batch.flow), torch.nan_to_num(alone.flow))
+
+
+def test_colours_stay_as_they_are_where_asked(tmp_path):
+    np.save(tmp_path / "inputs.npy", np.full((1, 5, 40, 40), 0.5, np.float16))
+    truth = np.zeros((1, 5, 40, 40), np.uint8)
+    truth[:, :3] = np.array([10, 100, 200])[:, None, None]
+    np.save(tmp_path / "truth.npy", truth)
+    true = torch.tensor([10, 100, 200]) / 255
+    plain, other = (
+        torch.stack([Crops([tmp_path], 32, 1, recolour=r).batch(s, 1).colour.mean((0, 2, 3)) for s in range(8)])
+        for r in (False, True)
+    )
+    assert (plain - true).abs().max() < 0.05 < (other - true).abs().max()  # grain alone moves a mean a little

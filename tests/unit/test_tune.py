@@ -1,0 +1,150 @@
+"""Tuning on an E57's photographs: what fits is learned from, what is not registered is refused, what is no better not kept."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cloud_files import write_ply
+from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
+
+from model.data.pairs import scan_spacing
+from model.weights import load_weights, weights_dir
+from viewer.cloud.e57_images import read_photographs
+from viewer.errors import InputError
+from viewer.tools import tune as tuning
+from viewer.tools.tune import agreement, read_points, registered_pictures, tune
+
+PLACES = [((0.3, -0.4, 0.2), 0.7, 0.3), ((-0.5, 0.2, 0.0), 2.4, -0.2), ((0.1, 0.6, -0.3), 4.0, 0.1),
+          ((0.8, 0.0, 0.1), 5.5, 0.0), ((-0.9, -0.5, 0.3), 1.6, -0.4), ((0.0, 0.0, 0.5), 3.1, 0.2)]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def points():
+    return room_points(150_000)
+
+
+@pytest.fixture(scope="module")
+def photographed(points, tmp_path_factory):
+    """Six photographs, each with an exposure of its own."""
+    given = [pinhole(at, yaw, pitch, name=f"p{n}", gain=0.75 + 0.06 * n) for n, (at, yaw, pitch) in enumerate(PLACES)]
+    return write_photos(tmp_path_factory.mktemp("tune") / "room one.e57", given, *points)
+
+
+def test_points_are_thinned_and_keep_their_colours(points, photographed):
+    scan = read_points(photographed, most=50_000)
+    assert abs(len(scan.xyz) - 50_000) < 1500 and scan.rgb.dtype == np.uint8 and scan.station.max() == 0
+    order = {tuple(np.round(x, 6)): tuple(c) for x, c in zip(*points, strict=True)}
+    assert all(order[tuple(np.round(x, 6))] == tuple(c) for x, c in zip(scan.xyz[:500], scan.rgb[:500], strict=True))
+
+
+def test_exposure_is_matched_to_the_points_and_registered_pictures_fit(photographed):
+    scan = read_points(photographed)
+    photos, _ = read_photographs(photographed)
+    for number, photo in enumerate(photos):
+        found = agreement(photo, scan, scan_spacing(scan))
+        assert found.correlation > 0.6 and found.offset == 0
+        srgb = (0.75 + 0.06 * number) ** 2.2
+        assert np.allclose(found.gain * srgb, 1.0, atol=0.15)  # undone, sRGB being nearly a power law
+        assert found.picture.trusted.mean() > 0.6
+
+
+def test_what_moved_is_not_trusted(points, tmp_path):
+    given = pinhole(*PLACES[0], size=(192, 144), fl=120.0)
+    photo = read_photographs(write_photos(tmp_path / "a.e57", [given], *points))[0][0]
+    scan = read_points(tmp_path / "a.e57")
+    before = agreement(photo, scan, scan_spacing(scan)).picture.trusted
+    changed = photo.picture.copy()
+    changed[50:90, 60:110] = (250, 20, 20)
+    after = agreement(replace(photo, picture=changed), scan, scan_spacing(scan)).picture.trusted
+    assert before[55:85, 65:105].mean() > 0.7 and not after[55:85, 65:105].any()
+    outside = np.ones_like(before)
+    outside[40:100, 50:120] = False
+    assert after[outside].mean() > 0.9 * before[outside].mean()
+
+
+@pytest.mark.parametrize("wrong", ["pose", "a little", "another place"])
+def test_photographs_that_are_not_registered_are_refused(points, tmp_path, wrong):
+    given = [pinhole(at, yaw, pitch, size=(192, 144), fl=120.0, name=f"p{n}") for n, (at, yaw, pitch) in enumerate(PLACES)]
+    for number, picture in enumerate(given):
+        if wrong == "pose":
+            picture.quaternion = pinhole((0, 0, 0), PLACES[number][1] + 1.3).quaternion
+        elif wrong == "a little":  # three degrees: 6 pixels
+            picture.quaternion = pinhole((0, 0, 0), PLACES[number][1] + 0.05, PLACES[number][2]).quaternion
+        else:
+            picture.blobs = pinhole((0.4, 0.3, 0.2), 2.9 * number + 1.0, size=(192, 144), fl=120.0).blobs
+    path = write_photos(tmp_path / "a.e57", given, *points)
+    with pytest.raises(InputError, match="not registered") as caught:
+        tune(path, tmp_path / "out", quality="fast", steps=1)
+    assert "a.e57" in str(caught.value) and "\n" not in str(caught.value) and not (tmp_path / "out").exists()
+
+
+def test_one_photograph_that_does_not_fit_is_left_out_by_name(points, tmp_path):
+    given = [pinhole(at, yaw, pitch, size=(192, 144), fl=120.0, name=f"p{n}") for n, (at, yaw, pitch) in enumerate(PLACES)]
+    given[2].translation = tuple(AWAY + (-1.2, -0.9, 0.6))
+    path, said = write_photos(tmp_path / "a.e57", given, *points), []
+    scan = read_points(path)
+    pictures = registered_pictures(path, scan, scan_spacing(scan), say=said.append)
+    assert len(pictures) == 5 and len(said) == 1 and "'p2'" in said[0] and "left out" in said[0]
+
+
+def test_panoramas_are_learned_from_too(points, tmp_path):
+    path = write_photos(tmp_path / "a.e57", [panorama((0.4, 0.1, -0.2), 0.6)], *points)
+    scan = read_points(path)
+    assert len(registered_pictures(path, scan, scan_spacing(scan))) == 6
+
+
+def test_what_cannot_be_tuned_with_is_refused_in_one_line(points, photographed, tmp_path):
+    out = tmp_path / "out"
+    plain = write_photos(tmp_path / "plain.e57", [], *points)
+    grey = write_photos(tmp_path / "grey.e57", [pinhole(*PLACES[0])], points[0], None)
+    seen = write_photos(tmp_path / "seen.e57", [pinhole(*PLACES[0], kind="visualReference", name="look")], *points)
+    ply = write_ply(tmp_path / "a.ply", points[0][:2000], points[1][:2000])
+    single = write_photos(tmp_path / "single.e57", [pinhole(*PLACES[0])], *points)
+    refused = ((plain, "no photographs"), (ply, "only an E57"), (grey, "no colours"), (seen, "'look'"),
+               (single, "at least two"))  # fmt: skip
+    for path, told in refused:
+        with pytest.raises(InputError, match=told) as caught:
+            tune(path, out, quality="fast", steps=1)
+        assert path.name in str(caught.value) and "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="no weights are shipped"):
+        tune(photographed, out, quality="nonsense")
+    with pytest.raises(InputError, match="minutes"):
+        tune(photographed, out, quality="fast", minutes=0)
+    assert not out.exists()
+
+
+def _tuned(photographed, out, capsys, monkeypatch, **changes):
+    if not (weights_dir() / "fast-filtered.safetensors").is_file():
+        pytest.skip("no fast weights are shipped")
+    monkeypatch.setenv("POINTGLASS_WEIGHTS", str(out))
+    made = tune(photographed, quality="fast", device="cpu", **changes)
+    assert not list(out.glob(".*")) and not list(out.glob("*.partial"))
+    return made, capsys.readouterr().out
+
+
+def test_a_few_steps_run_end_to_end_and_keep_only_what_is_better(photographed, tmp_path, capsys, monkeypatch):
+    made, said = _tuned(photographed, tmp_path / "w", capsys, monkeypatch, steps=6, minutes=5)
+    assert "5 photographs to learn from, 1 to judge" in said and "tuned" in said
+    if made.parent == weights_dir():
+        assert "shipped weights are kept" in said and not list((tmp_path / "w").iterdir())
+        return
+    assert made == tmp_path / "w" / "room_one-fast-filtered.safetensors"
+    _, header = load_weights(made)
+    notes = json.loads(header["notes"])
+    assert header["quality"] == "fast" and header["input"] == "filtered"
+    assert notes["psnr_after"] > notes["psnr_before"] and notes["photographs"] == 5
+
+
+@pytest.mark.parametrize("gain", [1.0, -1.0])
+def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, tmp_path, capsys, monkeypatch, gain):
+    values = iter([20.0, 20.0 + gain])
+    monkeypatch.setattr(tuning, "mean_psnr", lambda network, judged: next(values))
+    out = tmp_path / "own"
+    made, said = _tuned(photographed, out, capsys, monkeypatch, steps=1)
+    if gain > 0:
+        assert made == out / "room_one-fast-filtered.safetensors" and load_weights(made)[1]["input"] == "filtered"
+        assert "21.00 dB tuned" in said
+    else:
+        assert made == weights_dir() / "fast-filtered.safetensors" and not list(out.iterdir())
+        assert "nothing is written" in said

@@ -1,0 +1,289 @@
+"""Adapts the shipped weights to one scanner's photographs: those inside an E57, registered to its points.
+
+Four photographs of five are learned from, the fifth is judged, before and after; weights that do not gain there are not kept.
+Each photograph's exposure is matched to the scan first (one gain a channel, linear light): the network cannot know it.  The
+place's own frame: the E57's, metres; cameras OpenGL's.
+"""
+
+import os
+import re
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, gaussian_filter
+
+from model.data.pairs import Projected, build, project_scan, raster_of, scan_spacing
+from model.data.photos import PhotoPlace
+from model.data.truth import MemoryPicture, Scan
+from model.depth_filter import keep_mask
+from model.exposure import match_exposures
+from model.light import TO_LINEAR, TO_SRGB
+from model.metrics import masked_psnr
+from model.project import network_input
+from model.train import TrainConfig, train
+from model.weights import load_weights, save_weights, weights_dir, weights_name
+from viewer.cloud.e57_images import Photo, read_photographs
+from viewer.cloud.source import open_source
+from viewer.errors import InputError
+from viewer.paths import weights_home
+from viewer.progress import progress
+
+MOST_POINTS = 20_000_000
+MOST_PHOTOS = 120
+LONGEST = 768  # pixels a side that photographs are averaged down to: a scan is hardly ever finer
+LEAST_AGREEMENT = 0.3
+"""Correlation of fine structure between a photograph and the points projected into it, below which it is not registered."""
+MOST_OFFSET = 2.0  # pixels, at which photograph and points fit best: beyond it they would teach blur
+OFFSETS = 16  # pixels, searched
+JUDGED = 5  # every fifth photograph is judged, not learned from
+DENSITIES = (1.0, 0.25)  # of the points, at which the judged pictures are made
+LARGEST_GAIN = 4.0
+LARGEST_DIFFERENCE = 48.0  # of 255, over a few pixels, between photograph and points: something moved, or hides it
+LEAST_SIDE = 64
+RATE = 1e-4
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How a photograph fits the points.  correlation: -1..1 of fine structure, NaN where too little is seen.  offset: pixels
+    they would have to be moved to fit best.  picture: the photograph in the scan's exposure, known where points are and agree.
+    gain: (3,) in linear light."""
+
+    correlation: float
+    offset: float
+    picture: MemoryPicture
+    gain: np.ndarray
+
+
+def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
+    """The coloured points of a scan file, thinned at random to about ``most``, stations' exposures matched as on opening.
+
+    Raises InputError where the points have no colours.
+    """
+    source = open_source(path)
+    rng = np.random.default_rng(seed)
+    share = min(1.0, most / max(source.count or 1, 1))
+    parts = []
+    with progress(source.count or 0, f"reading {path.name}", " points") as meter:
+        for chunk in source.chunks():
+            if chunk.rgb is None:
+                raise InputError(f"{path}: its points have no colours, which tuning compares the photographs with")
+            pick = np.flatnonzero(np.isfinite(chunk.xyz).all(1) & (rng.random(len(chunk.xyz)) < share))
+            rgb = chunk.rgb[pick] if chunk.rgb.dtype == np.uint8 else ((chunk.rgb[pick] + 128.0) / 257.0).astype(np.uint8)
+            station = np.broadcast_to(np.minimum(chunk.scan, 255), len(chunk.xyz))[pick].astype(np.uint8)
+            parts.append((chunk.xyz[pick], rgb, station))
+            meter.update(len(chunk.xyz) + chunk.invalid)
+    xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    if len(xyz) < 1000:
+        raise InputError(f"{path}: {len(xyz)} usable points are too few to tune with")
+    if station.max() > 0:
+        rgb = match_exposures(xyz, rgb, station)
+    return Scan(xyz, rgb, station)
+
+
+def _blurred(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian mean of what is weighted; 0 where nothing is near."""
+    total = gaussian_filter(weight, sigma, mode="constant")
+    return gaussian_filter(values * weight, sigma, mode="constant") / np.maximum(total, 1e-3)
+
+
+def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
+    """Projects the scan into the photograph and compares.  spacing: of the scan, metres."""
+    picture = MemoryPicture(photo.picture, photo.fl, photo.camera_to_world, centre=(photo.cx, photo.cy))
+    seen = project_scan(scan, picture)
+    raster = raster_of(seen, torch.ones(len(seen.z), dtype=torch.bool), spacing)
+    front = keep_mask(raster.depth).numpy()
+    if photo.trusted is not None:
+        front &= photo.trusted
+    if front.sum() < 0.02 * front.size:
+        return Agreement(float("nan"), 0.0, picture, np.ones(3))
+    points, weight = raster.colour.numpy().transpose(1, 2, 0).round().astype(np.uint8), front.astype(np.float32)
+    greys = [colour.astype(np.float32) @ np.array([0.3, 0.6, 0.1], np.float32) for colour in (points, photo.picture)]
+    fine = [(_blurred(grey, weight, 1.5) - _blurred(grey, weight, 16.0)) * front for grey in greys]
+    norm = float(np.sqrt((fine[0] ** 2).sum() * (fine[1] ** 2).sum()))
+    correlation = float((fine[0] * fine[1]).sum()) / norm if norm > 0 else float("nan")
+    offset = _offset(fine[0], gaussian_filter(greys[1], 1.5) - gaussian_filter(greys[1], 16.0))
+    gain = _gain(points[front], photo.picture[front])
+    scaled = np.rint(TO_LINEAR[photo.picture] * gain).clip(0, len(TO_SRGB) - 1).astype(np.int64)
+    matched = TO_SRGB[scaled]
+    apart = photo.fl * spacing / float(raster.depth[torch.from_numpy(front)].median())
+    radius = int(np.clip(np.ceil(1.5 * apart), 1, 12))
+    wide = np.pad(front, radius)
+    known = np.asarray(binary_closing(wide, np.ones((2 * radius + 1,) * 2)), bool)[radius:-radius, radius:-radius]
+    differ = np.stack([_blurred(matched[..., c].astype(np.float32) - points[..., c], weight, 3.0) for c in range(3)])
+    known &= ~np.asarray(binary_dilation(np.abs(differ).max(0) > LARGEST_DIFFERENCE, iterations=2), bool)
+    if gain.min() < 0.95:
+        known &= photo.picture.max(2) < 254  # how bright it was there is not known
+    if photo.trusted is not None:
+        known &= photo.trusted
+    known = np.asarray(binary_erosion(known, border_value=1), bool)
+    picture = MemoryPicture(matched, photo.fl, photo.camera_to_world, trusted=known, centre=(photo.cx, photo.cy))
+    return Agreement(correlation, offset, picture, gain)
+
+
+def _offset(points: np.ndarray, photo: np.ndarray) -> float:
+    """Pixels by which ``photo`` (H, W) would have to be moved to fit best to ``points`` (H, W), which are 0 where none are."""
+    size = [n + OFFSETS for n in points.shape]
+    product = np.fft.irfft2(np.conj(np.fft.rfft2(points, size)) * np.fft.rfft2(photo, size), size)
+    steps = np.arange(-OFFSETS, OFFSETS + 1)
+    near = product[np.ix_(steps, steps)]
+    row, column = np.unravel_index(np.argmax(near), near.shape)
+    return float(np.hypot(steps[row], steps[column]))
+
+
+def _gain(points: np.ndarray, photo: np.ndarray) -> np.ndarray:
+    """(3,) what the photograph's linear light must be multiplied by; medians over pixels neither dark nor clipped."""
+    usable = (np.minimum(points, photo).min(1) >= 20) & (np.maximum(points, photo).max(1) <= 240)
+    if usable.sum() < 100:
+        return np.ones(3)
+    ratio = np.log(TO_LINEAR[points[usable]] / TO_LINEAR[photo[usable]])
+    return np.exp(np.median(ratio, 0)).clip(1 / LARGEST_GAIN, LARGEST_GAIN)
+
+
+def registered_pictures(path: Path, scan: Scan, spacing: float, *, say=print) -> list[MemoryPicture]:
+    """The photographs of an E57 that fit its points.  say: told of every photograph left out, and why.
+
+    Raises InputError where there are none, or where most do not fit: they are then not registered to this scan.
+    """
+    photos, warnings = read_photographs(path, longest=LONGEST, most=MOST_PHOTOS)
+    for line in warnings:
+        say(f"pointglass: {line}")
+    if not photos:
+        why = f" ({warnings[0].removeprefix(f'{path}: ')})" if warnings else ""
+        raise InputError(f"{path}: holds no photographs with camera and pose{why}; export it with registered images")
+    found = []
+    with progress(len(photos), "comparing photographs with points") as meter:
+        for photo in photos:
+            found.append((photo.name, agreement(photo, scan, spacing)))
+            meter.update(1)
+    told = [(name, a) for name, a in found
+            if np.isfinite(a.correlation) and min(a.picture.width, a.picture.height) >= LEAST_SIDE]  # fmt: skip
+    if not told:
+        raise InputError(f"{path}: none of its {len(photos)} photographs sees enough of its points to learn from")
+    middle, aside = (float(np.median([getattr(a, what) for _, a in told])) for what in ("correlation", "offset"))
+    if middle < LEAST_AGREEMENT or aside > MOST_OFFSET:
+        raise InputError(
+            f"{path}: its photographs do not fit its points (median agreement {middle:.2f}, at least {LEAST_AGREEMENT} needed; "
+            f"{aside:.0f} pixels aside, at most {MOST_OFFSET:.0f}): they are not registered to it; export it with their poses"
+        )
+    fitting = []
+    for name, a in told:
+        if a.correlation >= LEAST_AGREEMENT and a.offset <= MOST_OFFSET:
+            fitting.append(a.picture)
+        else:
+            why = f"agreement {a.correlation:.2f}, {a.offset:.0f} pixels aside"
+            say(f"pointglass: photograph {name!r} does not fit the points ({why}); left out")
+    return [picture for picture in fitting if picture.trusted.any()]
+
+
+@dataclass(frozen=True, eq=False)
+class _Judged:
+    """input (5, H, W) float16; truth (3, H, W) 0..1; known (H, W) bool."""
+
+    input: torch.Tensor
+    truth: torch.Tensor
+    known: torch.Tensor
+
+
+def _judged(scan: Scan, spacing: float, pictures: list[MemoryPicture]) -> list[_Judged]:
+    """What the renderer would show the network from the held-out photographs' places, at every density."""
+    made = []
+    for picture in pictures:
+        seen: Projected = project_scan(scan, picture)
+        truth = torch.from_numpy(picture.colour).permute(2, 0, 1).float() / 255
+        for density in DENSITIES:
+            apart = spacing / density**0.5
+            raster = raster_of(seen, seen.rank < density, apart)
+            x = network_input(raster, keep_mask(raster.depth), picture.fl, apart)
+            made.append(_Judged(x.half(), truth, torch.from_numpy(picture.trusted)))
+    return made
+
+
+@torch.inference_mode()
+def mean_psnr(network: torch.nn.Module, judged: list[_Judged]) -> float:
+    """Mean PSNR over pictures, of the pixels that are known."""
+    values = [masked_psnr(network(j.input.float()[None])[0, :3].clamp(0, 1), j.truth, j.known) for j in judged]
+    return float(np.mean(values))
+
+
+def _pairs(scan: Scan, pictures: list[MemoryPicture], work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
+    """Folders of pairs, one for each size of picture, and how many pictures each was made of."""
+    variants = int(np.clip(120 // len(pictures), 1, 8))
+    groups: dict[tuple[int, int], list[MemoryPicture]] = {}
+    for picture in pictures:
+        groups.setdefault((picture.width, picture.height), []).append(picture)
+    needed = sum(25 * w * h * len(g) * variants for (w, h), g in groups.items())
+    free = shutil.disk_usage(work).free
+    if needed > 0.9 * free:
+        raise InputError(f"{work.parent}: {needed / 1e9:.1f} GB are needed for training pairs, {free / 1e9:.1f} GB are free")
+    folders = []
+    for number, group in enumerate(groups.values()):
+        for reduce in (1, 2):  # at half the size many points meet in a pixel
+            if reduce == 1 or min(group[0].width, group[0].height) >= 4 * LEAST_SIDE:
+                folders.append((work / f"pairs-{number}-{reduce}", len(group)))
+                build([PhotoPlace(name, scan, group)], folders[-1][0], seed=seed, scans=1, variants=variants, reduce=reduce)
+    return folders
+
+
+def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minutes: float = 10.0,
+         perceptual: Path | None = None, seed: int = 1, steps: int = 20_000, device: str = "auto") -> Path:  # fmt: skip
+    """Trains the shipped weights on the photographs inside ``scan`` and writes ``NAME-QUALITY-filtered.safetensors``.
+
+    out: folder for it (default: the one the viewer looks into).  Prints the PSNR of the held-out photographs before and after.
+    Returns the weights to use: the new ones, or the shipped ones where tuning made nothing better, with a line that says so.
+    Raises InputError where the file holds no photographs, or none that are registered to its points.
+    """
+    shipped = weights_dir() / f"{weights_name(quality, filtered=True)}.safetensors"
+    if not shipped.is_file():
+        raise InputError(f"no weights are shipped for quality {quality!r}; choose fast or balanced")
+    if not (np.isfinite(minutes) and minutes > 0):
+        raise InputError(f"--minutes {minutes:g}: more than 0 are needed")
+    pictures, points, spacing = _material(scan, seed)
+    held = [p for i, p in enumerate(pictures) if i % JUDGED == JUDGED // 2] or pictures[-1:]
+    learned = [p for p in pictures if all(p is not h for h in held)]
+    judged = _judged(points, spacing, held)
+    before = mean_psnr(load_weights(shipped)[0], judged)
+    print(f"{len(learned)} photographs to learn from, {len(held)} to judge; shipped weights: {before:.2f} dB", flush=True)
+    out = weights_home() if out is None else out
+    out.mkdir(parents=True, exist_ok=True)
+    name = re.sub(r"[^\w.-]+", "_", scan.stem) or "scan"
+    work = out / f".tuning-{name}.{os.getpid()}.partial"
+    work.mkdir()
+    try:
+        folders = _pairs(points, learned, work, name, seed)
+        sides = [min(np.load(folder / "truth.npy", mmap_mode="r").shape[2:]) for folder, _ in folders]
+        made = train(TrainConfig(
+            pairs=tuple(str(folder) for folder, _ in folders), shares=tuple(float(n) for _, n in folders), out=str(work),
+            quality=quality, steps=steps, minutes=minutes, rate=RATE, warmup=20, average=0.99, neighbours=0, device=device,
+            recolour=False,
+            crop=min(192, *(int(side) // 16 * 16 for side in sides)), seed=seed, start_from=str(shipped),
+            perceptual_path=str(perceptual) if perceptual else None,
+        ))  # fmt: skip
+        network = load_weights(made)[0]
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    after = mean_psnr(network, judged)
+    print(f"held-out photographs: {before:.2f} dB with the shipped weights, {after:.2f} dB tuned", flush=True)
+    if not after > before:
+        print(f"tuning made nothing better: the shipped weights are kept, nothing is written ({shipped})")
+        return shipped
+    target = out / f"{name}-{weights_name(quality, filtered=True)}.safetensors"
+    notes = {"tuned_on": scan.name, "photographs": len(learned), "judged": len(held), "psnr_before": before,
+             "psnr_after": after, "minutes": minutes, "seed": seed, "start_from": shipped.name}  # fmt: skip
+    save_weights(target, network, quality, filtered=True, notes=notes)
+    print(f"weights in {target}")
+    return target
+
+
+def _material(path: Path, seed: int) -> tuple[list[MemoryPicture], Scan, float]:
+    if open_source(path).format != "E57":
+        raise InputError(f"{path}: only an E57 carries photographs with their cameras; give the scanner's E57")
+    points = read_points(path, seed=seed)
+    spacing = scan_spacing(points)
+    pictures = registered_pictures(path, points, spacing)
+    if len(pictures) < 2:
+        raise InputError(f"{path}: {len(pictures)} registered photographs; at least two are needed, to learn and to judge")
+    return pictures, points, spacing
