@@ -93,8 +93,10 @@ class PairFolder:
 
 
 class Crops:
-    """Draws batches from folders of pairs.  shares: relative share of each folder (default: equal).  recolour: other exposures and
-    orders of channels."""
+    """Draws batches from folders of pairs.
+
+    shares: relative share of each folder (default: equal).  recolour: crops take other exposures and orders of channels.
+    """
 
     def __init__(self, folders: list[Path], crop: int, seed: int, shares: tuple[float, ...] = (), *, recolour: bool = True):
         self.folders = [PairFolder(folder) for folder in folders]

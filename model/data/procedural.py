@@ -1,0 +1,127 @@
+"""Procedural places as training data: furnished rooms, streets under a sky, single things in a void; unlimited and seeded.
+
+World frame: metres, z up.  Pictures are made once, when first asked for; every scan is traced anew.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from model.data.truth import MemoryPicture, Scan, TruePicture
+from model.synth.demo import exposures, looking
+from model.synth.outdoors import OpenPlace, street, thing
+from model.synth.panorama import Passer, with_passers
+from model.synth.place import Place
+from model.synth.rooms import DEPTH, WIDTH
+from model.synth.scanner import ScannerModel, VirtualScanner
+
+KINDS = ("room", "street", "thing")
+CLEAR = 0.35  # metres that must be free around a camera or a scanner
+PASSER_SHARE = 0.25  # of the stations in rooms and streets
+
+
+@dataclass(eq=False)
+class ProceduralPlace:
+    """A TruePlace made from (kind, seed).  count: of views; size: of their pictures; pulses: of each station."""
+
+    kind: str
+    seed: int
+    count: int = 8
+    size: tuple[int, int] = (640, 480)
+    pulses: int = 500_000
+    samples: int = 2
+
+    @property
+    def name(self) -> str:
+        return f"{self.kind} {self.seed}"
+
+    @cached_property
+    def place(self) -> Place | OpenPlace:
+        """What is scanned and seen."""
+        return {"room": lambda: Place(self.seed, probe_rays=24), "street": lambda: street(self.seed),
+                "thing": lambda: thing(self.seed)}[self.kind]()
+
+    @property
+    def views(self) -> Sequence[TruePicture]:
+        """Pictures from where a person might stand, inside free space, looking at something."""
+        return self._views
+
+    @cached_property
+    def _views(self) -> list[MemoryPicture]:
+        rng = np.random.default_rng([41, KINDS.index(self.kind), self.seed])
+        made: list[MemoryPicture] = []
+        while len(made) < self.count:
+            eye, target = self._spot(rng), self._target(rng)
+            if np.linalg.norm(target - eye) < 0.5 or not self._free(eye, rng):
+                continue
+            made.append(self._picture(looking(eye, target), self.size[1] / (2 * np.tan(np.radians(rng.uniform(38, 72)) / 2))))
+        return made
+
+    def scan(self, seed: int) -> Scan:
+        """Two to four stations (things: two or three), their exposures within 12 % with a mean of 1."""
+        rng = np.random.default_rng([43, KINDS.index(self.kind), self.seed, seed])
+        count = int(rng.integers(2, 4 if self.kind == "thing" else 5))
+        spots: list[np.ndarray] = []
+        while len(spots) < count:
+            spot = self._spot(rng)
+            if self._free(spot, rng):
+                spots.append(spot)
+        # a thing fills little of the field: only a narrower, denser one gives it as many points as it would get
+        field = {"lowest": -60.0, "highest": 60.0} if self.kind == "thing" else {}
+        model = ScannerModel(farthest=80.0, colour_noise=float(rng.uniform(0.2, 1.5)), **field)
+        gains, parts = exposures(int(rng.integers(2**31)), count), []
+        for number, spot in enumerate(spots):
+            passers = self._passers(spot, rng) if self.kind != "thing" and rng.random() < PASSER_SHARE else []
+            trace = with_passers(self.place.trace, passers)
+            ranges = None if passers else self.place.ranges
+            scanner = VirtualScanner(trace, model, ranges)
+            xyz, rgb, _, station, _ = scanner.station(spot, self.pulses, rng, gains[number], number)
+            parts.append((xyz, rgb, station))
+        return Scan(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
+
+    def _picture(self, pose: np.ndarray, fl: float) -> MemoryPicture:
+        width, height = self.size
+        if isinstance(self.place, OpenPlace):
+            rgb, depth, coverage = self.place.picture(pose, fl, width, height, self.samples)
+            return MemoryPicture(rgb, fl, pose, depth, coverage)
+        rgb, depth = self.place.render(pose, fl, fl, width / 2, height / 2, width, height, samples=self.samples)
+        return MemoryPicture(rgb, fl, pose, depth)
+
+    def _spot(self, rng: np.random.Generator) -> np.ndarray:
+        """Where a camera or a scanner might be."""
+        if self.kind == "room":
+            return np.array([rng.uniform(0.5, WIDTH - 0.5), rng.uniform(0.5, DEPTH - 0.5), rng.uniform(1.2, 1.8)])
+        if self.kind == "street":
+            return np.array([rng.uniform(-15, 15), rng.uniform(-3.5, 3.5), rng.uniform(1.4, 2.2)])
+        angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(1.5, 3.2)
+        return np.array([away * np.cos(angle), away * np.sin(angle), rng.uniform(0.4, 1.9)])
+
+    def _target(self, rng: np.random.Generator) -> np.ndarray:
+        """What a camera might look at."""
+        if self.kind == "room":
+            return np.array([rng.uniform(0, WIDTH), rng.uniform(0, DEPTH), rng.uniform(0.4, 1.6)])
+        if self.kind == "street":
+            return np.array([rng.uniform(-18, 18), rng.choice([-1, 1]) * rng.uniform(0, 7), rng.uniform(0.5, 5.0)])
+        return np.array([*rng.normal(0, 0.15, 2), rng.uniform(0.3, 0.8)])
+
+    def _free(self, spot: np.ndarray, rng: np.random.Generator) -> bool:
+        rays = rng.normal(size=(64, 3))
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        return bool(self.place.ranges(np.broadcast_to(spot, rays.shape).copy(), rays).min() > CLEAR)
+
+    def _passers(self, spot: np.ndarray, rng: np.random.Generator) -> list[Passer]:
+        angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(1.2, 3.0)
+        foot = np.array([spot[0] + away * np.cos(angle), spot[1] + away * np.sin(angle), 0.02])
+        return [Passer(foot, float(rng.uniform(1.5, 1.9)), float(rng.uniform(0.15, 0.28)), rng.uniform(0.1, 0.7) + np.zeros(3))]
+
+
+def procedural_place(number: int) -> ProceduralPlace:
+    """The place of a number: every kind in turn, rooms (the dearest) a quarter of them."""
+    return ProceduralPlace(("street", "thing", "room", "thing")[number % 4], number)
+
+
+def procedural_places(seeds: Iterable[int]) -> Iterator[ProceduralPlace]:
+    """The places of many numbers."""
+    return map(procedural_place, seeds)

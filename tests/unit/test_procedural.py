@@ -1,0 +1,83 @@
+"""Procedural places: seeded, void where nothing is, and scans that lie on what the true pictures show."""
+
+import numpy as np
+import pytest
+
+from model.data.pairs import build, project_scan
+from model.data.procedural import ProceduralPlace, procedural_places
+
+
+def _small(kind, seed=1):
+    return ProceduralPlace(kind, seed, count=2, size=(64, 48), pulses=20_000, samples=1)
+
+
+@pytest.fixture(scope="module", params=["street", "thing", "room"])
+def place(request):
+    return _small(request.param)
+
+
+def test_the_same_seed_is_the_same_place_and_another_is_not(place):
+    again, other = _small(place.kind), _small(place.kind, 2)
+    assert all(np.array_equal(a.rgb(), b.rgb()) for a, b in zip(place.views, again.views, strict=True))
+    assert np.array_equal(place.scan(5).xyz, again.scan(5).xyz)
+    assert len(place.scan(6).xyz) != len(place.scan(5).xyz)
+    assert not np.array_equal(place.views[0].rgb(), other.views[0].rgb())
+
+
+def test_nothing_is_covered_where_nothing_is(place):
+    for view in place.views:
+        coverage, depth = view.coverage(), view.depth()
+        if place.kind == "room":
+            assert coverage is None or (coverage == 1).all()
+            continue
+        # one ray through the middle of each pixel makes both: they must agree to the pixel
+        assert np.array_equal(coverage > 0, np.isfinite(depth))
+    if place.kind == "thing":
+        assert all(0.005 < view.coverage().mean() < 0.7 for view in place.views)
+
+
+def test_the_scan_lies_on_what_the_pictures_show(place):
+    """Points nearer than the picture's surface float in the air; hidden ones lie behind it."""
+    scan = place.scan(3)
+    floating = total = 0
+    for view in place.views:
+        seen = project_scan(scan, view)
+        depth = view.depth()
+        around = np.pad(depth, 1, mode="edge")
+        nearest = np.min([around[j : j + view.height, i : i + view.width] for j in range(3) for i in range(3)], axis=0)
+        front = nearest.ravel()[seen.index.numpy()]
+        z = seen.z.numpy()
+        floating += int((z < front * 0.97 - 0.03).sum())
+        total += len(z)
+    assert total > 200 and floating < 0.06 * total
+
+
+def test_exposures_have_a_mean_of_one():
+    from model.synth.demo import exposures
+
+    for seed in range(20):
+        assert exposures(seed, 2 + seed % 3).mean() == 1.0
+
+
+def test_people_are_in_one_stations_scan_and_in_no_picture(monkeypatch):
+    import model.data.procedural as module
+
+    place = _small("street", 4)
+    pictures = [view.rgb().copy() for view in place.views]
+    counts = []
+    for share in (0.0, 1.0):
+        monkeypatch.setattr(module, "PASSER_SHARE", share)
+        counts.append(place.scan(9))
+    plain, peopled = counts
+    assert not (len(plain.xyz) == len(peopled.xyz) and np.array_equal(plain.xyz, peopled.xyz))
+    assert all(np.array_equal(view.rgb(), before) for view, before in zip(place.views, pictures, strict=True))
+
+
+def test_places_make_pairs_with_void(tmp_path):
+    count = build([_small("thing"), _small("street")], tmp_path / "out", scans=1, variants=1)
+    truth = np.load(tmp_path / "out" / "truth.npy")
+    assert count == 4 and (truth[:2, 3] == 0).mean() > 0.3 and (truth[:, 4] == 255).all()
+
+
+def test_places_come_in_every_kind():
+    assert {p.kind for p in procedural_places(range(8))} == {"room", "street", "thing"}

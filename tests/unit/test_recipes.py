@@ -1,0 +1,66 @@
+"""Whole trainings by one command: a recipe followed to its end on a tiny room and gone on with; train's command line."""
+
+import json
+
+import pytest
+from rooms import make_room
+
+from model.recipes import RECIPES, Recipe, Stage, follow
+from model.weights import load_weights
+from viewer.cli import main
+
+TINY = Recipe(0.05, 0.1, (
+    Stage("fast", True, 0.5, batch=2, crop=32),
+    Stage("fast", False, 0.3, after="fast-filtered", batch=2, crop=32),
+))
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    return make_room(tmp_path_factory.mktemp("data") / "box", view=(72, 96))
+
+
+def test_the_shares_of_every_recipe_add_up_and_its_stages_can_be_had():
+    for recipe in RECIPES.values():
+        assert recipe.data_share + sum(stage.share for stage in recipe.stages) == pytest.approx(1.0)
+        made = set()
+        for stage in recipe.stages:
+            assert stage.after is None or stage.after in made
+            made.add(f"{stage.quality}-{'filtered' if stage.filtered else 'unfiltered'}")
+        assert {f"{q}-{i}" for q in ("fast", "balanced", "best") for i in ("filtered", "unfiltered")} <= made
+
+
+def test_a_recipe_is_followed_to_its_end_and_kept_when_asked_again(room, tmp_path):
+    made = follow(TINY, [room], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=0)
+    headers = [load_weights(path)[1] for path in made]
+    assert [h["input"] for h in headers] == ["filtered", "unfiltered"]
+    pairs = sorted(tmp_path.glob("pairs/*/*"))
+    assert len(pairs) == 3 and (tmp_path / "pairs" / "filtered" / "folder-box-2" / "neighbours.npy").is_file()
+    before = [p.stat().st_mtime_ns for p in pairs]
+    steps = json.loads(headers[0]["notes"])["step"]
+    follow(TINY, [room], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=0)
+    assert [p.stat().st_mtime_ns for p in pairs] == before
+    assert json.loads(load_weights(made[0])[1]["notes"])["step"] == steps  # its time is spent
+
+
+def test_train_from_the_command_line_resumes_and_says_where_the_weights_are(room, tmp_path, capsys):
+    line = ["train", str(room), "--out", str(tmp_path / "run"), "--quality", "fast", "--batch", "2", "--crop", "32",
+            "--device", "cpu", "--minutes", "10"]
+    assert main([*line, "--steps", "2"]) == 0
+    assert "fast-filtered.safetensors" in capsys.readouterr().out
+    assert main([*line, "--steps", "3"]) == 0
+    notes = json.loads(load_weights(tmp_path / "run" / "fast-filtered.safetensors")[1]["notes"])
+    assert notes["step"] == 3 and notes["steps"] == 3
+
+
+@pytest.mark.parametrize("line, said", [
+    ([], "--out DIR is needed"), (["--out", "OUT"], "nothing to learn from"), (["NOWHERE", "--out", "OUT"], "no such folder"),
+    (["EMPTY", "--out", "OUT"], "neither scene.json"), (["--tune", "NOWHERE"], "no such file"),
+])
+def test_bad_training_input_is_one_line_and_leaves_nothing(tmp_path, capsys, line, said):
+    (tmp_path / "EMPTY").mkdir()
+    names = {name: str(tmp_path / name) for name in ("OUT", "NOWHERE", "EMPTY")}
+    assert main(["train", *(names.get(word, word) for word in line)]) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+    assert not (tmp_path / "OUT").exists()
