@@ -1,8 +1,8 @@
 // Pull-push fill, push: what a pixel's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
 // At level 0 (BASE) it writes the filled picture, void where neither the picture nor the directions around the camera
 // surround a hole (viewer/render/void.py), and, with NETWORK, the network's input: eight half-precision channels
-// a pixel (channels last): filled RGB, keep-mask, filled depth feature, 1 where the directions around the camera close (a room:
-// the network may not open it), two zeros.
+// a pixel (channels last): filled RGB, keep-mask, filled depth feature, 1 where the network may not open
+// what is filled (inside a room), two zeros.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
 
@@ -15,6 +15,7 @@ uniform sampler2D inside;         // blocks of 2x2 pixels surrounded by measured
 uniform isampler2D closed;        // directions surrounded by scanned ones: six cube faces one above the other
 uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
 uniform vec4 lens;                // fx, fy, cx, cy in pixels
+uniform int enclosed;             // 1: the camera stands in a room, nearly all directions close around it
 layout(rgba8, binding = 0) uniform writeonly image2D filled;
 #ifdef NETWORK
 layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[]; };
@@ -65,7 +66,7 @@ void main() {
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, is_closed(at) ? 1.0 : 0.0)), 0u);
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, enclosed == 1 && is_closed(at) ? 1.0 : 0.0)), 0u);
 #endif
 #else
     if (any(greaterThanEqual(at, imageSize(out_value)))) return;

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from viewer.camera import Camera
 
 INPUT_BYTES = 16  # a pixel
+ENCLOSED = 0.9  # share of all directions that close around a camera inside a room; over a street a third stay open
 _CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
 
 
@@ -75,6 +76,8 @@ class Fill:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
         push = self._push_base[0 if network is None else 1]
         push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
+        if "enclosed" in push:
+            push["enclosed"] = int(closed.mean() > ENCLOSED)
         push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         inputs = {**base, "coarse": coarse, "inside": self._inside[0], "closed": self._closed}
         self._pass(push, self.size, [self.filled], inputs, feature_scale, is_sum)

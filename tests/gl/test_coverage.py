@@ -1,0 +1,65 @@
+"""Void stays void: the network may take coverage away at an outline, never add any, and never inside a closed room."""
+
+import numpy as np
+import pytest
+import torch
+from clouds import room
+
+from model.reconstruct import Reconstructor
+from viewer.camera import from_fov, look_at
+from viewer.cloud import scene_from_arrays
+from viewer.render import neural
+from viewer.render.renderer import Renderer
+from viewer.settings import Settings
+
+
+@pytest.fixture
+def opening(monkeypatch):
+    """A network that sees through everything by half, as far as it may."""
+    network = Reconstructor("fast", filtered=True, device="cpu", precision="fp32")
+    with torch.no_grad():
+        network.network.head.weight[-4:] = 0
+        network.network.head.bias[-4:] = -0.5
+    monkeypatch.setattr(neural, "load_network", lambda *_: network)
+
+
+def _alpha(context, scene, camera):
+    renderer = Renderer(context, scene, device="cpu")
+    try:
+        frame = renderer.render(camera, Settings(), views=("filled", "neural"))
+        return frame.image("filled")[..., 3].astype(int), frame.image("neural").astype(int)
+    finally:
+        renderer.release()
+
+
+def test_a_closed_room_cannot_be_opened(context, opening):
+    scene = room(1, 120_000)
+    camera = from_fov(160, 120, 60, look_at((3, 2.5, 1.5), (5.5, 4, 1.2)))
+    filled, made = _alpha(context, scene, camera)
+    assert (filled == 255).all() and (made[..., 3] == 255).all()
+
+
+def test_outlines_in_a_void_may_be_opened_and_the_void_stays_empty(context, opening):
+    rng = np.random.default_rng(3)
+    ball = rng.normal(size=(80_000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    scene = scene_from_arrays(ball, np.full((80_000, 3), 180, np.uint8))
+    camera = from_fov(160, 120, 50, look_at((4, 0, 0), (0, 0, 0)))
+    filled, made = _alpha(context, scene, camera)
+    assert (filled == 0).any() and (filled == 255).any()
+    assert (made[filled == 0] == 0).all()
+    inside = made[filled == 255]
+    assert np.abs(inside[:, 3] - 128).max() <= 1  # half of it, as the network says
+    assert inside[:, :3].max() <= 129  # premultiplied
+
+
+def test_without_an_opinion_the_networks_alpha_is_the_filled_pictures(context, monkeypatch):
+    network = Reconstructor("fast", filtered=True, device="cpu", precision="fp32")
+    with torch.no_grad():
+        network.network.head.weight[-4:] = 0
+        network.network.head.bias[-4:] = 0
+    monkeypatch.setattr(neural, "load_network", lambda *_: network)
+    scene = room(2, 3_000)
+    camera = from_fov(120, 90, 70, look_at((9, 8, 4), (3, 2.5, 1.5)))
+    filled, made = _alpha(context, scene, camera)
+    assert np.array_equal(filled, made[..., 3])
