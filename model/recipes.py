@@ -45,7 +45,7 @@ RECIPES = {
     "gpu": Recipe(25.0, 0.20, (
         Stage("paper", True, 0.22, batch=16, crop=256, rate=5e-4),
         Stage("balanced", True, 0.20, batch=32, crop=256),
-        Stage("best", True, 0.16, batch=32, crop=256),
+        Stage("best", True, 0.16, after="balanced-filtered", batch=32, crop=256),
         Stage("fast", True, 0.10, batch=32, crop=256),
         Stage("balanced", False, 0.05, after="balanced-filtered", batch=32, crop=256, rate=5e-4),
         Stage("best", False, 0.04, after="best-filtered", batch=32, crop=256, rate=5e-4),
@@ -53,7 +53,7 @@ RECIPES = {
     )),
     "night": Recipe(600.0, 0.15, (
         Stage("balanced", True, 0.33),
-        Stage("best", True, 0.25),
+        Stage("best", True, 0.25, after="balanced-filtered"),
         Stage("fast", True, 0.12),
         Stage("balanced", False, 0.06, after="balanced-filtered", rate=5e-4),
         Stage("best", False, 0.06, after="best-filtered", rate=5e-4),

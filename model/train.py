@@ -25,6 +25,7 @@ from model.objective import Objective
 from model.training_log import TrainingLog
 from model.unet import make_network
 from model.weights import load_weights, save_weights, weights_name
+from model.widen import started_from
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,7 @@ class TrainConfig:
     neighbours: how many of them come with a neighbouring camera, where the pairs have them.
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
     average: what the averaged network keeps of itself each step.
+    start_from: weights to begin with, of this size or a smaller one (:mod:`model.widen`).
     recolour: crops take other exposures and orders of channels; not where one scanner's own colours are to be learned.
     threads: of each process on the CPU (0: torch's choice).  loaders: processes that make crops ahead (-1: none on the CPU,
     one a core but one beside a GPU).
@@ -113,7 +115,10 @@ class Trainer:
         network = make_network(config.quality)
         self.network = network.to(process.device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         if config.start_from:
-            self.network.load_state_dict(load_weights(Path(config.start_from))[0].state_dict())
+            try:
+                started_from(self.network, load_weights(Path(config.start_from))[0])
+            except ValueError as error:
+                raise DataError(f"{config.start_from}: cannot begin a {config.quality} network ({error})") from None
         self.averaged = make_network(config.quality).to(process.device).requires_grad_(False)
         self.averaged.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
