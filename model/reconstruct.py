@@ -1,10 +1,12 @@
 """Inference: the network on packed pixels, on CPU or CUDA, in the precision that is fastest there and still right.
 
 Pixels come as (H, W, 8) half floats, channels last: the five channels of :func:`model.project.network_input`, 1 where the
-pixel is known to be covered, and two zeros.  They leave as (H, W, 4) half floats, RGB and coverage 0..1: the layout the
+pixel is known to be covered, 1 where it is void (what surrounds the rest by more than the network sees is left out on a
+CPU), and a zero.  They leave as (H, W, 4) half floats, RGB and coverage 0..1: the layout the
 renderer's buffers have.  The paper's network has no coverage: it is 1 everywhere.
 """
 
+import math
 import os
 from pathlib import Path
 
@@ -12,11 +14,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.unet import INPUT_CHANNELS, CompactUNet
+from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
 PACKED_IN, PACKED_OUT = 8, 4
 CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
+VOID = 6  # channel of the packed input: 1 where nothing is to be shown
+_WORTHWHILE = 0.9  # share of the picture above which leaving out the void saves nothing
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 
 
@@ -37,6 +41,23 @@ def fast_precision(device: str) -> str:
         return "fp16"
     probe = getattr(torch.cpu, "_is_avx512_bf16_supported", None) or getattr(torch.cpu, "_is_amx_tile_supported", None)
     return "bf16" if probe is not None and probe() else "fp32"
+
+
+def covered(void: Tensor, reach: int, multiple: int) -> tuple[slice, slice]:
+    """Rows and columns outside which a picture is void, widened by ``reach`` and aligned as the network is.
+
+    void: (H, W), above 0.5 where void.  multiple: MEAN_BLOCK and the network's own multiple divide what is returned.
+    """
+    shown = void < 0.5
+    step = math.lcm(multiple, MEAN_BLOCK)
+    out = []
+    for axis in (1, 0):
+        held = torch.nonzero(shown.any(dim=axis))
+        if len(held) == 0:
+            return slice(0, 0), slice(0, 0)
+        first, last = int(held[0]) - reach, int(held[-1]) + 1 + reach
+        out.append(slice(max(first // step * step, 0), min(-(-last // step) * step, shown.shape[1 - axis])))
+    return out[0], out[1]
 
 
 class Reconstructor:
@@ -72,6 +93,17 @@ class Reconstructor:
     @torch.inference_mode()
     def __call__(self, packed: Tensor) -> Tensor:
         """(H, W, 8) half -> (H, W, 4) half on the same device; never NaN, within 0..1."""
+        if self.device == "cpu" and self.compact:  # on CUDA looking would cost a synchronisation, and a size its own graph
+            rows, columns = covered(packed[..., VOID], self.network.reach, self.network.multiple)
+            part = packed[rows, columns]
+            if part.shape[0] * part.shape[1] < _WORTHWHILE * packed.shape[0] * packed.shape[1]:
+                made = packed.new_zeros((*packed.shape[:2], PACKED_OUT))
+                if part.numel():
+                    made[rows, columns] = self._made(part)
+                return made
+        return self._made(packed)
+
+    def _made(self, packed: Tensor) -> Tensor:
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS]
         x = x.to(torch.float32 if self.compact else self.dtype, memory_format=torch.channels_last)
         made = torch.nan_to_num(self.network(x)[0].float().clamp_(0.0, 1.0), nan=0.0).permute(1, 2, 0)

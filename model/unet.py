@@ -59,13 +59,18 @@ def local_mean(x: Tensor) -> Tensor:
 
 class CompactUNet(nn.Module):
     """(B, 5, H, W) -> (B, 4, H, W), RGB and coverage, to be clamped to 0..1.  Skips are added, not concatenated; no
-    normalisation layers."""
+    normalisation layers.
+
+    multiple: pixels that a side is padded to.  reach: no pixel further away than this many plays a part in one.
+    """
 
     def __init__(self, size: Size):
         super().__init__()
         widths, count = size.widths, size.convolutions
         self.block = size.block
         self.multiple = size.block * 2 ** (len(widths) - 1)
+        strides = [size.block * 2**level for level in range(len(widths))]
+        self.reach = 2 * size.block + count * (sum(strides) + sum(strides[:-1])) + strides[-1] + 3 * MEAN_BLOCK // 2
         self.stem = nn.Conv2d(size.block**2 * INPUT_CHANNELS, widths[0], 3, padding=1)
         self.down = nn.ModuleList(_convolutions(w, count) for w in widths)
         self.shrink = nn.ModuleList(nn.Conv2d(a, b, 2, stride=2) for a, b in itertools.pairwise(widths))

@@ -2,7 +2,7 @@
 // At level 0 (BASE) it writes the filled picture, void where neither the picture nor the directions around the camera
 // surround a hole (viewer/render/void.py), and, with NETWORK, the network's input: eight half-precision channels
 // a pixel (channels last): filled RGB, keep-mask, filled depth feature, 1 where the network may not open
-// what is filled (inside a room), two zeros.
+// what is filled (inside a room), 1 where void, zero.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
 
@@ -66,7 +66,8 @@ void main() {
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, enclosed == 1 && is_closed(at) ? 1.0 : 0.0)), 0u);
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, enclosed == 1 && is_closed(at) ? 1.0 : 0.0)),
+              packHalf2x16(vec2(1.0 - alpha, 0.0)));
 #endif
 #else
     if (any(greaterThanEqual(at, imageSize(out_value)))) return;

@@ -13,8 +13,8 @@ from model.data.stations import ScanModel, load_scene, scan_stations
 from model.data.truth import DataError
 from model.evaluation import evaluate, format_table
 from model.metrics import psnr, psnr_after_gain, ssim
-from model.reconstruct import CLOSED, Reconstructor, fast_precision
-from model.unet import SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network
+from model.reconstruct import CLOSED, VOID, Reconstructor, covered, fast_precision
+from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network
 from model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
 
 
@@ -107,6 +107,38 @@ def test_a_closed_direction_is_never_void():
         network.network.head.bias[-4:] = -0.6  # a network that would open everything
     made = network(packed)
     assert (made[:, 30:, 3] == 1).all() and made[:, :30, 3].max() < 1
+
+
+@pytest.mark.parametrize("quality", ["fast", "balanced"])
+def test_leaving_out_the_void_changes_nothing_that_is_shown(quality):
+    seed = int(np.random.default_rng().integers(2**31))
+    rng = np.random.default_rng(seed)
+    packed = torch.from_numpy(rng.random((333, 460, 8)).astype(np.float16))
+    packed[..., CLOSED] = 0
+    top, left = (int(v) for v in rng.integers(0, 250, 2))
+    shown = torch.zeros(333, 460, dtype=torch.bool)
+    shown[top : top + int(rng.integers(1, 60)), left : left + int(rng.integers(1, 60))] = True
+    packed[..., VOID] = (~shown).half()
+    network = Reconstructor(quality, filtered=True, device="cpu", precision="fp32")
+    cut, whole = network(packed), network._made(packed)
+    assert (cut == 0).all(2).float().mean() > 0.2, f"seed {seed}: nothing was left out"
+    assert (cut - whole)[shown].abs().max() <= 1e-3, f"seed {seed}"  # half precision: one step below 1 is 5e-4
+    packed[..., VOID] = 1
+    rows, columns = covered(packed[..., VOID], network.network.reach, network.network.multiple)
+    assert packed[rows, columns].numel() == 0 and not network(packed).any()
+
+
+def test_the_network_takes_nothing_from_further_than_its_reach():
+    torch.manual_seed(4)
+    for quality in ("fast", "balanced", "best"):
+        network = make_network(quality)
+        for parameter in network.parameters():
+            torch.nn.init.normal_(parameter, 0.0, 0.05)
+        for at in ((200, 208), (207, 199)):
+            x = torch.rand(1, INPUT_CHANNELS, 400, 400, requires_grad=True)
+            network(x)[0, :, at[0], at[1]].sum().backward()
+            reached = torch.nonzero(x.grad[0].abs().amax(0))
+            assert (reached - torch.tensor(at)).abs().max() <= network.reach, quality
 
 
 def test_missing_quality_says_which_weights_there_are():
