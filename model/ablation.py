@@ -51,7 +51,7 @@ class _WithMean(CompactUNet):
     """The correction keeps its local mean: it may shift colours."""
 
     def _blend(self, x: Tensor, guide: Tensor) -> Tensor:
-        return super()._blend(x, guide) + F.pad(local_mean(guide[:, :3]), (0, 0, 0, 0, 0, 1))
+        return super()._blend(x, guide) + F.pad(local_mean(guide[:, :1]).expand(-1, 3, -1, -1), (0, 0, 0, 0, 0, 1))
 
 
 class _Concatenated(CompactUNet):

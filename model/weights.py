@@ -14,7 +14,7 @@ from torch import nn
 
 from model.unet import INPUT_CHANNELS, SIZES, make_network
 
-FORMAT = "pointglass-weights-2"
+FORMAT = "pointglass-weights-3"
 _PACKAGE = Path(__file__).resolve().parent
 
 
