@@ -281,3 +281,21 @@ def test_colours_stay_as_they_are_where_asked(tmp_path):
         for r in (False, True)
     )
     assert (plain - true).abs().max() < 0.05 < (other - true).abs().max()  # grain alone moves a mean a little
+
+
+def test_scalars_and_pictures_reach_tensorboard(pairs, tmp_path, monkeypatch):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    from model import training_log
+
+    monkeypatch.setattr(training_log, "EVERY", 2)
+    monkeypatch.setattr(training_log, "PICTURES_EVERY", 4)
+    train(_config(pairs, tmp_path / "run"))
+    board = EventAccumulator(str(tmp_path / "run" / "tensorboard"))
+    board.Reload()
+    assert {"loss", "l1", "rate"} <= set(board.Tags()["scalars"])
+    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    told = {event.step: event.value for event in board.Scalars("loss")}
+    assert told == pytest.approx({line["step"]: line["loss"] for line in lines}) and 8 in told
+    picture = board.Images("filled, made, true")[-1]
+    assert (picture.width, picture.height) == (3 * 32, 2 * 32)
