@@ -22,7 +22,7 @@ from model.data.crops import Crops, PairFolder
 from model.metrics import gradient_energy, psnr
 from model.objective import Objective, inside_flow, warp
 from model.project import DEPTH_FEATURE_SCALE
-from model.unet import SIZES, CompactUNet, Size, local_mean, mac_per_pixel
+from model.unet import BLENDS, FILLED_WEIGHT, SIZES, CompactUNet, Size, local_mean, mac_per_pixel
 
 FAST = SIZES["fast"]
 
@@ -45,6 +45,27 @@ class _Plain(CompactUNet):
 
     def _blend(self, x: Tensor, guide: Tensor) -> Tensor:
         return torch.cat([x[:, :3] + guide[:, :3], 1.0 + guide[:, -1:]], 1)
+
+
+class _Free(CompactUNet):
+    """The correction is free in colour and size, and the blends may overshoot."""
+
+    def __init__(self, size: Size):
+        super().__init__(size)
+        self.head = nn.Conv2d(size.widths[0], size.block**2 * (3 + BLENDS + 1), 3, padding=1)
+        nn.init.zeros_(self.head.weight)
+        nn.init.zeros_(self.head.bias)  # type: ignore[arg-type]
+
+    def _blend(self, x: Tensor, guide: Tensor) -> Tensor:
+        picture, weight = x[:, :3], x[:, 3:4] * (1.0 - FILLED_WEIGHT) + FILLED_WEIGHT
+        out, sharper = picture + guide[:, :3] - local_mean(guide[:, :3]), picture
+        sums, kernel = torch.cat([picture * weight, weight], 1), self.get_buffer("kernel").to(x.dtype)[:4]
+        for number in range(BLENDS):
+            sums = F.conv2d(F.pad(sums, (2**number,) * 4, mode="replicate"), kernel, dilation=2**number, groups=4)
+            smoother = sums[:, :3] / sums[:, 3:]
+            out = out + guide[:, 3 + number : 4 + number] * (smoother - sharper)
+            sharper = smoother
+        return torch.cat([out, 1.0 + guide[:, -1:]], 1)
 
 
 class _WithMean(CompactUNet):
@@ -121,6 +142,7 @@ def _holes(x: Tensor) -> Tensor:
 VARIANTS: dict[str, Callable[[], nn.Module]] = {
     "as shipped (fast size)": lambda: CompactUNet(FAST),
     "no blends: plain residual": lambda: _Plain(FAST),
+    "correction free in colour and size": lambda: _Free(FAST),
     "correction keeps its local mean": lambda: _WithMean(FAST),
     "fed holes instead of the filled picture": lambda: _Fed(FAST, _holes),
     "no depth": lambda: _Fed(FAST, _no_depth),
