@@ -24,7 +24,7 @@ class TrainingLog:
 
                 self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step)
             except ImportError:
-                print("tensorboard is not installed: scalars go to log.jsonl only (pip install 'pointglass[train]')", flush=True)
+                print("no tensorboard: scalars go to log.jsonl only (pip install 'pointglass[train]')", flush=True)
 
     def __enter__(self) -> "TrainingLog":
         return self
