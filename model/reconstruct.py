@@ -14,6 +14,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from model.engines import fold_normalisation
 from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
@@ -64,11 +65,12 @@ class Reconstructor:
     """A network ready to run.  ``name`` says what runs and on what, for every place that shows it.
 
     quality: fast, balanced, best or paper.  filtered: trained for filtered input.  device: "cuda" or "cpu".
-    precision: a key of PRECISIONS, None = the fast one.  Raises WeightsError where there are no such weights.
+    precision: a key of PRECISIONS, None = the fast one.  engine: a key of :data:`model.engines.ENGINES`, what a
+    :class:`model.engines.Runner` uses on CUDA, None = "graph".  Raises WeightsError where there are no such weights.
     """
 
     def __init__(self, quality: str, *, filtered: bool, device: str, precision: str | None = None,
-                 weights: Path | None = None):
+                 weights: Path | None = None, engine: str | None = None):
         path = weights or weights_dir() / f"{weights_name(quality, filtered=filtered)}.safetensors"
         if weights is None and not path.is_file():
             kind = "filtered" if filtered else "unfiltered"
@@ -84,8 +86,9 @@ class Reconstructor:
         self.device = device
         self.precision = precision or fast_precision(device)
         self.dtype = PRECISIONS[self.precision]
+        self.engine = (engine or "graph") if device == "cuda" else "eager"
         self.compact = isinstance(network, CompactUNet)
-        self.network = network.to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = fold_normalisation(network).to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.name = f"{path.stem} {digest(path)} {self.precision} on {device}"
         if device == "cpu":
             torch.set_num_threads(max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1))
@@ -99,14 +102,18 @@ class Reconstructor:
             if part.shape[0] * part.shape[1] < _WORTHWHILE * packed.shape[0] * packed.shape[1]:
                 made = packed.new_zeros((*packed.shape[:2], PACKED_OUT))
                 if part.numel():
-                    made[rows, columns] = self._made(part)
+                    made[rows, columns] = self.made(part)
                 return made
-        return self._made(packed)
+        return self.made(packed)
 
-    def _made(self, packed: Tensor) -> Tensor:
+    def channels(self, packed: Tensor) -> Tensor:
+        """What the network itself takes: (1, INPUT_CHANNELS, H, W), channels last."""
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS]
-        x = x.to(torch.float32 if self.compact else self.dtype, memory_format=torch.channels_last)
-        made = torch.nan_to_num(self.network(x)[0].float().clamp_(0.0, 1.0), nan=0.0).permute(1, 2, 0)
+        return x.to(torch.float32 if self.compact else self.dtype, memory_format=torch.channels_last)
+
+    def made(self, packed: Tensor) -> Tensor:
+        """The whole picture, whatever is void; for a caller in inference mode."""
+        made = torch.nan_to_num(self.network(self.channels(packed))[0].float().clamp_(0.0, 1.0), nan=0.0).permute(1, 2, 0)
         made = F.pad(made, (0, PACKED_OUT - made.shape[2]), value=1.0).half()
-        torch.maximum(made[..., 3], packed[..., CLOSED].to(made.dtype), out=made[..., 3])
+        made[..., 3] = torch.maximum(made[..., 3], packed[..., CLOSED].to(made.dtype))
         return made

@@ -1,15 +1,23 @@
 // The draw list of the compute rasteriser: one workgroup a batch, all points of a batch in one cell.
+// APPENDED: the list that occlusion_append.comp made of one page, as long as its command says.
 
 layout(std430, binding = POINTS_BINDING) readonly buffer Points { uint points[]; };
 layout(std430, binding = BATCHES_BINDING) readonly buffer Batches { uvec4 batches[]; };  // first, count, cell, -
 layout(std430, binding = CELLS_BINDING) readonly buffer Cells { vec4 cells[]; };         // view position of step (0,0,0)
-
-uniform uint first_batch;
+#ifdef APPENDED
+layout(std430, binding = COMMANDS_BINDING) readonly buffer Commands { uvec4 commands[]; };  // groups x, y, z, batches
+uniform uint page;
+#else
 uniform uint batch_count;
+#endif
+uniform uint first_batch;
 
 // The point this invocation draws; false where there is none.
 bool batch_point(out uint index, out vec3 cell) {
     uint number = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+#ifdef APPENDED
+    uint batch_count = commands[page].w;
+#endif
     if (number >= batch_count) return false;
     uvec4 batch = batches[first_batch + number];
     index = batch.x + gl_LocalInvocationID.x;

@@ -14,8 +14,9 @@ from typing import NoReturn
 from model import train_command
 from model.evaluation import command as evaluation_command
 from viewer import __version__
+from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
-from viewer.settings import CHOICES, Settings
+from viewer.settings import CHOICES, MEMORY, Memory, Settings
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
 
@@ -47,6 +48,24 @@ def _settings(options: argparse.Namespace) -> Settings:
     return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 
+def _add_memory(parser: argparse.ArgumentParser) -> None:
+    """The options that make a Memory."""
+    parser.add_argument("--gpu-memory", metavar="SIZE",
+                        help="what points may take on the GPU, such as 4G; a larger scan is streamed (default: by the device)")
+    parser.add_argument("--read-ahead", metavar="SIZE",
+                        help=f"main memory for points on their way there (default {MEMORY.read_ahead >> 20}M)")
+
+
+def _memory(options: argparse.Namespace) -> Memory:
+    from viewer.cloud.residency import byte_count
+
+    given = {"gpu": options.gpu_memory, "read_ahead": options.read_ahead}
+    return Memory(**{name: byte_count(text, f"--{_MEMORY[name]}") for name, text in given.items() if text is not None})
+
+
+_MEMORY = {"gpu": "gpu-memory", "read_ahead": "read-ahead"}
+
+
 def _add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
     parser.add_argument("scans", nargs=least, type=Path, metavar="SCAN",
                         help="PLY, LAS, LAZ, COPC or E57 files, or a folder made by `convert`; several make one scene")
@@ -67,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_scans(view, least="*")
     _add_exposures(view)
     _add_settings(view)
+    _add_memory(view)
 
     demo = commands.add_parser("demo", help="the shipped scan, in a window or as pictures")
     demo.add_argument("--out", type=Path, default=Path("out/demo"), help="where pictures go without a display")
@@ -82,6 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     render.add_argument("--aux", action="store_true", help="also depth, mask and stats of each picture")
     render.add_argument("--shard", metavar="i/n", help="only every n-th camera, starting at the i-th (from 0)")
     _add_settings(render)
+    _add_memory(render)
 
     info = commands.add_parser("info", help="what a scan holds")
     _add_scans(info)
@@ -90,16 +111,13 @@ def _parser() -> argparse.ArgumentParser:
     convert = commands.add_parser("convert", help="build the grid into a folder")
     convert.add_argument("scans", nargs="+", type=Path, metavar="SCAN")
     convert.add_argument("--out", type=Path, required=True, metavar="DIR")
+    convert.add_argument("--each", action="store_true",
+                         help="a grid for every scan (SCAN may be a folder of them), in DIR/NAME; what is up to date is kept")
+    convert.add_argument("--shard", metavar="i/n", help="with --each: only every n-th scan, starting at the i-th (from 0)")
     _add_exposures(convert)
 
     bench = commands.add_parser("bench", help="run time, measured")
-    bench.add_argument("kind", nargs="?", default="frame", choices=["frame", "grid", "open", "error"])
-    bench.add_argument("scans", nargs="*", type=Path, metavar="SCAN", help="default: the demo scan")
-    bench.add_argument("--size", default="960x720", metavar="WxH")
-    bench.add_argument("--points", type=int, default=10_000_000, metavar="N", help="grid: points made on the spot")
-    bench.add_argument("--repeats", type=int, default=5, metavar="N")
-    bench.add_argument("--json", type=Path, metavar="F")
-    bench.add_argument("--plot", type=Path, metavar="F")
+    bench_arguments(bench)
     _add_settings(bench, view=False)
 
     simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner")
@@ -126,7 +144,8 @@ def _view(options: argparse.Namespace) -> int:
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     from viewer.window.app import run
 
-    return run(options.scans, _settings(options), cache=not options.no_cache, match=options.exposures == "matched")
+    return run(options.scans, _settings(options), cache=not options.no_cache, match=options.exposures == "matched",
+               memory=_memory(options))
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -139,7 +158,7 @@ def _render(options: argparse.Namespace) -> int:
     from viewer.tools.camera_files import read_cameras
     from viewer.tools.export import export_pictures, parse_shard, parse_size
 
-    settings = _settings(options)
+    settings, memory = _settings(options), _memory(options)
     size = parse_size(options.size) if options.size else None
     cameras = read_cameras(options.cameras, size=size)
     if options.shard:
@@ -152,7 +171,7 @@ def _render(options: argparse.Namespace) -> int:
 
     context = create_context()
     scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched")
-    renderer = Renderer(context, scene)
+    renderer = Renderer(context, scene, memory=memory)
     try:
         count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux)
     finally:
@@ -171,8 +190,15 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from viewer.cloud.convert import convert
+    from viewer.cloud.convert import convert, convert_each
 
+    if options.each or options.shard:
+        from viewer.tools.export import parse_shard
+
+        shard = parse_shard(options.shard) if options.shard else (0, 1)
+        made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched")
+        print(f"{len(made)} grids in {options.out}")
+        return 0
     convert(options.scans, options.out, match=options.exposures == "matched")
     print(f"grid in {options.out}")
     return 0

@@ -23,7 +23,7 @@ from viewer.paths import cache_dir
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.render.bridge import Bridge
+    from viewer.render.shader import Programs
 
 STATUSES = ("ok", "warn", "fail", "skipped")
 LIBRARIES = (
@@ -151,8 +151,11 @@ def _probe_network() -> list[dict]:
     precision = fast_precision("cpu")
     cpu = "bf16, which this processor multiplies in hardware" if precision == "bf16" else "fp32; no bf16 in hardware"
     if problem is None:
-        name, memory = torch.cuda.get_device_name(), torch.cuda.get_device_properties(0).total_memory
-        cuda = item("CUDA", "ok", f"{name}, {memory / _GB:.0f} GB, CUDA {torch.version.cuda}, network in fp16")
+        used, count = torch.cuda.current_device(), torch.cuda.device_count()
+        properties = torch.cuda.get_device_properties(used)
+        which = f" (device {used} of {count})" if count > 1 else ""
+        value = f"{properties.name}{which}, {properties.total_memory / _GB:.0f} GB, CUDA {torch.version.cuda}, network in fp16"
+        cuda = item("CUDA", "ok", value)
     else:
         todo = "the network runs on the processor; with an NVIDIA GPU, install its driver and a CUDA build of torch"
         cuda = item("CUDA", "skipped", problem, todo)
@@ -170,23 +173,52 @@ def _probe_interop() -> list[dict]:
 
     if problem := cuda_problem():
         return [item("interop", "skipped", f"OpenGL to CUDA: {problem}; frames are copied through memory")]
-    from viewer.render.bridge import CudaBridge
     from viewer.render.context import create_context
+    from viewer.render.shader import Programs
 
-    todo = "frames are copied through memory, which is right but slower"
     try:
         context = create_context()
-        bridge = CudaBridge(context, (64, 48))
     except PointglassError as error:
-        return [item("interop", "warn", str(error), todo)]
-    try:
-        passed = bridge_works(context, bridge, (64, 48))
-    finally:
-        bridge.release()
-    if passed:
-        return [item("interop", "ok", "OpenGL buffers are mapped into CUDA and back, nothing is copied")]
-    wrong = "a buffer mapped into CUDA came back with wrong numbers"
-    return [item("interop", "fail", wrong, "update the driver; until then use --device cpu")]
+        return [item("interop", "warn", str(error), "frames are copied through memory, which is right but slower")]
+    return [interop_item(Programs(context))]
+
+
+def interop_item(programs: "Programs") -> dict:
+    """Whether OpenGL's buffers can be mapped into CUDA, by each library that could; the first that works is used.
+
+    Making a bridge runs the test: a pattern written by OpenGL, changed by torch, read by OpenGL.
+    """
+    from viewer.render.cuda_bridge import MAPPERS, CudaBridge
+
+    found: dict[str, str | None] = {}
+    for name in MAPPERS:
+        try:
+            CudaBridge(programs, (64, 48), (name,)).release()
+            found[name] = None
+        except PointglassError as error:
+            found[name] = str(error)
+    works = [name for name, problem in found.items() if problem is None]
+    broken = [problem for problem in found.values() if problem is not None]
+    where = _gl_cuda_device()
+    if not works:
+        return item("interop", "warn", "; ".join(broken) + where, "frames are copied through memory, which is right but slower")
+    value = f"OpenGL buffers are mapped into CUDA by {works[0]}, nothing is copied; self-test passed{where}"
+    if broken:
+        return item("interop", "ok", f"{value}; not by the other: {'; '.join(broken)}")
+    return item("interop", "ok", f"{value}; {' and '.join(works[1:])} would do too" if works[1:] else value)
+
+
+def _gl_cuda_device() -> str:
+    """Which EGL device is torch's CUDA device, where there is a choice."""
+    from viewer.render.egl import cuda_numbers, current_cuda_number, matching_device
+
+    numbers = cuda_numbers()
+    if len(numbers) < 2:
+        return ""
+    chosen = matching_device()
+    return f"; CUDA device {current_cuda_number()} is " + (
+        "none that EGL knows for certain" if chosen is None else f"EGL device {chosen} of {len(numbers)}"
+    )
 
 
 PROBES: dict[str, Callable[[], list[dict]]] = {
@@ -201,52 +233,18 @@ def compute_works(context: "moderngl.Context") -> bool:
     """Mixes random words in a compute pass and compares each with NumPy's."""
     import numpy as np
 
+    from viewer.render.self_test import run_self_test
     from viewer.render.shader import Programs
 
     programs = Programs(context)
     words = np.random.default_rng(0).integers(0, 2**32, _WORDS, np.uint32)
     source, target = context.buffer(words.tobytes()), context.buffer(reserve=words.nbytes)
-    _run(programs, 0, source, target, _WORDS)
+    run_self_test(programs, 0, source, target, _WORDS)
     made = np.frombuffer(target.read(), np.uint32)
     index = np.arange(_WORDS, dtype=np.uint32)
     for owned in (source, target, programs):
         owned.release()
     return bool(np.array_equal(made, words * np.uint32(1664525) + (index ^ np.uint32(1013904223))))
-
-
-def bridge_works(context: "moderngl.Context", bridge: "Bridge", size: tuple[int, int]) -> bool:
-    """OpenGL writes a pattern, torch doubles it and adds one, OpenGL reads it.  size: the bridge's width and height."""
-    import numpy as np
-
-    from model.reconstruct import PACKED_IN, PACKED_OUT
-    from viewer.render.shader import Programs
-
-    class Doubler:
-        device = "cpu"
-
-        def __call__(self, packed):
-            return (packed[..., :PACKED_OUT] * 2 + 1).contiguous()
-
-    pixels = size[0] * size[1]
-    programs = Programs(context)
-    target = context.buffer(reserve=4 * PACKED_OUT * pixels)
-    _run(programs, 1, bridge.input, target, PACKED_IN * pixels // 2)
-    bridge.run(Doubler())  # type: ignore[arg-type]
-    _run(programs, 2, bridge.output, target, PACKED_OUT * pixels // 2)
-    made = np.frombuffer(target.read(), np.uint32).reshape(pixels, PACKED_OUT)
-    sent = (np.arange(PACKED_IN * pixels) % 1021).reshape(pixels, PACKED_IN)[:, :PACKED_OUT]
-    target.release()
-    programs.release()
-    return bool(np.array_equal(made, 2 * sent + 1))
-
-
-def _run(programs, mode: int, source, target, count: int) -> None:
-    program = programs.compute("self_test.comp", MODE=mode, IN_BINDING=0, OUT_BINDING=1)
-    source.bind_to_storage_buffer(0)
-    target.bind_to_storage_buffer(1)
-    program["count"] = count
-    program.run(-(-count // 64))
-    programs.context.memory_barrier()
 
 
 def _last(problems: list[str]) -> str:

@@ -85,6 +85,19 @@ class Settings:
             raise InputError(f"level of detail {self.lod!r}: expected points per pixel above 0")
 
 
+@dataclass(frozen=True)
+class Memory:
+    """What a scene's points may take, in bytes; an exact picture is the same with any.
+
+    gpu: on the GPU; None: as much as seems right for the device.  read_ahead: in main memory, on their way there.
+    """
+
+    gpu: int | None = None
+    read_ahead: int = 256 << 20
+
+
+MEMORY = Memory()
+
 CHOICES: dict[str, dict[str, str]] = {
     "view": VIEWS,
     "raster": RASTERS,

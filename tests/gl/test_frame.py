@@ -108,12 +108,12 @@ def test_pages_and_bands_change_no_pixel(context, drawn, monkeypatch):
     small = Renderer(context, scene)
     limited = 16 * 160 * 17  # 17 rows of colour sums
     small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited})
-    small._pages.release()
+    small.pages.release()
     from viewer.render.points import PointPages
 
-    small._pages = PointPages(context, scene, limited)
+    small.pages = PointPages(context, scene, limited)
     try:
-        assert len(small._pages.buffers) > 3
+        assert len(small.pages.buffers) > 3
         for kind in ("compute", "points"):
             a = whole.render(camera, Settings(raster=kind), views=ALL)
             expected = [a.image(v).tobytes() for v in ALL] + [a.depth().tobytes()]

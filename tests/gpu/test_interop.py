@@ -1,55 +1,211 @@
-"""OpenGL and CUDA on one GPU: the mapped bridge against the copying one.  Skipped, saying why, where there is none."""
+"""OpenGL and CUDA on one GPU: the mapped bridges against the copying one, over sizes, many frames, two at once, and a loss."""
+
+import resource
+import subprocess
+import sys
 
 import numpy as np
 import pytest
+import torch
+from needs import absent
 
-from model.reconstruct import PACKED_IN, Reconstructor, cuda_problem
+from model.engines import Runner
+from model.reconstruct import PACKED_IN, PACKED_OUT, Reconstructor
 from viewer.errors import DeviceError
-from viewer.render.bridge import CudaBridge, ReadBackBridge
-from viewer.render.context import create_context
+from viewer.render import neural
+from viewer.render.bridge import Bridge, ReadBackBridge, make_bridge, works
+from viewer.render.cuda_bridge import MAPPERS, CudaBridge
+from viewer.render.shader import Programs
 
 pytestmark = pytest.mark.gpu
 
+SIZES = [(96, 64), (33, 17), (1, 1), (961, 719), (1920, 1440)]
 
-@pytest.fixture(scope="module")
-def bridges():
-    problem = cuda_problem()
-    if problem:
-        pytest.skip(f"no CUDA here: {problem}")
-    context = create_context()
+
+class Mixer:
+    """Takes something from every channel and every row, exactly in half precision whatever computes it."""
+
+    device = "cuda"
+
+    def __call__(self, packed: torch.Tensor) -> torch.Tensor:
+        return (packed.flip(0)[..., :PACKED_OUT] + packed[..., PACKED_OUT:] * 2).contiguous()
+
+
+def mapped_bridge(programs: Programs, size: tuple[int, int], mapper: str) -> CudaBridge:
     try:
-        mapped = CudaBridge(context, (96, 64))
+        return CudaBridge(programs, size, (mapper,))
     except DeviceError as error:
-        pytest.skip(str(error))
-    copied = ReadBackBridge(context, (96, 64))
-    yield mapped, copied
-    mapped.release()
-    copied.release()
-    context.release()
+        absent(str(error))
+        raise
 
 
-def test_mapped_and_copied_pixels_are_equal_to_the_bit(bridges):
-    mapped, copied = bridges
-    network = Reconstructor("balanced", filtered=True, device="cuda")
-    pixels = np.random.default_rng(0).random((64, 96, PACKED_IN)).astype(np.float16)
-    made = []
-    for bridge in (mapped, copied):
-        bridge.input.write(pixels)
-        bridge.run(network)
-        made.append(bridge.output.read())
-    assert made[0] == made[1]
+def pixels_for(bridge: Bridge, generator: np.random.Generator) -> np.ndarray:
+    return generator.random((bridge.size[1], bridge.size[0], PACKED_IN)).astype(np.float16)
 
 
-def test_many_frames_do_not_grow(bridges):
-    import torch
+def through(bridge: Bridge, pixels: np.ndarray, network) -> bytes:
+    bridge.input.write(pixels)
+    bridge.output.write(np.full((*pixels.shape[:2], PACKED_OUT), np.nan, np.float16))
+    bridge.run(network)
+    return bridge.output.read()
 
-    mapped, _ = bridges
-    network = Reconstructor("balanced", filtered=True, device="cuda")
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("mapper", list(MAPPERS))
+def test_mapped_and_copied_pixels_are_equal_to_the_bit(programs, mapper, size):
+    seed = int(np.random.default_rng().integers(2**31))
+    generator = np.random.default_rng(seed)
+    mapped, copied = mapped_bridge(programs, size, mapper), ReadBackBridge(programs.context, size)
+    runner = Runner(Reconstructor("fast", filtered=True, device="cuda"), size[1], size[0])
+    for network in (Mixer(), runner, Mixer()):
+        pixels = pixels_for(mapped, generator)
+        assert through(mapped, pixels, network) == through(copied, pixels, network), f"seed {seed}"
+    for owned in (mapped, copied, runner):
+        owned.release()
+
+
+def test_the_self_test_covers_large_pictures(programs):
+    bridge, why = make_bridge(programs, (3840, 2160), "cuda")
+    if bridge.kind == "read-back":
+        absent(str(why))
+    assert works(programs, bridge, "cuda")
+    bridge.release()
+
+
+@pytest.mark.parametrize("mapper", list(MAPPERS))
+def test_ten_thousand_frames_do_not_grow(programs, mapper):
+    """Nor do they allocate device memory, or wait for the device as far as torch can tell."""
+    size = 96, 64
+    bridge = mapped_bridge(programs, size, mapper)
+    runner = Runner(Reconstructor("fast", filtered=True, device="cuda"), size[1], size[0])
+    assert runner.engine == "graph", runner.problem
+    bridge.input.write(pixels_for(bridge, np.random.default_rng(0)))
+    for _ in range(200):
+        bridge.run(runner)
+    first = bridge.output.read()
+    torch.cuda.synchronize()
+    allocated, free = torch.cuda.memory_stats(), torch.cuda.mem_get_info()[0]
+    resident = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    torch.cuda.set_sync_debug_mode("error")
+    try:
+        for _ in range(10_000):
+            bridge.run(runner)
+    finally:
+        torch.cuda.set_sync_debug_mode("default")
+    torch.cuda.synchronize()
+    after = torch.cuda.memory_stats()
+    for key in ("allocation.all.allocated", "segment.all.allocated", "reserved_bytes.all.current"):
+        assert after[key] == allocated[key], key
+    assert free - torch.cuda.mem_get_info()[0] < 8 << 20
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - resident < 16 << 10  # KiB
+    assert bridge.output.read() == first
+    for owned in (bridge, runner):
+        owned.release()
+
+
+def test_two_bridges_at_once(programs):
+    generator = np.random.default_rng(3)
+    bridges = [mapped_bridge(programs, size, mapper) for size, mapper in zip(((401, 300), (64, 64)), MAPPERS)]
+    copies = [ReadBackBridge(programs.context, bridge.size) for bridge in bridges]
     for _ in range(20):
-        mapped.run(network)
-    torch.cuda.synchronize()
-    before = torch.cuda.memory_reserved()
-    for _ in range(1000):
-        mapped.run(network)
-    torch.cuda.synchronize()
-    assert torch.cuda.memory_reserved() <= before
+        given = [pixels_for(bridge, generator) for bridge in bridges]
+        for bridge, pixels in zip(bridges, given):
+            bridge.input.write(pixels)
+            bridge.output.write(np.zeros((*pixels.shape[:2], PACKED_OUT), np.float16))
+        for bridge in bridges:
+            bridge.run(Mixer())
+        for bridge, copied, pixels in zip(bridges, copies, given):
+            assert bridge.output.read() == through(copied, pixels, Mixer())
+    for owned in (*bridges, *copies):
+        owned.release()
+
+
+def room(points: int = 300_000):
+    """A procedural room and a camera in it."""
+    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+    from viewer.bench.views import named_views
+
+    scene = procedural_scene(ProceduralScan(points))
+    return scene, named_views(scene, (320, 240))[0]
+
+
+def test_pictures_are_equal_to_read_back_ones_at_changing_sizes(programs, monkeypatch):
+    from viewer.render.renderer import Renderer
+    from viewer.settings import Settings
+
+    scene, camera = room()
+    settings = Settings(device="cuda", quality="fast")
+    made: dict[bool, list] = {}
+    for copied in (False, True):
+        if copied:
+            monkeypatch.setattr(neural, "make_bridge", lambda p, size, _device: (ReadBackBridge(p.context, size), None))
+        renderer = Renderer(programs.context, scene, raster="compute")
+        frames = []
+        for size in ((320, 240), (321, 243), (640, 480), (320, 240), (97, 61)):
+            frame = renderer.render(camera.resized(*size), settings, views=("neural",))
+            if not copied and frame.stats["bridge"].startswith("read-back"):
+                absent(frame.stats["bridge"])
+            frames.append(frame.image("neural").copy())
+        made[copied] = frames
+        renderer.release()
+    for mapped, copied in zip(made[False], made[True]):
+        assert mapped.std() > 1 and np.array_equal(mapped, copied)
+
+
+def test_no_memory_is_a_device_error(programs):
+    torch.cuda.empty_cache()
+    torch.cuda.set_per_process_memory_fraction(0.002)
+    try:
+        with pytest.raises(DeviceError, match="not enough memory"):
+            neural.NeuralStage(programs, (8000, 6000), "fast", True, None, "auto", "cuda").release()
+    finally:
+        torch.cuda.set_per_process_memory_fraction(1.0)
+
+
+LOSS = """
+import torch
+from viewer.errors import DeviceError
+from viewer.render.context import create_context
+from viewer.render.neural import NeuralStage
+from viewer.render.shader import Programs
+
+programs = Programs(create_context())
+stage = NeuralStage(programs, (64, 48), "fast", True, None, "auto", "cuda")
+stage.infer()
+programs.context.finish()
+
+class Broken:
+    device = "cuda"
+    def __call__(self, packed):
+        far = torch.full((8,), 1 << 40, device="cuda")
+        return packed.flatten()[far].sum() + packed[..., :4]
+
+stage._runner, stage.key = Broken(), ("right",)
+for _ in range(5):
+    try:
+        stage.infer()
+        torch.cuda.synchronize()
+    except DeviceError as error:
+        assert stage.key == ("failed",)
+        print("said:", error)
+        break
+    except RuntimeError as error:  # torch's own synchronise found it first: the next frame must say so
+        print("noticed:", str(error).splitlines()[0])
+stage._runner = None
+stage.release()
+"""
+
+
+def test_a_lost_device_is_reported_in_one_line(programs):
+    """A kernel that reads out of bounds: from then on every CUDA call of the process fails, as after a loss."""
+    done = subprocess.run([sys.executable, "-c", LOSS], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    (said,) = [line for line in done.stdout.splitlines() if line.startswith("said: ")]
+    assert "--device cpu" in said and "CUDA" in said
+
+
+def test_doctor_finds_the_mapping(programs):
+    from viewer import doctor
+
+    (found,) = doctor._finish("interop", doctor._start("interop"))
+    assert found["status"] == "ok" and "self-test passed" in found["value"], found

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 from cloud_files import surface, write_ply
 
 from viewer.cloud import cache, open_scene, unpack
-from viewer.cloud.convert import convert
+from viewer.cloud.chunk_reader import CHUNK, ChunkSource
+from viewer.cloud.convert import convert, convert_each
 from viewer.cloud.info import describe, format_text
 from viewer.errors import Cancelled, InputError
 from viewer.progress import set_sink
@@ -61,7 +63,8 @@ print([m for m in ("numba", "scipy", "laspy", "pye57", "open3d", "torch") if m i
 
 
 @pytest.mark.parametrize(
-    "damage", ["short points", "short offsets", "no meta", "half meta", "version", "magic", "dtype", "sizes", "offsets"]
+    "damage",
+    ["short points", "short offsets", "no meta", "half meta", "version", "magic", "dtype", "sizes", "offsets", "checksums"],
 )
 def test_a_damaged_cache_is_rebuilt_and_never_read(scan, damage):
     open_scene(scan)
@@ -85,9 +88,48 @@ def test_a_damaged_cache_is_rebuilt_and_never_read(scan, damage):
             (folder / "meta.json").write_text(json.dumps(meta | {"count": 2999}))
         case "offsets":
             np.save(folder / "offsets.npy", np.load(folder / "offsets.npy")[::-1])
+        case "checksums":
+            (folder / "checksums.npy").unlink()
     assert cache.load(folder, [scan]) is None
     same(open_scene(scan), fresh)
     assert cache.load(folder, [scan]) is not None
+
+
+def plain_checksums(raw: bytes) -> list[int]:
+    return [zlib.crc32(raw[i : i + CHUNK * 12]) for i in range(0, len(raw), CHUNK * 12)]
+
+
+@pytest.mark.parametrize("count", [1, CHUNK, 18 * CHUNK + 77])
+def test_each_chunk_has_the_checksum_of_its_bytes(scan, count):
+    points = np.random.default_rng(count).integers(0, 2**32, (count, 3), dtype=np.uint32)
+    assert cache.checksums(points).tolist() == plain_checksums(points.tobytes())
+    scene = open_scene(scan)
+    assert scene.checksums.tolist() == plain_checksums(np.load(scene.points.filename).tobytes())
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_damaged_points_are_found_when_read_and_never_drawn(scan, tmp_path, kept):
+    """The size is right, a byte is not: the cache forgets the grid and builds it anew, a folder is refused by name."""
+    out = tmp_path / "grid"
+    if not kept:
+        convert([scan], out)
+    scene = open_scene(scan if kept else out)
+    path = Path(scene.points.filename)
+    raw = bytearray(path.read_bytes())
+    raw[-5] ^= 4
+    path.write_bytes(raw)
+    source = ChunkSource(open_scene(scan if kept else out))
+    remedy = "open the scan again, which builds it anew" if kept else "convert the scan again"
+    with pytest.raises(InputError, match=rf"points\.npy: damaged grid \(points 0 to 3,000 .*\); {remedy}$") as error:
+        source.read(0, np.empty((CHUNK, 3), np.uint32))
+    assert str(path) in str(error.value)
+    if kept:
+        same(open_scene(scan), open_scene(scan, cache=False))
+        scene = open_scene(scan)
+    else:
+        convert([scan], out)
+        scene = open_scene(out)
+    assert np.array_equal(ChunkSource(scene).read(0, np.empty((CHUNK, 3), np.uint32)), scene.points)
 
 
 def test_a_changed_file_is_read_again(scan):
@@ -176,7 +218,8 @@ def test_convert_makes_a_folder_that_opens_like_a_scan(scan, tmp_path):
     convert([scan], out)
     same(open_scene(out), open_scene(scan, cache=False))
     convert([scan], out)  # again: replaces its own
-    assert sorted(p.name for p in out.iterdir()) == ["cell_coords.npy", "meta.json", "offsets.npy", "points.npy"]
+    names = ["cell_coords.npy", "checksums.npy", "meta.json", "offsets.npy", "points.npy"]
+    assert sorted(p.name for p in out.iterdir()) == names
     os.truncate(out / "points.npy", 1000)
     with pytest.raises(InputError, match="damaged grid"):
         open_scene(out)
@@ -200,6 +243,39 @@ def test_convert_refuses_a_folder_with_other_files(scan, tmp_path):
     with pytest.raises(InputError, match="is a file"):
         convert([scan], out / "thesis.txt")
     assert (out / "thesis.txt").read_text() == "years"
+
+
+def test_a_folder_of_scans_is_converted_in_shards_that_know_nothing_of_each_other(tmp_path):
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    files = [write_ply(scans / f"hall{k}.ply", *surface(400 + k)) for k in range(5)]
+    (scans / "notes.txt").write_text("no scan")
+    made = [convert_each([scans], tmp_path / "grids", shard=(part, 2)) for part in (0, 1)]
+    assert [[folder.name for folder in part] for part in made] == [["hall0", "hall2", "hall4"], ["hall1", "hall3"]]
+    for k, file in enumerate(files):
+        same(open_scene(tmp_path / "grids" / f"hall{k}"), open_scene(file, cache=False))
+    before = (tmp_path / "grids" / "hall0" / "meta.json").stat().st_mtime_ns
+    write_ply(files[2], *surface(900))
+    convert_each([scans], tmp_path / "grids")  # again: only what has changed
+    assert (tmp_path / "grids" / "hall0" / "meta.json").stat().st_mtime_ns == before
+    assert open_scene(tmp_path / "grids" / "hall2").count == 900
+
+
+def test_a_bad_scan_among_many_does_not_keep_the_others_from_being_converted(tmp_path):
+    scans = tmp_path / "scans"
+    scans.mkdir()
+    write_ply(scans / "a.ply", *surface(300))
+    (scans / "b.ply").write_text("nonsense")
+    write_ply(scans / "c.ply", *surface(300))
+    with pytest.raises(InputError, match=r"b\.ply: .*the other 2 of this shard") as caught:
+        convert_each([scans], tmp_path / "grids")
+    assert "\n" not in str(caught.value)
+    assert sorted(p.name for p in (tmp_path / "grids").iterdir()) == ["a", "c"]
+    write_ply(tmp_path / "c.ply", *surface(300))
+    with pytest.raises(InputError, match="would have the same folder"):
+        convert_each([scans, tmp_path / "c.ply"], tmp_path / "other")
+    with pytest.raises(InputError, match="holds no PLY"):
+        convert_each([tmp_path / "grids" / "a"], tmp_path / "other")
 
 
 def test_several_files_make_one_scene(scan, tmp_path):

@@ -58,11 +58,11 @@ def test_unwritable_cache_is_found(tmp_path, monkeypatch):
 
 
 BRIDGE = """
-from viewer.doctor import bridge_works
-from viewer.render.bridge import ReadBackBridge
+from viewer.render.bridge import ReadBackBridge, works
 from viewer.render.context import create_context
-context = create_context()
-assert bridge_works(context, ReadBackBridge(context, (64, 48)), (64, 48))
+from viewer.render.shader import Programs
+programs = Programs(create_context())
+assert works(programs, ReadBackBridge(programs.context, (64, 48)))
 """
 
 

@@ -120,7 +120,7 @@ def test_leaving_out_the_void_changes_nothing_that_is_shown(quality):
     shown[top : top + int(rng.integers(1, 60)), left : left + int(rng.integers(1, 60))] = True
     packed[..., VOID] = (~shown).half()
     network = Reconstructor(quality, filtered=True, device="cpu", precision="fp32")
-    cut, whole = network(packed), network._made(packed)
+    cut, whole = network(packed), network.made(packed)
     assert (cut == 0).all(2).float().mean() > 0.2, f"seed {seed}: nothing was left out"
     assert (cut - whole)[shown].abs().max() <= 1e-3, f"seed {seed}"  # half precision: one step below 1 is 5e-4
     packed[..., VOID] = 1

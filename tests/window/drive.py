@@ -101,7 +101,8 @@ class Driver:
         return self.app.canvas.read()
 
     def bare(self) -> np.ndarray:
-        """The picture alone: the interface hidden."""
+        """The picture alone, at rest: the interface hidden."""
+        self.until(lambda: not (self.session.moving or self.session.needs_picture))
         shown, self.session.interface = self.session.interface, False
         try:
             return self.canvas()
@@ -370,10 +371,10 @@ def check_failed_picture_falls_back(d: Driver) -> None:
 
     original, before = d.app.renderer.render, d.session.settings
 
-    def render(camera, settings, views=None):
+    def render(camera, settings, views=None, history=None, **how):
         if settings.soft_z == "paper-code":
             raise DeviceError("a shader does not compile")
-        return original(camera, settings, views)
+        return original(camera, settings, views, history, **how)
 
     d.app.renderer.render = render
     d.session.request(replace(before, soft_z="paper-code"))
@@ -448,6 +449,15 @@ def check_neural_view_where_there_are_weights(d: Driver) -> None:
     assert d.session.sides == ("raw", "neural") and d.bare().std() > 5
     d.key("V")
     d.key("3")
+
+
+def check_a_flight_leaves_out_what_is_hidden_and_ends_exact(d: Driver) -> None:
+    d.key("3")
+    d.key("W", "down")
+    d.until(lambda: d.session.moving and "hidden cells skipped" in d.session.approximations)
+    d.key("W", "up")
+    assert np.array_equal(d.bare(), d.rendered()) and not d.session.approximations
+    d.key("H")
 
 
 def check_no_gl_error_is_left(d: Driver) -> None:

@@ -54,6 +54,7 @@ def build_scene(files: list[Path], allocate, *, match: bool = True) -> Scene:
         "units": _common([source.units for source in sources], "mixed"),
         "metres_per_unit": _common([source.metres_per_unit for source in sources], None),
         "crs": _common([source.crs for source in sources], "mixed"),
+        "match": match,
         "warnings": [],
     }
     if len({source.metres_per_unit for source in sources}) > 1:

@@ -1,7 +1,8 @@
 """Built grids on disk: a folder of plain .npy files and a meta.json, memory-mapped when opened.
 
 A grid is written into a sibling folder and renamed in one step, so that it is there whole or not at all.  What is torn,
-stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.
+stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.  Whether
+the points are still those written is checked chunk by chunk as they are read (viewer.cloud.chunk_reader).
 """
 
 import errno
@@ -11,21 +12,25 @@ import os
 import secrets
 import shutil
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud.scene import Scene
+from viewer.cloud.chunk_reader import checksum
+from viewer.cloud.scene import CHUNK, Scene
 from viewer.errors import InputError
 from viewer.paths import cache_dir
+from viewer.progress import progress
 
-MAGIC, VERSION = "pointglass grid", 2
+MAGIC, VERSION = "pointglass grid", 3
 _META = "meta.json"
-_ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8")}
+_ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4")}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _SPARE = 64 << 20  # bytes left free on the disk
+_JOB = 16  # chunks a thread sums at a time
 
 
 class CacheError(InputError):
@@ -87,6 +92,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
     offsets = np.array(arrays["offsets"])
     layers, count = int(head["layers"]), int(head["count"])
     fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
+    fits = fits and arrays["checksums"].shape == (-(-count // CHUNK),)
     if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
         raise ValueError("its arrays do not fit together")
     origin, bounds = np.array(head["origin"], np.float64), np.array(head["bounds"], np.float64)
@@ -94,7 +100,21 @@ def _read(folder: Path, identity: list | None) -> Scene:
     if origin.shape != (3,) or bounds.shape != (2, 3) or not np.isfinite(numbers).all() or not min(numbers[:2]) > 0:
         raise ValueError("its numbers are not usable")
     size, spacing = float(head["cell_size"]), float(head["spacing"])
-    return Scene(points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"])
+    return Scene(
+        points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
+        np.array(arrays["checksums"]),
+    )  # fmt: skip
+
+
+def distrust(folder: Path) -> str:
+    """The points of a grid turned out damaged: one in the cache is not used again.  Returns what a person is to do."""
+    if folder.parent.absolute() != cache_dir().absolute():
+        return "convert the scan again"
+    try:
+        (folder / _META).unlink(missing_ok=True)
+    except OSError:
+        return f"delete {folder} and open the scan again"
+    return "open the scan again, which builds it anew"
 
 
 def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, keep_old: bool) -> Scene:
@@ -129,13 +149,14 @@ def _points_file(work: Path, count: int) -> np.ndarray:
 
 
 def _write(work: Path, scene: Scene, identity: list) -> None:
-    np.save(work / "cell_coords.npy", scene.cell_coords.astype("<i4"), allow_pickle=False)
-    np.save(work / "offsets.npy", scene.offsets.astype("<i8"), allow_pickle=False)
+    arrays = {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
+    for name, array in arrays.items():
+        np.save(work / f"{name}.npy", array.astype(_ARRAYS[name]), allow_pickle=False)
     head = {
         "magic": MAGIC,
         "version": VERSION,
         "identity": identity,
-        "shapes": {name: list(getattr(scene, name).shape) for name in _ARRAYS},
+        "shapes": {name: list(array.shape) for name, array in {"points": scene.points, **arrays}.items()},
         "origin": scene.origin.tolist(),
         "cell_size": float(scene.cell_size),
         "layers": scene.layers,
@@ -145,6 +166,28 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "meta": scene.meta,
     }
     (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")
+
+
+def checksums(points: np.ndarray) -> np.ndarray:
+    """(ceil(N / CHUNK),) uint32: the checksum of each chunk of points (N, 3) uint32, by as many threads as build grids."""
+    from viewer.cloud.grid import processors
+
+    sums = np.zeros(-(-len(points) // CHUNK), np.uint32)
+
+    def run(start: int) -> int:
+        stop = min(start + _JOB, len(sums))
+        for chunk in range(start, stop):
+            sums[chunk] = checksum(points[chunk * CHUNK : (chunk + 1) * CHUNK])
+        return stop - start
+
+    pool = ThreadPoolExecutor(processors(), "checksum")
+    try:
+        with progress(len(sums), "checking the grid", " chunks") as meter:
+            for done in pool.map(run, range(0, len(sums), _JOB)):
+                meter.update(done)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return sums
 
 
 def _release(points: np.ndarray) -> None:

@@ -25,3 +25,46 @@ def convert(paths: list[Path], out: Path, *, match: bool = True) -> Scene:
     if out.is_dir() and not cache.is_grid(out) and any(out.iterdir()):
         raise InputError(f"{out}: holds other files; give a new or empty folder to --out")
     return cache.build_into(out.absolute(), files, partial(build_scene, match=match), keep_old=True)
+
+
+def scans_in(paths: list[Path]) -> list[Path]:
+    """Files as they are, folders as the scans directly inside them, by name.  Raises InputError where there are none."""
+    from viewer.cloud.source import is_scan
+
+    found: list[Path] = []
+    for path in as_paths(paths):
+        inside = sorted(file for file in path.iterdir() if is_scan(file)) if path.is_dir() else [path]
+        if not inside:
+            raise InputError(f"{path}: holds no PLY, LAS, LAZ, COPC or E57 file")
+        found += inside
+    return list(dict.fromkeys(found))
+
+
+def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True) -> list[Path]:
+    """Builds the grid of every scan by itself, into ``out/NAME``; returns the folders, those kept from earlier included.
+
+    paths: files, or folders of scans.  shard: (i, n), only every n-th scan starting at the i-th, so that n processes or
+    machines share the work knowing nothing of each other.  A scan that cannot be read does not keep the others from being
+    converted.  Raises InputError at the end, naming the first such and how many there were, and at once where two scans
+    would share a name.
+    """
+    files = scans_in(paths)
+    names: dict[str, Path] = {}
+    for file in files:
+        if file.stem in names:
+            raise InputError(f"{file}: {names[file.stem]} would have the same folder, {out / file.stem}; convert them apart")
+        names[file.stem] = file
+    made, wrong = [], []
+    for name, file in list(names.items())[shard[0] :: shard[1]]:
+        folder = out / name
+        try:
+            kept = cache.load(folder, [file])
+            if kept is None or kept.meta.get("match") != match:
+                convert([file], folder, match=match)
+            made.append(folder)
+        except InputError as error:
+            wrong.append(str(error))
+    if wrong:
+        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+        raise InputError(f"{wrong[0]}{more}; the other {len(made)} of this shard are in {out}")
+    return made

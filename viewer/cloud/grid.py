@@ -27,6 +27,8 @@ TARGET = 8192
 _BLOCK = 1 << 18  # points packed before they are placed: packed and bucket numbers stay in the processor's cache
 _BULK = 0.95  # share of the points that decides on the cell size, so that scattered outliers do not
 _STEPS_APART = 4  # neighbouring points lie at least so many packed positions apart
+_COINCIDING = 0.02  # share of points packed into one place with their neighbours from which finer cells are tried
+_PARTED = 0.75  # share of those that must be left for finer cells to have been in vain
 _ATTEMPTS = 4
 
 Allocate = Callable[[int], np.ndarray]
@@ -85,22 +87,31 @@ def build_grid(
         clock.lap("count")
         points = allocate(survey.count)
         layout, steps = choose_layout(survey), 0.0
+        coinciding, coarsest = 0.0, None
         for attempt in range(_ATTEMPTS):
             clock.lap("cells")
             _scatter(sources, colours, survey, layout, points, pool)
             clock.lap("place")
-            steps = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
+            steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
             clock.lap("spacing")
-            if steps >= _STEPS_APART or attempt == _ATTEMPTS - 1 or not np.ptp(survey.bounds, axis=0).any():
+            resolved = steps >= _STEPS_APART and coinciding <= _COINCIDING
+            if resolved or attempt == _ATTEMPTS - 1 or not np.ptp(survey.bounds, axis=0).any():
                 break
             # tight clusters far apart: the cells are too coarse for points this close, so once more with finer ones
-            size = power_of_two(layout.cell_size * max(steps, 1 / 16) / (4 * _STEPS_APART))
+            if attempt == 0 and (steps >= _STEPS_APART or not steps):
+                coarsest = survey, layout, steps, coinciding
+            smallest = 1 / 16 if coinciding > _COINCIDING else max(steps, 1 / 16)
+            size = power_of_two(layout.cell_size * smallest / (4 * _STEPS_APART))
             if survey.cell_size > size:
                 finer = survey_points(sources, None, pool, size)
                 if finer.count != survey.count or finer.cell_size >= layout.cell_size:
                     break
                 survey = finer
             layout = choose_layout(survey, size)
+        if coarsest and coarsest[1] is not layout and coinciding > _PARTED * coarsest[3]:
+            survey, layout, steps, _ = coarsest  # the same points over and over: no cells part them
+            _scatter(sources, colours, survey, layout, points, pool)
+            clock.lap("place")
     return _finish(sources, survey, layout, points, steps, meta)
 
 
@@ -110,7 +121,7 @@ def _finish(sources, survey: Survey, layout: Layout, points, steps: float, meta:
     spacing = (steps or STEPS / 64) * layout.cell_size / STEPS
     meta["dropped"] = {"nan": survey.dropped[0], "invalid": survey.dropped[2], "stray": survey.dropped[1]}
     meta["warnings"] += _drop_warnings(survey)
-    _check_precision(sources, survey, spacing, meta["warnings"])
+    _check_precision(sources, survey, spacing if steps else _even_spacing(survey), meta["warnings"])
     _list_scans(sources, survey, points, meta)
     origin = np.asarray(layout.base * layout.cell_size)
     return Scene(
@@ -219,6 +230,13 @@ def _drop_warnings(survey: Survey) -> list[str]:
         (stray, "stray points absurdly far from the rest left out"),
     ]
     return [f"{n:,} {what}" for n, what in said if n]
+
+
+def _even_spacing(survey: Survey) -> float:
+    """Spacing if the points were spread over a square of the scan's extent: where none could be measured, because no two
+    places differ, this tells points that are equal from points that their coordinates cannot tell apart."""
+    extent = float(np.ptp(survey.bounds, axis=0).max())
+    return extent / np.sqrt(survey.count) if extent > 0 else np.inf
 
 
 def _check_precision(sources: list[Source], survey: Survey, spacing: float, warnings: list[str]) -> None:

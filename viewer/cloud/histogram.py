@@ -15,6 +15,7 @@ SLICES = 2
 """Tables filled side by side.  Fixed, not the number of processors, so that every machine builds the same grid."""
 MAX_CELLS = 1 << 18
 _REACH = 1 << 30  # cells either side of the middle of the scan
+_FARTHEST = 1e20  # file units from zero; beyond it a number is no position: a light year has 1e16 m, GPU floats end at 3e38
 _DENSE = 1 << 24  # cells of a box looked up without searching
 _LOST = 0.01  # share of a chunk out of reach that is taken for a part of the scan and not for stray points
 
@@ -45,12 +46,13 @@ class Histogram:
     def __init__(self, sample: np.ndarray, expected: int, cell_size: float | None = None):
         wanted = int(np.clip(expected // 1024, 8192, MAX_CELLS // 4))
         sample = sample[:: max(1, len(sample) // (8 * wanted))]
-        sample = sample[np.isfinite(sample).all(axis=1)]
+        sample = sample[_near(sample)]
         if len(sample) == 0:
             sample = np.zeros((1, 3))
         self.cell_size = cell_size or _first_cell_size(sample, wanted)
         self.base = np.floor(np.quantile(sample, 0.5, axis=0, method="nearest") / self.cell_size)
-        self.reach = np.stack([self.base - _REACH, self.base + _REACH]) * self.cell_size
+        reach = np.stack([self.base - _REACH, self.base + _REACH]) * self.cell_size
+        self.reach = np.clip(reach, -_FARTHEST, _FARTHEST)
         self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
         self.seen = 0
         self._limit = MAX_CELLS if cell_size else 4 * wanted
@@ -83,14 +85,17 @@ class Histogram:
             self._make_room()
         self.seen += len(xyz)
         if self.dropped[1] - stray_before > _LOST * len(xyz):
-            raise OutOfReach(self._wide_enough(xyz))
+            wider = self._wide_enough(xyz)
+            if wider > self.cell_size:  # else no size would do: what is out of reach is no position
+                raise OutOfReach(wider)
 
     def _wide_enough(self, xyz: np.ndarray) -> float:
-        finite = xyz[np.isfinite(xyz).all(axis=1)]
-        middle = self.reach.mean(axis=0)
-        # halved, so that no far coordinate overflows; the furthest tolerated share stays stray
-        distance = np.quantile(np.abs(finite / 2 - middle / 2).max(axis=1), 1 - _LOST, method="higher")
-        return 4 * power_of_two(float(distance) / _REACH * 2)
+        near = xyz[_near(xyz)]
+        if len(near) == 0:
+            return 0.0
+        # the furthest tolerated share stays stray
+        distance = np.quantile(np.abs(near - self.reach.mean(axis=0)).max(axis=1), 1 - _LOST, method="higher")
+        return 4 * power_of_two(float(distance) / _REACH)
 
     def _make_room(self) -> None:
         """Cells twice as large."""
@@ -122,6 +127,11 @@ class Histogram:
         return merge(cells, np.concatenate([self._used_counts(i) for i in range(SLICES)]))
 
 
+def _near(xyz: np.ndarray) -> np.ndarray:
+    """(n,) bool: points that are positions, and no NaN, infinity or number beyond any place."""
+    return np.abs(xyz).max(axis=1) <= _FARTHEST
+
+
 def _first_cell_size(sample: np.ndarray, wanted: int) -> float:
     """The smallest cells of which the sample, (n, 3) finite, occupies no more than ``wanted``.
 
@@ -129,7 +139,8 @@ def _first_cell_size(sample: np.ndarray, wanted: int) -> float:
     """
     low, high = np.quantile(sample, (0.02, 0.98), axis=0, method="nearest")
     extent = float((high - low).max()) or float(np.ptp(sample, axis=0).max())
-    finest = float(np.abs(sample).max()) * 2.0**-36  # 2**16 positions of at least 2**-52 of the coordinate itself
+    # 2**16 positions of at least 2**-52 of the coordinate itself; of the bulk's, or one stray would decide for all
+    finest = float(max(np.abs(low).max(), np.abs(high).max())) * 2.0**-36
     if not extent > 0:
         return power_of_two(max(1.0, finest))
     size = power_of_two(max(extent / 4096, 2 * finest))

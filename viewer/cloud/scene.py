@@ -14,6 +14,8 @@ import numpy as np
 
 STEPS = 65536
 """Positions a coordinate can take inside a cell."""
+CHUNK = 65536
+"""Points in a chunk: what is read, checked and kept on the GPU as one piece (768 KiB)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +33,7 @@ class Scene:
     spacing: file units, 1/sqrt(points per surface area), the median over the scan.
     bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
     meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, dropped, warnings.
+    checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
     """
 
     points: np.ndarray
@@ -43,6 +46,7 @@ class Scene:
     spacing: float
     bounds: np.ndarray
     meta: dict = field(default_factory=dict)
+    checksums: np.ndarray | None = None
 
     @property
     def step(self) -> float:

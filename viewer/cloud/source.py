@@ -91,6 +91,11 @@ def check_file(path: Path) -> None:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
 
 
+def is_scan(path: Path) -> bool:
+    """Whether a file's name is that of a scan; what it holds is seen on opening."""
+    return path.suffix.lower() in _SUFFIXES and path.is_file()
+
+
 def open_source(path: Path) -> Source:
     """The reader for ``path``, chosen by the file's first bytes; a misleading suffix earns a warning."""
     check_file(path)

@@ -1,8 +1,9 @@
 """Between OpenGL and torch: the network's pixels, through CUDA mapping where both share a GPU, else by read-back.
 
-A storage buffer maps to CUDA as plain memory (a texture would map as an opaque array), so the fill pass writes the
-network's layout straight into ``input`` and the network's result is read by OpenGL from ``output``.  Both are mapped
-once a frame; on that path nothing passes through the host.
+A bridge owns what the fill pass writes (``input``: (H, W, PACKED_IN) half floats) and what the picture is made from
+(``output``: (H, W, PACKED_OUT)).  Mapping (viewer/render/cuda_bridge.py) is tried first, by cuda.core, then by
+cuda.bindings; the copy through host memory here is the last resort and the reference.  None is trusted before a pattern
+written by OpenGL and changed by torch has come back right.
 """
 
 from typing import TYPE_CHECKING, Protocol
@@ -11,22 +12,50 @@ import numpy as np
 
 from model.reconstruct import PACKED_IN, PACKED_OUT
 from viewer.errors import DeviceError
+from viewer.render.self_test import run_self_test
 
 if TYPE_CHECKING:
     import moderngl
     import torch
 
-    from model.reconstruct import Reconstructor
+    from viewer.render.shader import Programs
+
+TESTED = 4096
+"""Pixels that the self-test compares."""
+
+
+class Pixels(Protocol):
+    """What a bridge's input and output are: a buffer, or a part of one.  size: bytes."""
+
+    @property
+    def size(self) -> int: ...
+
+    def bind_to_storage_buffer(self, binding: int = 0) -> None: ...
+    def read(self) -> bytes: ...
+    def write(self, data) -> None: ...
+
+
+class Network(Protocol):
+    """What a bridge runs: (H, W, PACKED_IN) half -> (H, W, PACKED_OUT) half, on ``device``."""
+
+    device: str
+
+    def __call__(self, packed: "torch.Tensor") -> "torch.Tensor": ...
 
 
 class Bridge(Protocol):
-    """Owns the two buffers for one picture size.  kind: how pixels travel, for every place that shows it."""
+    """Owns the pixels for one picture size.  kind: how they travel, for every place that shows it."""
 
     kind: str
-    input: "moderngl.Buffer"
-    output: "moderngl.Buffer"
+    size: tuple[int, int]
 
-    def run(self, network: "Reconstructor") -> None:
+    @property
+    def input(self) -> Pixels: ...
+
+    @property
+    def output(self) -> Pixels: ...
+
+    def run(self, network: Network) -> None:
         """Reads ``input``, runs the network, writes ``output``."""
         ...
 
@@ -41,98 +70,60 @@ class ReadBackBridge:
     def __init__(self, context: "moderngl.Context", size: tuple[int, int]):
         import torch
 
-        self._context = context
+        self._context, self.size = context, size
         width, height = size
-        self.input = context.buffer(reserve=2 * PACKED_IN * width * height)
-        self.output = context.buffer(reserve=2 * PACKED_OUT * width * height)
+        self.input: moderngl.Buffer = context.buffer(reserve=2 * PACKED_IN * width * height)
+        self.output: moderngl.Buffer = context.buffer(reserve=2 * PACKED_OUT * width * height)
         self._host = np.empty((height, width, PACKED_IN), np.float16)
         self._torch = torch.from_numpy(self._host)
 
-    def run(self, network: "Reconstructor") -> None:
+    def run(self, network: Network) -> None:
         self._context.memory_barrier()
         self.input.read_into(self._host)
         made = network(self._torch.to(network.device))
-        self.output.write(made.cpu().numpy())
+        self.output.write(np.ascontiguousarray(made.cpu().numpy()))
 
     def release(self) -> None:
         self.input.release()
         self.output.release()
 
 
-class CudaBridge:
-    """Maps both buffers into CUDA: nothing is copied through the host.
-
-    Raises DeviceError where the buffers cannot be registered (another GPU draws than computes, no cuda.core, VirtualGL).
-    """
-
-    kind = "CUDA mapping"
-
-    def __init__(self, context: "moderngl.Context", size: tuple[int, int]):
-        try:
-            import torch
-            from cuda.core import Device, GraphicsResource  # type: ignore[import-not-found]
-        except ImportError as error:
-            raise DeviceError(f"CUDA mapping needs the cuda extra (pip install 'pointglass[cuda]'): {error}") from None
-        width, height = size
-        self.input = context.buffer(reserve=2 * PACKED_IN * width * height)
-        self.output = context.buffer(reserve=2 * PACKED_OUT * width * height)
-        self._shapes = (height, width, PACKED_IN), (height, width, PACKED_OUT)
-        self._resources: list = []
-        try:
-            device = Device(torch.cuda.current_device())
-            device.set_current()
-            # torch's own stream, so that the mapping is ordered with the network without a device-wide wait
-            self._stream = device.create_stream(_TorchStream(torch.cuda.current_stream().cuda_stream))
-            self._resources += [
-                GraphicsResource.from_gl_buffer(self.input.glo, flags="read_only"),
-                GraphicsResource.from_gl_buffer(self.output.glo, flags="write_discard"),
-            ]
-        except Exception as error:
-            self.release()
-            raise DeviceError(f"OpenGL buffers cannot be mapped into CUDA here: {str(error).splitlines()[0]}") from None
-
-    def run(self, network: "Reconstructor") -> None:
-        source, target = self._resources
-        with source.map(stream=self._stream) as pixels, target.map(stream=self._stream) as picture:
-            packed = _as_tensor(pixels, self._shapes[0])
-            _as_tensor(picture, self._shapes[1]).copy_(network(packed), non_blocking=True)
-
-    def release(self) -> None:
-        for resource in self._resources:
-            resource.close()
-        self._resources = []
-        self.input.release()
-        self.output.release()
-
-
-class _TorchStream:
-    """torch's stream in the form cuda.core takes foreign streams."""
-
-    def __init__(self, handle: int):
-        self._handle = handle
-
-    def __cuda_stream__(self) -> tuple[int, int]:
-        return 0, self._handle
-
-
-class _DeviceMemory:
-    """Mapped memory as an array that torch reads without copying."""
-
-    def __init__(self, pointer: int, shape: tuple[int, ...]):
-        self.__cuda_array_interface__ = {"shape": shape, "typestr": "<f2", "data": (pointer, False), "version": 3}
-
-
-def _as_tensor(buffer, shape: tuple[int, ...]) -> "torch.Tensor":
-    import torch
-
-    return torch.as_tensor(_DeviceMemory(int(buffer.handle), shape), device="cuda")
-
-
-def make_bridge(context: "moderngl.Context", size: tuple[int, int], device: str) -> tuple[Bridge, str | None]:
-    """The bridge for a device, and why the CUDA mapping is not used where it could have been."""
+def make_bridge(programs: "Programs", size: tuple[int, int], device: str) -> tuple[Bridge, str | None]:
+    """The bridge for a device, and why a better one is not used where one could have been."""
     if device != "cuda":
-        return ReadBackBridge(context, size), None
+        return ReadBackBridge(programs.context, size), None
+    from viewer.render.cuda_bridge import CudaBridge
+
     try:
-        return CudaBridge(context, size), None
+        mapped = CudaBridge(programs, size)
     except DeviceError as error:
-        return ReadBackBridge(context, size), str(error)
+        return ReadBackBridge(programs.context, size), str(error)
+    return mapped, mapped.problem
+
+
+def works(programs: "Programs", bridge: Bridge, device: str = "cpu") -> bool:
+    """OpenGL writes a pattern, torch doubles it and adds one, OpenGL reads it back: whether that came out right.
+
+    Compares the first TESTED pixels.  device: where torch works.
+    """
+    pixels = min(bridge.size[0] * bridge.size[1], TESTED)
+    target = programs.context.buffer(reserve=4 * PACKED_OUT * pixels)
+    try:
+        run_self_test(programs, 1, bridge.input, target, PACKED_IN * pixels // 2)
+        bridge.run(_Doubler(device))
+        run_self_test(programs, 2, bridge.output, target, PACKED_OUT * pixels // 2)
+        made = np.frombuffer(target.read(), np.uint32).reshape(pixels, PACKED_OUT)
+    finally:
+        target.release()
+    sent = (np.arange(PACKED_IN * pixels) % 1021).reshape(pixels, PACKED_IN)[:, :PACKED_OUT]
+    return bool(np.array_equal(made, 2 * sent + 1))
+
+
+class _Doubler:
+    """The self-test's network."""
+
+    def __init__(self, device: str):
+        self.device = device
+
+    def __call__(self, packed: "torch.Tensor") -> "torch.Tensor":
+        return (packed[..., :PACKED_OUT] * 2 + 1).contiguous()

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from viewer.errors import DeviceError
+from viewer.render.egl import matching_device
 
 if TYPE_CHECKING:
     import moderngl
@@ -26,12 +27,15 @@ class Device:
 
 
 def create_context(*, headless: bool = True) -> "moderngl.Context":
-    """An OpenGL 4.3 context: standalone through EGL, or that of the current window.  Raises DeviceError (exit code 3)."""
+    """An OpenGL 4.3 context: standalone through EGL, or that of the current window.  Raises DeviceError (exit code 3).
+
+    With several GPUs the headless one is made on torch's CUDA device, so that its buffers can be mapped.
+    """
     import moderngl
 
     try:
         if headless:
-            context = moderngl.create_context(standalone=True, backend="egl", require=REQUIRED)  # type: ignore[call-arg]
+            context = _standalone()
         else:
             context = moderngl.create_context(require=REQUIRED)
     except Exception as error:  # moderngl and glcontext raise plain Exception for every cause
@@ -42,6 +46,24 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
         ) from None
     context.gc_mode = None  # type: ignore[assignment]  # every resource here has an owner that releases it
     return context
+
+
+def _standalone() -> "moderngl.Context":
+    import moderngl
+
+    wanted = {"standalone": True, "backend": "egl", "require": REQUIRED}
+    index = matching_device()
+    if index is not None:
+        try:
+            return moderngl.create_context(**wanted, device_index=index)  # type: ignore[arg-type]
+        except Exception:  # that GPU computes but does not draw: any other draws, and the bridge says what that costs
+            pass
+    return moderngl.create_context(**wanted)
+
+
+def context_lost(context: "moderngl.Context") -> bool:
+    """Whether the driver has reset and forgotten everything in this context."""
+    return context.error == "GL_CONTEXT_LOST"
 
 
 def describe_device(context: "moderngl.Context") -> Device:

@@ -1,7 +1,9 @@
 """What a camera needs of a scene: the cells in its frustum, as many layers of each as the picture can show.
 
-Everything is an array operation over cells.  World frame: the scan file's, float64; the result is handed to the GPU
-relative to the camera, in its view frame (x right, y down, z forward), so that no large coordinate ever meets float32.
+Two levels: blocks of cells that follow each other along the Morton curve, then the cells of blocks that the frustum
+touches; compiled loops (viewer.render.cull_kernels) that write into arrays kept from frame to frame.  World frame: the scan
+file's, float64; the result is handed to the GPU relative to the camera, in its view frame (x right, y down, z forward), so
+that no large coordinate ever meets float32.
 """
 
 from dataclasses import dataclass
@@ -9,18 +11,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from viewer.render.cull_kernels import list_runs, visible_cells
+
 if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.cloud.scene import Scene
 
+BLOCK = 64
+"""Cells in a block."""
 _MARGIN = 1.0  # pixels: covers float32 rounding and the rounded pixel of the published program
 
 
 @dataclass(frozen=True)
 class DrawList:
-    """first (R,) int64, count (R,) int64, slot (R,) int64: runs of points and the row of ``cell_view`` of their cell,
+    """first (R,) int64, count (R,) int64, slot (R,) int32: runs of points and the row of ``cell_view`` of their cell,
     by ascending first.  cell_view (V, 4) float32: view position of each visible cell's first step centre, w unused.
-    axes (3, 3) float32: view rotation times the step.  cells: rows of the scene's cells (V,)."""
+    axes (3, 3) float32: view rotation times the step.  cells: rows of the scene's cells (V,) int32, ascending.
+    points: how many are drawn.  The arrays belong to the Culler and are valid until its next ``select``."""
 
     first: np.ndarray
     count: np.ndarray
@@ -28,44 +35,64 @@ class DrawList:
     cell_view: np.ndarray
     axes: np.ndarray
     cells: np.ndarray
-
-    @property
-    def points(self) -> int:
-        """How many points are drawn."""
-        return int(self.count.sum())
+    points: int
 
 
 class Culler:
-    """Selects cells and layers.  Holds only what depends on the scene."""
+    """Selects cells and layers.  Holds what depends on the scene, and the arrays that it writes into.
 
-    def __init__(self, scene: "Scene"):
+    block: cells in a block.
+    """
+
+    def __init__(self, scene: "Scene", *, block: int = BLOCK):
         self.scene = scene
-        cells, layers = len(scene.cell_coords), scene.layers
-        counts = np.diff(scene.offsets).reshape(layers, cells)
-        self._cumulative = np.cumsum(counts, axis=0)  # (L, C): points of layers 0..k
-        self._coords = np.asarray(scene.cell_coords, np.float64)
-        self._starts = np.asarray(scene.offsets[:-1]).reshape(layers, cells)
-        self._counts = counts
+        self._coords = np.ascontiguousarray(scene.cell_coords, np.int32)
+        self._offsets = np.asarray(scene.offsets, np.int64)
+        self._block = block
+        cells = len(self._coords)
+        starts = np.arange(0, cells, block)
+        low = np.minimum.reduceat(self._coords, starts).astype(np.float64)
+        high = np.maximum.reduceat(self._coords, starts).astype(np.float64)
+        self._blocks = np.hstack([(low + high + 1) / 2, (high - low + 1) / 2])
+        self._cells = np.empty(cells, np.int32)
+        self._cell_view = np.empty((cells, 4), np.float32)
+        self._need = np.empty(cells)
+        self._held = np.empty(cells, np.int64)
+        self._active = np.empty(cells, np.int32)
+        self._room(0)
+        self._run(0, 0.0)  # compiled now, or read from the cache, and not in the first frame
 
-    def visible(self, camera: "Camera") -> tuple[np.ndarray, np.ndarray]:
-        """Rows of the cells that touch the frustum, and the view position of their centres (V, 3) float64.
+    def _room(self, runs: int) -> None:
+        """Makes the lists long enough for so many runs."""
+        size = 1 << max(runs - 1, 1023).bit_length()
+        self._first, self._count = np.empty(size, np.int64), np.empty(size, np.int64)
+        self._slot = np.empty(size, np.int32)
+
+    def _run(self, visible: int, lod: float) -> tuple[int, int, int]:
+        return list_runs(self._offsets, self.scene.layers, len(self._coords), self._cells, visible, lod, self._need, self._held,
+                         self._active, self._first, self._count, self._slot)  # fmt: skip
+
+    def visible(self, camera: "Camera", lod: float = 0.0) -> np.ndarray:
+        """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
 
         Conservative: a cell is left out only if all of it lies beyond one of the four sides, a pixel further out, or
-        behind the camera.
+        behind the camera.  lod: points wanted a pixel, noted for each cell; 0 where all are.
         """
-        size = self.scene.cell_size
-        rotation = camera.view_rotation
-        centres = (self._coords + 0.5) * size + (self.scene.origin - camera.position)
-        view = centres @ rotation.T
+        size, rotation = self.scene.cell_size, np.ascontiguousarray(camera.view_rotation)
         left, right = camera.cx + _MARGIN, camera.width - camera.cx + _MARGIN
         top, bottom = camera.cy + _MARGIN, camera.height - camera.cy + _MARGIN
         planes = np.array(
             [(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)]
         )
         reach = np.abs(planes @ rotation).sum(axis=1) * (0.5 * size * (1 + 1e-9))
-        inside = ((view @ planes.T) + reach >= 0).all(axis=1)
-        rows = np.nonzero(inside)[0]
-        return rows, view[rows]
+        behind = 0.5 * size * np.abs(rotation[2]).sum()
+        corner = rotation @ np.full(3, 0.5 * (self.scene.step - size))
+        found = visible_cells(
+            self._coords, self._blocks, self._block, size, self.scene.origin - camera.position, rotation,
+            np.array([camera.fx, camera.fy, left, right, top, bottom]), reach, corner, lod,
+            np.array([camera.fx, camera.fy, behind]), self._cells, self._cell_view, self._need,
+        )  # fmt: skip
+        return self._cells[:found]
 
     def select(self, camera: "Camera", lod: float | None = None) -> DrawList:
         """The draw list of a camera.
@@ -73,41 +100,18 @@ class Culler:
         lod: points wanted per pixel a cell covers (its nearest corner decides); None draws all.  A cell gets the
         fewest layers that hold that many.
         """
-        scene = self.scene
-        rows, view = self.visible(camera)
-        counts = self._counts[:, rows]
-        if lod is not None:
-            reach = 0.5 * scene.cell_size * np.abs(camera.view_rotation[2]).sum()
-            nearest = np.maximum(view[:, 2] - reach, 1e-9 * scene.cell_size)
-            area = (scene.cell_size * camera.fx / nearest) * (scene.cell_size * camera.fy / nearest)
-            held = self._cumulative[:, rows]
-            enough = np.vstack([np.zeros((1, len(rows)), bool), held[:-1] >= lod * area])
-            counts = np.where(enough, 0, counts)
-        layer, slot = np.nonzero(counts)
-        step = scene.cell_size / 65536.0
-        cell_view = np.zeros((len(rows), 4), np.float32)
-        corner = 0.5 * (step - scene.cell_size)
-        cell_view[:, :3] = view + camera.view_rotation @ np.full(3, corner)
+        wanted = 0.0 if lod is None else float(lod)
+        cells = self.visible(camera, wanted)
+        runs, points, room = self._run(len(cells), wanted)
+        if room > len(self._first):
+            self._room(room)
+            runs, points, _ = self._run(len(cells), wanted)
         return DrawList(
-            first=self._starts[layer, rows[slot]],
-            count=counts[layer, slot],
-            slot=slot,
-            cell_view=cell_view,
-            axes=(camera.view_rotation * step).astype(np.float32),
-            cells=rows,
+            first=self._first[:runs],
+            count=self._count[:runs],
+            slot=self._slot[:runs],
+            cell_view=self._cell_view[: len(cells)],
+            axes=(camera.view_rotation * self.scene.step).astype(np.float32),
+            cells=cells,
+            points=points,
         )
-
-
-def split_runs(first: np.ndarray, count: np.ndarray, size: int, *, aligned: bool) -> tuple[np.ndarray, ...]:
-    """Cuts runs into pieces of at most ``size`` points.
-
-    aligned: cut at multiples of ``size`` instead of counting from each run's start.  Returns (first, count, run): int64
-    arrays, ``run`` the row of the run each piece is from, in order.
-    """
-    lead = first % size if aligned else np.zeros_like(first)
-    pieces = (lead + count + size - 1) // size
-    run = np.repeat(np.arange(len(first)), pieces)
-    number = np.arange(len(run)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    offset = np.maximum(number * size - lead[run], 0)
-    end = np.minimum((number + 1) * size - lead[run], count[run])
-    return first[run] + offset, end - offset, run

@@ -17,6 +17,7 @@ from viewer.render.void import SIDE
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
+    from viewer.render.bridge import Pixels
 
 INPUT_BYTES = 16  # a pixel
 ENCLOSED = 0.9  # share of all directions that close around a camera inside a room; over a street a third stay open
@@ -54,7 +55,7 @@ class Fill:
         }
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, mask: moderngl.Texture, *, camera: "Camera",
-            closed: np.ndarray, spacing: float, network: moderngl.Buffer | None = None) -> None:
+            closed: np.ndarray, spacing: float, network: "Pixels | None" = None) -> None:
         """closed: (6 SIDE, SIDE) uint8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
         network: the input buffer to write, or None."""
         feature_scale = 1.0 / (camera.fx * spacing)

@@ -65,24 +65,35 @@ class DepthFilter:
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, *, strength: float = 1.0, metre: float = 1.0) -> None:
         """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance.  metre: file units in a metre."""
+        tolerance, top = self._climb(depth, strength, metre, self.levels)
+        self._pass("base", self.size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
+
+    def _climb(self, depth: moderngl.Texture, strength: float, metre: float, levels: int) -> tuple[tuple, moderngl.Texture]:
+        """Down ``levels`` and up again to level 1.  Returns the tolerances and what level 0 is compared with."""
         if self.preset == "auto":
             tolerance = (1.0 - twin.TOLERANCE * strength, twin.SLOPE * strength, 0.0)
         else:
             edge = twin.EDGE * (metre if self.preset == "paper-code" else 1.0)
             tolerance = (1.0 + twin.PARENT_RATIO * strength, edge, twin.NPBG_DEPTH * strength * metre)
-        for index, coarse in enumerate(self._down):
+        for index, coarse in enumerate(self._down[:levels]):
             self._pass("down_base" if index == 0 and "down_base" in self._programs else "down",
                        coarse.size, [coarse], fine=self._down[index - 1] if index else depth)
-        top = self._down[-1] if self._down else depth
+        top = self._down[levels - 1] if self._down else depth
         if self.preset == "auto":
-            self._pass("top", self._up[-1].size, [self._up[-1]], tolerance, level=top)
-            top = self._up[-1]
+            self._pass("top", self._up[levels - 1].size, [self._up[levels - 1]], tolerance, level=top)
+            top = self._up[levels - 1]
         if self.preset in ("auto", "paper-code", "paper-text"):
-            for index in range(self.levels - 2, -1, -1):
+            for index in range(levels - 2, -1, -1):
                 self._pass("up", self._up[index].size, [self._up[index]], tolerance,
                            level=self._down[index], coarse=top)
                 top = self._up[index]
-        self._pass("base", self.size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
+        return tolerance, top
+
+    def closing(self, depth: moderngl.Texture, *, strength: float, levels: int) -> moderngl.Texture:
+        """R32F, half the size: for each 2x2 pixels the inverse depth below which ``levels`` levels would remove a point, and
+        0 where they would not.  Preset auto only; valid until the next run.
+        """
+        return self._climb(depth, strength, 1.0, min(levels, self.levels))[1]
 
     def _pass(self, name: str, size: tuple[int, int], outputs: list[moderngl.Texture],
               tolerance: tuple[float, float, float] | None = None, **inputs: moderngl.Texture) -> None:

@@ -92,5 +92,5 @@ class Frame:
         return {
             "total_ms": max((self.stages.ended - self.stages.begun) * 1e3, sum(times.values())),
             "stages": times,
-            **self.facts,
+            **{name: fact() if callable(fact) else fact for name, fact in self.facts.items()},
         }

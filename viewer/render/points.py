@@ -1,9 +1,24 @@
-"""The scene's packed points on the GPU, in pages no larger than a storage block may be."""
+"""The scene's packed points on the GPU: a pool of slots, a chunk of points each, in pages no larger than a storage block.
 
+A scene that fits its budget is there whole, chunk c in slot c.  A larger one comes and goes by need: for an exact picture
+in rounds that each fit the pool, for a moving one as it arrives, coarse chunks first, so many bytes a frame.
+
+Point p of chunk c = p // chunk_points is in page slot_of_chunk[c] // slots_per_page, at the index
+(slot_of_chunk[c] % slots_per_page) * chunk_points + p % chunk_points.  Neighbouring chunks need not be neighbours there,
+so a run of points is cut at multiples of chunk_points first and into batches then.
+"""
+
+from collections.abc import Callable
+from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from viewer.cloud.chunk_reader import POINT_BYTES, READ_AHEAD, ChunkError, ChunkReader, ChunkSource
+from viewer.cloud.residency import Residency, Round, available_memory, overview_chunks
+from viewer.cloud.scene import CHUNK
+from viewer.errors import DeviceError, InputError
+from viewer.render.context import describe_device
 from viewer.render.shader import BATCH
 
 if TYPE_CHECKING:
@@ -11,26 +26,222 @@ if TYPE_CHECKING:
 
     from viewer.cloud.scene import Scene
 
-POINT_BYTES = 12
+GPU_BUDGET = 4 << 30
+"""Bytes of points on a GPU, unless told otherwise: OpenGL does not say how much memory one has."""
+UPLOAD = 32 << 20
+"""Bytes of points uploaded in one frame of a moving picture, at most."""
+_UPLOAD_SECONDS = 0.008  # after which a frame of a moving picture uploads no more, one chunk at least
+LEAST_SLOTS = 16
+SOFTWARE_PAGE = 32 << 20
+"""Bytes of a page of a pool in software OpenGL, where making one means writing zeros over it: made when first needed."""
+_TAIL = BATCH * POINT_BYTES
+
+
+def default_budget(*, software: bool) -> int:
+    """Bytes the pool may take.  In software OpenGL it is main memory: half of what is available now."""
+    free = available_memory() if software else None
+    return GPU_BUDGET if free is None else free // 2
 
 
 class PointPages:
-    """Owns the point buffers.  Page p holds points [p x size, (p + 1) x size) and one batch more, so that a batch that
-    starts in a page ends in it."""
+    """Owns the point buffers.
 
-    def __init__(self, context: "moderngl.Context", scene: "Scene", storage_limit: int):
+    storage_limit: bytes of a storage block.  software: OpenGL runs on the processor (None: ask).
+    budget: bytes all buffers together may take; None: default_budget.
+    read_ahead: bytes of main memory for chunks on their way.  upload: bytes uploaded in a frame while streaming.
+    wake: called on another thread when a chunk has arrived.
+    Raises InputError where the points cannot be read or the budget is too small, DeviceError where there is no memory.
+
+    After each ``prepare``, in points of the draw list: ``missing``, on their way; ``left_out``, more than the pool holds;
+    ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.
+    """
+
+    def __init__(
+        self,
+        context: "moderngl.Context",
+        scene: "Scene",
+        storage_limit: int,
+        *,
+        budget: int | None = None,
+        software: bool | None = None,
+        read_ahead: int = READ_AHEAD,
+        chunk_points: int = CHUNK,
+        upload: int = UPLOAD,
+        wake: Callable[[], None] = lambda: None,
+    ):
+        most = (storage_limit - _TAIL) // POINT_BYTES
+        self.chunk_points = min(chunk_points, 1 << max(most.bit_length() - 1, 0))
+        chunk_bytes = self.chunk_points * POINT_BYTES
+        self.slots_per_page = max(1, most // self.chunk_points)
+        software = describe_device(context).software if software is None else software
+        budget = default_budget(software=software) if budget is None else budget
         total = len(scene.points)
-        self.size = max(BATCH, min(total, storage_limit // POINT_BYTES - BATCH))
+        slots = -(-total // self.chunk_points)
+        if total * POINT_BYTES + slots // self.slots_per_page * _TAIL > budget:
+            slots = min(budget // chunk_bytes, slots - 1)
+            if slots < LEAST_SLOTS:
+                raise InputError(
+                    f"{budget / 2**20:,.0f} MiB for points on the GPU: expected {LEAST_SLOTS * chunk_bytes / 2**20:,.0f} "
+                    "MiB at least; raise --gpu-memory"
+                )
+        self._context = context
         self.buffers: list[moderngl.Buffer] = []
-        for start in range(0, total, self.size):
-            part = np.ascontiguousarray(scene.points[start : min(start + self.size + BATCH, total)])
-            self.buffers.append(context.buffer(part))
+        whole = slots * self.chunk_points >= total
+        if software and not whole:
+            self.slots_per_page = max(1, min(self.slots_per_page, SOFTWARE_PAGE // chunk_bytes))
+        self._upload_limit = max(1, upload // chunk_bytes)
+        self.missing = self.left_out = self.lost = 0
+        self.problem: str | None = None
+        self._reader = ChunkReader(ChunkSource(scene, self.chunk_points), memory=read_ahead, wake=wake)
+        try:
+            if whole or not software:
+                slots = self._make_pages(total, slots)
+            pinned = 0 if slots * self.chunk_points >= total else overview_chunks(scene, slots, self.chunk_points)
+            self.residency = Residency(total, slots, chunk_points=self.chunk_points, pinned=pinned)
+            self._bad = np.zeros(self.residency.chunks, bool)
+            self._whole = Round(0, total, np.arange(self.residency.chunks))
+            self.load(Round(0, total, self._whole.chunks[: slots if self.residency.holds_all else pinned]))
+        except BaseException:
+            self.release()
+            raise
+        if self.residency.holds_all:
+            self._reader.close()
 
-    def bounds(self, first: np.ndarray) -> np.ndarray:
-        """(P + 1,) positions that split the ascending point numbers ``first`` by page."""
-        return np.searchsorted(first, np.arange(len(self.buffers) + 1) * self.size)
+    def _make_pages(self, total: int, slots: int) -> int:
+        """Makes the pages of ``slots``; returns how many there is memory for."""
+        whole = slots * self.chunk_points >= total
+        for first in range(0, slots, self.slots_per_page):
+            points = min(self.slots_per_page, slots - first) * self.chunk_points
+            if whole:  # no room for what is not there; and one batch more, for a rasteriser that cuts from a run's start
+                points = min(points + BATCH, total - first * self.chunk_points)
+            self._make_page(points, changing=not whole)
+            if self._context.error != "GL_NO_ERROR":
+                self.buffers.pop().release()
+                slots, whole = first, False
+                break
+        if slots < min(LEAST_SLOTS, -(-total // self.chunk_points)):
+            raise DeviceError("the GPU has no memory left for the points; close other programs or lower --gpu-memory")
+        return slots
+
+    def _make_page(self, points: int, *, changing: bool) -> None:
+        self.buffers.append(self._context.buffer(reserve=points * POINT_BYTES, dynamic=changing))
+
+    @property
+    def slot_of_chunk(self) -> np.ndarray:
+        """(C,) int32: the slot of each chunk, -1 where it is absent.  Changes with prepare and load."""
+        return self.residency.slot_of_chunk
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes the buffers take."""
+        return sum(buffer.size for buffer in self.buffers)
+
+    @property
+    def arrived(self) -> bool:
+        """Whether chunks are waiting for the next ``prepare`` to upload them."""
+        return self._reader.arrived
+
+    @property
+    def pending(self) -> bool:
+        """Whether points of the last draw list are still on their way."""
+        return self.missing > 0
+
+    @property
+    def staging(self) -> int:
+        """Bytes of main memory that chunks on their way take."""
+        return self._reader.memory
+
+    @property
+    def approximations(self) -> list[str]:
+        """What the last prepared picture lacks, in words."""
+        said = []
+        asked = max(1, int(self.residency.tally.sum()))
+        if self.missing:
+            said.append(f"{_share(self.missing / asked)} of the points still loading")
+        if self.left_out:
+            said.append(f"{_share(self.left_out / asked)} of the points beyond the memory for points")
+        if self.lost:
+            said.append(f"{_share(self.lost / asked)} of the points cannot be read")
+        return said
+
+    def prepare(self, first: np.ndarray, count: np.ndarray, *, streaming: bool = False) -> list[Round]:
+        """What to draw of a draw list (first, count: (R,) int64, runs of points), in rounds: ``load`` one, draw its part.
+
+        streaming: one round, of which the chunks that are there are drawn (the others have no slot); the rest is read
+        in the background.  Otherwise every point is drawn, in as many rounds as the pool asks for.
+        """
+        self.missing = self.left_out = self.lost = 0
+        residency = self.residency
+        if residency.holds_all:
+            return [self._whole]
+        needed = residency.need(first, count)
+        if not streaming:
+            self._grow(int((residency.slot_of_chunk[needed] < 0).sum()))  # now: buffers stay the same while rounds are drawn
+            return residency.rounds(needed)
+        wanted = residency.fitting(needed[~self._bad[needed]])
+        self._receive(wanted)
+        there, tally = residency.slot_of_chunk >= 0, residency.tally
+        self.lost = int(tally[self._bad & ~there].sum())
+        self.missing = int(tally[wanted[~(there | self._bad)[wanted]]].sum())
+        self.left_out = int(tally[~there].sum()) - self.lost - self.missing
+        return [Round(0, residency.points, needed[:0])]
+
+    def _grow(self, chunks: int) -> None:
+        """Has the pages there that ``chunks`` more need, at most those of the pool: empty slots are filled in order."""
+        residency = self.residency
+        slots = min(residency.slots, int((residency.chunk_of_slot >= 0).sum()) + chunks)
+        while (made := len(self.buffers) * self.slots_per_page) < slots:
+            self._make_page(min(self.slots_per_page, residency.slots - made) * self.chunk_points, changing=True)
+
+    def load(self, part: Round) -> None:
+        """Brings the chunks of a round into the pool and waits for them.  Raises InputError where one cannot be read."""
+        chunks, slots = self.residency.plan(part.chunks)
+        if len(chunks) == 0:
+            return
+        place = dict(zip(chunks.tolist(), slots.tolist(), strict=True))
+        self._grow(len(chunks))
+        self._reader.request(chunks)
+        for chunk, points in self._reader.arrivals(wait=True):
+            self._put(chunk, place[chunk], points)
+
+    def _receive(self, wanted: np.ndarray) -> None:
+        """Uploads what has arrived, as much as a frame may, and asks for what is still missing."""
+        chunks, slots = self.residency.plan(wanted)
+        self._reader.request(chunks)
+        self._grow(min(len(chunks), self._upload_limit))
+        free = iter(slots.tolist())
+        left, until = self._upload_limit, perf_counter() + _UPLOAD_SECONDS
+        while left > 0:
+            try:
+                for chunk, points in self._reader.arrivals(left):
+                    self._put(chunk, next(free), points)
+                    left -= 1
+                    if perf_counter() > until:
+                        return
+                return
+            except ChunkError as error:
+                self._bad[error.chunk] = True
+                self.problem = self.problem or str(error)
+                left -= 1
+
+    def _put(self, chunk: int, slot: int, points: np.ndarray) -> None:
+        page, place = divmod(slot, self.slots_per_page)
+        self.buffers[page].write(points, offset=place * self.chunk_points * POINT_BYTES)
+        if page > 0 and place == 0 and self.residency.holds_all:
+            self.buffers[page - 1].write(points[:BATCH], offset=self.size * POINT_BYTES)
+        self.residency.place(chunk, slot)
+
+    @property
+    def size(self) -> int:
+        """Points a full page holds, without those repeated behind it."""
+        return self.slots_per_page * self.chunk_points
 
     def release(self) -> None:
+        self._reader.close()
         for buffer in self.buffers:
             buffer.release()
         self.buffers.clear()
+
+
+def _share(part: float) -> str:
+    return f"{part:.0%}" if part >= 0.01 else "under 1 %"

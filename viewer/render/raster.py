@@ -3,7 +3,8 @@
 Both draw every point as 1x1 pixels in two passes (paper, "Point Cloud Projection"): nearest depth, then whole-number
 colour sums of the points within a tolerance behind it.  ``compute`` uses a compute shader and integer atomics, ``points``
 OpenGL point primitives with MIN blending; the same expressions choose the pixel in both, and the bytes are the same.
-Pictures larger than a storage block are made in bands of rows.
+Pictures larger than a storage block are made in bands of rows; points that do not fit the GPU together come in rounds, depth
+first to last, colours last to first.
 """
 
 from typing import TYPE_CHECKING
@@ -13,16 +14,18 @@ import numpy as np
 
 from model.light import TO_LINEAR, TO_SRGB
 from viewer.render import shader
-from viewer.render.cull import DrawList, split_runs
+from viewer.render.batches import UNCUT, BatchTable, PageMap
+from viewer.render.cull import DrawList
+from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History
 from viewer.render.shader import BATCH, BINDINGS
 
 if TYPE_CHECKING:
     from model.project import SoftZ
     from viewer.camera import Camera
+    from viewer.cloud.residency import Round
     from viewer.render.points import PointPages
 
 _SUM_BYTES = 16
-_MAX_GROUPS = 32768
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )
@@ -34,28 +37,16 @@ def _light_tables() -> bytes:
     return TO_LINEAR.astype("<u4").tobytes() + TO_SRGB.tobytes()
 
 
-class _Grown:
-    """A buffer that only ever grows, so that a steady frame allocates nothing."""
-
-    def __init__(self, context: moderngl.Context):
-        self._context = context
-        self.buffer = context.buffer(reserve=4096, dynamic=True)
-
-    def write(self, data: np.ndarray) -> moderngl.Buffer:
-        raw = np.ascontiguousarray(data)
-        if raw.nbytes > self.buffer.size:
-            self.buffer.orphan(1 << int(raw.nbytes - 1).bit_length())
-        if raw.nbytes:
-            self.buffer.write(raw)
-        return self.buffer
-
-
 class Rasteriser:
     """Owns programs and targets for one picture size; ``run`` fills ``colour`` (RGBA8) and ``depth`` (R32F, +inf where
     empty), row 0 at the top."""
 
     kind = ""
     from_keys: int | None = None  # nearest depths come as inverted bits in a buffer, not in a texture
+    overlap = 0  # points behind a page's end that a batch may take in
+
+    table: BatchTable
+    hider: "HiddenCells | None" = None
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], storage_limit: int):
         context = programs.context
@@ -66,44 +57,80 @@ class Rasteriser:
         self.depth = context.texture(size, 1, dtype="f4")
         self.sums = context.buffer(reserve=_SUM_BYTES * width * self.band_rows)
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
-        self.cells = _Grown(context)
+        self.cells = shader.Grown(context)
+        self.upload = shader.Grown(context)
+        self._loaded: Round | None = None
         self.light = context.buffer(_light_tables())
         self._record = np.zeros((), FRAME_FIELDS)
         self.resolve = programs.compute("resolve.comp", FROM_KEYS=self.from_keys)
 
-    def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ") -> None:
-        """Rasterises a draw list."""
+    def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", *, streaming: bool = False,
+            history: History | None = None) -> bool:
+        """Rasterises a draw list.
+
+        streaming: with the points that are on the GPU, the others come later.  history: hidden cells may be left out, where
+        this rasteriser can.  Returns whether history was used.
+        """
         width, height = self.size
         record = self._record
         record["axes"][:, :3] = draw.axes
         record["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, float(soft.linear))
         self.cells.write(draw.cell_view)
-        self.prepare(pages, draw)
+        rounds = pages.prepare(draw.first, draw.count, streaming=streaming)
+        self._loaded = None
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
-        self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])
-        self.light.bind_to_storage_buffer(BINDINGS["LIGHT"])
+        hiding = history is not None and self.can_hide and len(rounds) == 1
         for first_row in range(0, height, self.band_rows):
             rows = min(self.band_rows, height - first_row)
             record["size"] = (width, height, first_row, rows)
             self.frame.write(record.tobytes())
             self.sums.clear()
-            self.draw_band(pages, rows)
+            if hiding and history is not None:
+                self.draw_hiding(pages, draw, rounds[0], history)
+            else:
+                self.draw_band(pages, draw, rounds, rows)
+            self._bind_sums()
             self.colour.bind_to_image(0, read=False, write=True)
             self.depth.bind_to_image(1, read=False, write=True)
             self.resolve.run(*shader.groups(width, rows))
             self.context.memory_barrier()
+        return hiding
 
-    def prepare(self, pages: "PointPages", draw: DrawList) -> None:
-        """Uploads the draw list."""
+    @property
+    def can_hide(self) -> bool:
+        """Whether this rasteriser can leave out hidden cells at this picture size."""
+        return False
+
+    def _bind_sums(self) -> None:
+        self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])
+        self.light.bind_to_storage_buffer(BINDINGS["LIGHT"])
+
+    def _bring(self, pages: "PointPages", draw: DrawList, part: "Round", group: np.ndarray | None = None) -> None:
+        """Has the points of a round on the GPU and its batches in ``table``."""
+        if part is self._loaded:
+            return
+        if not pages.residency.holds_all:
+            pages.load(part)
+        where = PageMap.of(pages, self.overlap)
+        groups = 1 if group is None else 2
+        self.upload.write(self.table.fill(draw, where, group=group, groups=groups, start=part.start, stop=part.stop))
+        self._loaded = part
+
+    def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
+        """Draws all rounds into the band that the Frame block describes."""
         raise NotImplementedError
 
-    def draw_band(self, pages: "PointPages", rows: int) -> None:
-        """Draws all pages into the band that the Frame block describes."""
+    def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
+        """The same without cells that are hidden, for the whole picture."""
+        raise NotImplementedError
+
+    def remember(self, history: History) -> None:
+        """After the filter has run on what draw_hiding drew: notes what is seen, for the next frame."""
         raise NotImplementedError
 
     def release(self) -> None:
-        for resource in (self.colour, self.depth, self.sums, self.frame, self.cells.buffer, self.light):
+        for resource in (self.colour, self.depth, self.sums, self.frame, self.cells.buffer, self.light, self.upload.buffer):
             resource.release()
 
 
@@ -112,42 +139,82 @@ class ComputeRasteriser(Rasteriser):
 
     kind = "compute"
     from_keys = 1
+    overlap = BATCH
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], storage_limit: int):
         super().__init__(programs, size, storage_limit)
-        context = self.context
-        self.keys = context.buffer(reserve=4 * size[0] * self.band_rows)
-        self.batches = _Grown(context)
+        self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
+        self.table = BatchTable(4, (0, 1, 2), BATCH)
+        self._programs = programs
         self._passes = [programs.compute(f"raster_{name}.comp") for name in ("depth", "colour")]
-        self._bounds = np.zeros(1, np.int64)
+        self._hiding: list[moderngl.ComputeShader] = []
 
-    def prepare(self, pages: "PointPages", draw: DrawList) -> None:
-        first, count, run = split_runs(draw.first, draw.count, BATCH, aligned=False)
-        self._bounds = pages.bounds(first)
-        table = np.zeros((len(first), 4), np.uint32)
-        table[:, 0], table[:, 1], table[:, 2] = first % pages.size, count, draw.slot[run]
-        self.batches.write(table)
-
-    def draw_band(self, pages: "PointPages", rows: int) -> None:
-        self.keys.clear()
-        self.batches.buffer.bind_to_storage_buffer(BINDINGS["BATCHES"])
+    def _bind(self) -> None:
+        self.upload.buffer.bind_to_storage_buffer(BINDINGS["BATCHES"])
         self.cells.buffer.bind_to_storage_buffer(BINDINGS["CELLS"])
         self.keys.bind_to_storage_buffer(BINDINGS["KEYS"])
-        for step in self._passes:
-            for page, buffer in enumerate(pages.buffers):
-                start, stop = int(self._bounds[page]), int(self._bounds[page + 1])
-                if stop == start:
-                    continue
-                buffer.bind_to_storage_buffer(BINDINGS["POINTS"])
-                step["first_batch"], step["batch_count"] = start, stop - start
-                across = min(stop - start, _MAX_GROUPS)
-                step.run(across, -(-(stop - start) // across), 1)
+        self._bind_sums()
+
+    def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
+        self.keys.clear()
+        for step, order in zip(self._passes, (rounds, rounds[::-1]), strict=True):
+            for part in order:
+                self._bring(pages, draw, part)
+                self._bind()
+                for page in range(len(pages.buffers)):
+                    self._draw(step, pages, page, int(self.table.bounds[page]), int(self.table.bounds[page + 1]))
+                self.context.memory_barrier()
+
+    def _draw(self, step: moderngl.ComputeShader, pages: "PointPages", page: int, start: int, stop: int) -> None:
+        if stop == start:
+            return
+        pages.buffers[page].bind_to_storage_buffer(BINDINGS["POINTS"])
+        step["first_batch"], step["batch_count"] = start, stop - start
+        across = min(stop - start, MAX_GROUPS)
+        step.run(across, -(-(stop - start) // across), 1)
+
+    @property
+    def can_hide(self) -> bool:
+        return self.band_rows >= self.size[1]
+
+    def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
+        if self.hider is None:
+            self.hider = HiddenCells(self._programs, self.size)
+            self._hiding = [self._programs.compute(f"raster_{name}.comp", APPENDED=1) for name in ("depth", "colour")]
+        hider, count = self.hider, len(pages.buffers)
+        known = history.memory.recall(history.scene, draw, hider)
+        np.subtract(1, known, out=known)  # group 0: seen last time; group 1: to be tested
+        self._bring(pages, draw, part, known)
+        bounds = self.table.bounds
+        np.subtract(1, known, out=known)
+        hider.start(known, count, int(bounds[-1]))
+        self.keys.clear()
+        for step, appended in zip(self._passes, self._hiding, strict=True):
+            self._bind()
+            for page in range(count):
+                self._draw(step, pages, page, int(bounds[2 * page]), int(bounds[2 * page + 1]))
             self.context.memory_barrier()
+            if step is self._passes[0]:
+                hider.look(self.keys, self.depth)
+                hider.build(self.depth, history)
+                hider.test(self.cells.buffer)
+                hider.append(self.upload.buffer, bounds)
+                self._bind()
+            for page, buffer in enumerate(pages.buffers):
+                if bounds[2 * page + 2] > bounds[2 * page + 1]:
+                    hider.draw(appended, buffer, page, int(bounds[2 * page + 1]))
+            self.context.memory_barrier()
+
+    def remember(self, history: History) -> None:
+        assert self.hider is not None
+        self.hider.build(self.depth, history)
+        self.hider.test(self.cells.buffer, final=True)
 
     def release(self) -> None:
         super().release()
-        for resource in (self.keys, self.batches.buffer):
-            resource.release()
+        self.keys.release()
+        if self.hider is not None:
+            self.hider.release()
 
 
 class PointRasteriser(Rasteriser):
@@ -162,22 +229,16 @@ class PointRasteriser(Rasteriser):
         self.target = context.framebuffer([self.nearest])
         self.empty = context.framebuffer([context.renderbuffer((size[0], self.band_rows), 1, dtype="f1")])
         self._default = context.detect_framebuffer(0)
-        self.commands = _Grown(context)
+        self.table = BatchTable(5, (2, 0, 3), UNCUT, {1: 1})  # moderngl steps through commands of 20 bytes
         self._programs = [
             programs.drawing("raster_points.vert", f"raster_points_{name}.frag") for name in ("depth", "colour")
         ]
         self._programs[1]["nearest"] = 0
         self.resolve["nearest"] = 0
-        self._bounds = np.zeros(1, np.int64)
         self._arrays: list[tuple[moderngl.VertexArray, ...]] = []
         self._arrays_for: tuple = ()
 
-    def prepare(self, pages: "PointPages", draw: DrawList) -> None:
-        first, count, run = split_runs(draw.first, draw.count, pages.size, aligned=True)
-        self._bounds = pages.bounds(first)
-        table = np.zeros((len(first), 5), np.uint32)  # moderngl steps through commands of 20 bytes
-        table[:, 0], table[:, 1], table[:, 2], table[:, 3] = count, 1, first % pages.size, draw.slot[run]
-        self.commands.write(table)
+    def _use_arrays(self, pages: "PointPages") -> None:
         wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size)
         if wanted != self._arrays_for:
             self._release_arrays()
@@ -193,8 +254,10 @@ class PointRasteriser(Rasteriser):
             ]
             self._arrays_for = wanted
 
-    def draw_band(self, pages: "PointPages", rows: int) -> None:
+    def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
         context = self.context
+        self._use_arrays(pages)
+        self._bind_sums()
         context.disable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         viewport = (0, 0, self.size[0], rows)
         self.target.use()
@@ -203,7 +266,7 @@ class PointRasteriser(Rasteriser):
         context.enable(moderngl.BLEND | moderngl.PROGRAM_POINT_SIZE)
         context.blend_equation = moderngl.MIN  # type: ignore[assignment]
         context.blend_func = moderngl.ONE, moderngl.ONE
-        self._draw(pages, 0)
+        self._draw_all(pages, draw, rounds, 0)
         context.disable(moderngl.BLEND)
         context.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
         context.memory_barrier()
@@ -211,19 +274,22 @@ class PointRasteriser(Rasteriser):
         context.viewport = viewport
         self.empty.color_mask = (False, False, False, False)
         self.nearest.use(0)
-        self._draw(pages, 1)
+        self._draw_all(pages, draw, rounds[::-1], 1)
         context.disable(moderngl.PROGRAM_POINT_SIZE)
         context.memory_barrier()
         self._default.use()  # ours must not stay bound: they are released with the picture size
         self.nearest.use(0)
 
-    def _draw(self, pages: "PointPages", number: int) -> None:
-        for page in range(len(pages.buffers)):
-            start, stop = int(self._bounds[page]), int(self._bounds[page + 1])
-            if stop > start:
-                self._arrays[page][number].render_indirect(
-                    self.commands.buffer, moderngl.POINTS, count=stop - start, first=start
-                )
+    def _draw_all(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", number: int) -> None:
+        for part in rounds:
+            self._bring(pages, draw, part)
+            bounds = self.table.bounds
+            for page in range(len(pages.buffers)):
+                start, stop = int(bounds[page]), int(bounds[page + 1])
+                if stop > start:
+                    self._arrays[page][number].render_indirect(
+                        self.upload.buffer, moderngl.POINTS, count=stop - start, first=start
+                    )
 
     def _release_arrays(self) -> None:
         for arrays in self._arrays:
@@ -235,7 +301,7 @@ class PointRasteriser(Rasteriser):
         super().release()
         self._release_arrays()
         attached = self.empty.color_attachments[0]
-        for resource in (self.target, self.empty, attached, self.nearest, self.commands.buffer):
+        for resource in (self.target, self.empty, attached, self.nearest):
             resource.release()
 
 

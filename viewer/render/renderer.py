@@ -1,9 +1,10 @@
 """``render(scene, camera, settings) -> Frame``: pure, the same arguments give the same bytes.
 
-No history and no timing decides anything here; what a window adds (adaptive quality, refinement) lives around it.  A
-Renderer owns the scene's points on the GPU and the passes for the last picture size used.
+No history and no timing decides anything here, unless a caller hands one in; what a window adds (adaptive quality,
+refinement) lives around it.  A Renderer owns the scene's points on the GPU and the passes for the last picture size used.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from model.project import SoftZ
@@ -13,11 +14,12 @@ from viewer.render.cull import Culler, DrawList
 from viewer.render.fill import Fill
 from viewer.render.filter import DepthFilter
 from viewer.render.frame import Frame, Stages
+from viewer.render.occlusion import History, Occlusion, may_hide
 from viewer.render.points import PointPages
 from viewer.render.raster import RASTERISERS, Rasteriser
 from viewer.render.shader import Programs
 from viewer.render.void import Surroundings
-from viewer.settings import VIEWS, Settings
+from viewer.settings import MEMORY, VIEWS, Memory, Settings
 
 if TYPE_CHECKING:
     import moderngl
@@ -28,16 +30,21 @@ if TYPE_CHECKING:
 
 
 class Renderer:
-    """Draws one scene.  raster, device: defaults for settings that say ``auto``."""
+    """Draws one scene.  raster, device: defaults for settings that say ``auto``.  memory: what the points may take.
+    wake: called on another thread when points have arrived that a streamed picture lacked."""
 
-    def __init__(self, context: "moderngl.Context", scene: "Scene", *, raster: str = "auto", device: str = "auto"):
+    def __init__(self, context: "moderngl.Context", scene: "Scene", *, raster: str = "auto", device: str = "auto",
+                 memory: Memory = MEMORY, wake: Callable[[], None] = lambda: None):
         self.context, self.scene = context, scene
         self.device = describe_device(context)
         self._raster, self._device = raster, device
         self._programs = Programs(context)
         self._culler = Culler(scene)
         self._surroundings = Surroundings(scene)
-        self._pages = PointPages(context, scene, self.device.storage_limit)
+        self.pages = PointPages(
+            context, scene, self.device.storage_limit, budget=memory.gpu, software=self.device.software,
+            read_ahead=memory.read_ahead, wake=wake,
+        )  # fmt: skip
         self._stages = Stages(context, software=self.device.software)
         self._rasterisers: dict[str, Rasteriser] = {}
         self._filter: DepthFilter | None = None
@@ -51,8 +58,14 @@ class Renderer:
         metres = self.scene.meta.get("metres_per_unit")
         return 1.0 / metres if metres else 1.0
 
-    def render(self, camera: "Camera", settings: Settings, views: tuple[str, ...] | None = None) -> Frame:
-        """Makes the given views (default: that of the settings) of one camera."""
+    def render(self, camera: "Camera", settings: Settings, views: tuple[str, ...] | None = None,
+               history: Occlusion | None = None, *, streaming: bool = False) -> Frame:
+        """Makes the given views (default: that of the settings) of one camera.
+
+        history: what was seen in the frame before, so that hidden cells need not be drawn; used, and brought up to date,
+        where that cannot change the picture (compute rasteriser, no raw view) and otherwise left alone.
+        streaming: do not wait for points that are not on the GPU yet.
+        """
         views = (settings.view,) if views is None else views
         for view in views:
             if view not in VIEWS:
@@ -63,26 +76,38 @@ class Renderer:
         draws: list[DrawList] = []
         stages.run("cull", lambda: draws.append(self._culler.select(camera, settings.lod)))
         draw = draws[0]
-        soft = SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre)
-        rasteriser = self._choose(settings, draw, camera, soft)
-        stages.run("raster", lambda: rasteriser.run(self._pages, draw, camera, soft))
-        textures = {"raw": rasteriser.colour}
+        soft = self._soft_z(settings)
+        rasteriser = self._choose(settings, draw, camera, soft, streaming)
+        wanted = self._history(history, settings, views)
+        hid: list[bool] = []
+        stages.run("raster", lambda: hid.append(
+            rasteriser.run(self.pages, draw, camera, soft, streaming=streaming, history=wanted)))
+        pages, textures = self.pages, {"raw": rasteriser.colour}
+        drawn = draw.points - pages.missing - pages.left_out - pages.lost
         facts: dict = {
             "raster": rasteriser.kind,
-            "points_drawn": draw.points,
+            "points_drawn": drawn,
             "points_total": self.scene.count,
             "cells_drawn": len(draw.cells),
             "cells_total": len(self.scene.cell_coords),
+            "points_gpu_bytes": pages.nbytes,
             "opengl": self.device.renderer,
             "device": None,
             "network": None,
-            "approximations": self._approximations(settings),
+            "approximations": [*self._approximations(settings), *pages.approximations],
         }
+        if hid[0] and rasteriser.hider is not None:
+            tally = rasteriser.hider.tally
+            facts["occlusion"] = tally  # looked up when asked for: it waits for the GPU
+            facts["points_drawn"] = lambda: drawn - tally()["points_hidden"]
+            facts["approximations"].append("hidden cells skipped")
         mask = None
         if set(views) - {"raw"}:
             step = self._filter_for(settings)
             stages.run("filter", lambda: step.run(
                 rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre))
+            if wanted is not None and hid[0]:
+                stages.run("occlusion", lambda: rasteriser.remember(wanted))
             textures["filtered"], mask = step.filtered, step.mask
             if {"filled", "neural"} & set(views):
                 neural = self._neural_for(settings) if "neural" in views else None
@@ -101,19 +126,28 @@ class Renderer:
         stages.end()
         return Frame({v: textures[v] for v in views}, rasteriser.depth, mask, facts, stages)
 
+    def _soft_z(self, settings: Settings) -> SoftZ:
+        """The depth tolerance; a bench tries others."""
+        return SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre)
+
+    def _history(self, memory: Occlusion | None, settings: Settings, views: tuple[str, ...]) -> History | None:
+        if memory is None or not may_hide(settings, views):
+            return None
+        return History(memory, self.scene, self._filter_for(settings), settings.filter_strength)
+
     def _approximations(self, settings: Settings) -> list[str]:
         return [] if settings.lod is None else [f"level of detail: {settings.lod:g} points per pixel"]
 
-    def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ) -> Rasteriser:
+    def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, streaming: bool) -> Rasteriser:
         """The rasteriser asked for; ``auto`` is the one that measured faster here, fixed for this renderer's life."""
         wanted = settings.raster if settings.raster != "auto" else self._raster
         if wanted == "auto":
-            wanted = self._raster = "compute" if self.device.software else self._faster(draw, camera, soft)
+            wanted = self._raster = "compute" if self.device.software else self._faster(draw, camera, soft, streaming)
         if wanted not in self._rasterisers:
             self._rasterisers[wanted] = RASTERISERS[wanted](self._programs, self._size, self.device.storage_limit)
         return self._rasterisers[wanted]
 
-    def _faster(self, draw: DrawList, camera: "Camera", soft: SoftZ) -> str:
+    def _faster(self, draw: DrawList, camera: "Camera", soft: SoftZ, streaming: bool) -> str:
         from time import perf_counter
 
         times = {}
@@ -122,7 +156,7 @@ class Renderer:
             for _ in range(3):  # the last of three counts: the first compiles, the second warms up
                 self.context.finish()
                 start = perf_counter()
-                rasteriser.run(self._pages, draw, camera, soft)
+                rasteriser.run(self.pages, draw, camera, soft, streaming=streaming)
                 self.context.finish()
                 times[kind] = perf_counter() - start
             rasteriser.release()
@@ -168,5 +202,5 @@ class Renderer:
     def release(self) -> None:
         """Frees everything on the GPU."""
         self._release_passes()
-        self._pages.release()
+        self.pages.release()
         self._programs.release()

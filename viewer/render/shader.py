@@ -14,14 +14,18 @@ from viewer.paths import shaders_dir
 
 if TYPE_CHECKING:
     import moderngl
+    import numpy as np
 
 TILE = (16, 8)
 """Pixels a workgroup of an image pass covers."""
 BATCH = 256
 """Points a workgroup of the compute rasteriser draws; all of one cell."""
 
-BINDINGS = {"FRAME": 0, "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6}
-"""Uniform block FRAME; storage blocks the rest."""
+BINDINGS = {
+    "FRAME": 0, "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6,
+    "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "FLAGS": 7,
+}  # fmt: skip
+"""Uniform block FRAME; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never meet share one."""
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([\w.]+)"\s*$')
 
@@ -96,6 +100,26 @@ class Programs:
         for made in self._made.values():
             made.release()
         self._made.clear()
+
+
+class Grown:
+    """A buffer that only ever grows, so that a steady frame allocates nothing."""
+
+    def __init__(self, context: "moderngl.Context"):
+        self.buffer = context.buffer(reserve=4096, dynamic=True)
+
+    def reserve(self, size: int) -> "moderngl.Buffer":
+        """Makes room for so many bytes; what was in it may be lost."""
+        if size > self.buffer.size:
+            self.buffer.orphan(1 << (size - 1).bit_length())
+        return self.buffer
+
+    def write(self, data: "np.ndarray") -> "moderngl.Buffer":
+        """Writes C-contiguous data to the beginning."""
+        self.reserve(data.nbytes)
+        if data.nbytes:
+            self.buffer.write(data)
+        return self.buffer
 
 
 def groups(width: int, height: int) -> tuple[int, int, int]:

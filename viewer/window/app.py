@@ -8,6 +8,7 @@ the framebuffer's size.
 import ctypes
 import os
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -15,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.errors import DeviceError, PointglassError
-from viewer.settings import Settings
+from viewer.render.occlusion import Occlusion
+from viewer.settings import MEMORY, Memory, Settings
 from viewer.window import capture
 from viewer.window.hands import Hands
 from viewer.window.present import Canvas, composite, split_column
@@ -33,13 +35,13 @@ _BREATH = 0.06  # seconds between interface frames while only the interface chan
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
-def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True) -> int:
+def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True, memory: Memory = MEMORY) -> int:
     """Opens the window on ``paths`` (none: an empty start page) until it is closed.  Returns the exit code, 0.
 
-    cache: whether grids are kept for the next time.  match: scans to the same exposure.  Raises DeviceError where there
-    is no display or no OpenGL 4.3.
+    cache: whether grids are kept for the next time.  match: scans to the same exposure.  memory: what points may take.
+    Raises DeviceError where there is no display or no OpenGL 4.3.
     """
-    app = App(settings, cache=cache, match=match)
+    app = App(settings, cache=cache, match=match, memory=memory)
     try:
         if paths:
             app.session.open(paths)
@@ -57,12 +59,12 @@ class App:
     """
 
     def __init__(self, settings: Settings, *, size: tuple[int, int] = SIZE, folder: Path | None = None,
-                 scale: float | None = None, cache: bool = True, match: bool = True):
+                 scale: float | None = None, cache: bool = True, match: bool = True, memory: Memory = MEMORY):
         from imgui_bundle import imgui  # isort: skip  (before glfw: it brings the library that glfw then loads)
         import glfw  # isort: skip
 
         self.glfw, self.imgui = glfw, imgui
-        self._folder, self._scale = folder or Path.cwd(), scale
+        self._folder, self._scale, self._memory = folder or Path.cwd(), scale, memory
         self.window = _make_window(glfw, size)
         self.address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
         try:
@@ -78,6 +80,8 @@ class App:
         self.renderer: Renderer | None = None
         self._frame = None
         self._shown: tuple[str, ...] = ()
+        self._seen = Occlusion()
+        self._problem: str | None = None
         self._settle = _SETTLE
         self._awake_until = 0.0
         self._intervals: deque[float] = deque(maxlen=20)
@@ -153,6 +157,7 @@ class App:
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
+        self._note_arrivals()
         change = session.next_change()
         stirring = session.load is not None or session.network_load is not None or perf_counter() < self._awake_until
         busy = session.needs_picture or self._settle > 0 or change == 0.0
@@ -160,6 +165,7 @@ class App:
             glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
         else:
             glfw.poll_events()
+        self._note_arrivals()
         message = session.message
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
@@ -179,19 +185,24 @@ class App:
             self._draw()
             glfw.swap_buffers(self.window)
 
+    def _note_arrivals(self) -> None:
+        """Points of a scene larger than memory have come: the picture can have them."""
+        if self.renderer is not None and self.renderer.pages.arrived:
+            self.session.dirty = True
+
     def _upload(self, loaded) -> None:
         """Puts a loaded scene on the GPU; where that fails the scene before it stays."""
         from viewer.render.renderer import Renderer
 
         self.wake()
         try:
-            renderer = Renderer(self.context, loaded.scene)
+            renderer = Renderer(self.context, loaded.scene, memory=self._memory, wake=self.glfw.post_empty_event)
         except (PointglassError, MemoryError) as error:
             self.session.say("This scan cannot be shown", str(error) or "not enough memory for its points")
             return
         if self.renderer is not None:
             self.renderer.release()
-        self.renderer, self._frame, self._shown = renderer, None, ()
+        self.renderer, self._frame, self._shown, self._problem = renderer, None, (), None
         self.session.accept(loaded)
         self._intervals.clear()
         self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
@@ -200,21 +211,28 @@ class App:
         session, renderer = self.session, self.renderer
         if renderer is None:
             return
-        views = session.views
+        plan = session.plan
         try:
-            self._frame = renderer.render(session.camera, session.settings, tuple(dict.fromkeys(views)))
+            self._frame = renderer.render(
+                session.camera, replace(session.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
+                self._seen if plan.hides else None, streaming=True,
+            )  # fmt: skip
         except PointglassError as error:
             self._frame = None
             session.failed(str(error))
             return
-        self._shown = views
+        self._shown = plan.views
         now = perf_counter()
         if now - self._last_picture < 1.0:
             self._intervals.append(now - self._last_picture)
         else:
             self._intervals.clear()
         self._last_picture = now
-        session.drew(views, self._frame.stats)
+        session.drew(plan, self._frame.stats)
+        if (problem := renderer.pages.problem) != self._problem:
+            self._problem = problem
+            if problem:
+                session.say("A part of this scan cannot be read", problem)
 
     @property
     def frame_rate(self) -> float | None:
@@ -269,10 +287,10 @@ class App:
         session = self.session
         if self.renderer is None or min(session.size) == 0:
             return None
-        sides = session.sides
+        plan, sides = session.full_plan, session.sides
         frame = self.renderer.render(session.camera, session.settings, tuple(dict.fromkeys(sides)))
         self._frame, self._shown = frame, sides
-        session.drew(sides, frame.stats)
+        session.drew(plan, frame.stats)
         image = composite(frame.image(sides[0]))
         if len(sides) == 2:
             column = split_column(session.split_at, session.size[0])

@@ -78,10 +78,10 @@ def draw_panel(session: Session, look: Theme) -> None:
     new = _own_weights(new, session, look)
     new = _choice(new, "precision", "precision", look)
     new = _choice(new, "device", "device", look)
-    _label("flying", "where the network is slow, fly with the filled view and repaint at rest", look)
-    changed, quick = imgui.checkbox("filled while it is slow", session.preview_when_slow)
+    _label("flying", "where it is slow: fewer points and the filled view while moving, all of it at rest", look)
+    changed, quick = imgui.checkbox("keep up while moving", session.pace.keep_up)
     if changed:
-        session.preview_when_slow = quick
+        session.pace.keep_up, session.dirty = quick, True
     imgui.dummy(ImVec2(0, px(2)))
     imgui.begin_disabled(new == Settings(view=new.view))
     if imgui.button("Back to defaults", ImVec2(-1, 0)):

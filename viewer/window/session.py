@@ -20,6 +20,7 @@ from viewer.paths import own_weights
 from viewer.settings import VIEWS, Settings
 from viewer.window.capture import FrameTimes
 from viewer.window.navigation import FlyState, Motion, changed_speed, step
+from viewer.window.pace import Pace
 from viewer.window.start import FIELD_OF_VIEW, Survey, overview, start_state, survey
 from viewer.window.worker import Worker
 
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
 
 TOAST_SECONDS = 4.0
 _NOTE_SECONDS = 10.0
-SLOW_NETWORK = 150.0
-"""Milliseconds of network a frame from which on flying shows the filled view, and the neural one at rest."""
 _REST = 0.25  # seconds without a change of camera that count as rest
 _LONGEST_STEP = 0.5  # seconds: a stall must not throw the camera through the wall
 
@@ -56,6 +55,17 @@ class Loaded:
 
     scene: "Scene"
     seen: Survey
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to make the next picture.  views: in the order of ``sides``.  level: of detail.  hides: cells that the last frame
+    hid are left out.  moving: while the camera moves."""
+
+    views: tuple[str, ...]
+    level: float | None
+    hides: bool = False
+    moving: bool = False
 
 
 class Session:
@@ -104,9 +114,8 @@ class Session:
         self._abandoned: list[Worker] = []
         self.recording: FrameTimes | None = None
         self.stats: dict | None = None
-        self.preview_when_slow = True
-        self._network_ms = 0.0
-        self._drawn: tuple[str, ...] = ()
+        self.pace = Pace()
+        self._drawn: Plan | None = None
         self.dirty = True
         self._moved = self._clock()
         self._time: float | None = None
@@ -135,35 +144,42 @@ class Session:
         """Whether the camera moves now or did a moment ago."""
         return self.fly.moving or self._motion_keys() or self._clock() - self._moved < _REST
 
-    def stand_in(self, view: str) -> str:
-        """The view drawn for ``view`` now: ``filled`` for ``neural`` while flying where the network is slow."""
-        slow = self.preview_when_slow and self._network_ms > SLOW_NETWORK and self.moving
-        return "filled" if view == "neural" and slow else view
+    @property
+    def plan(self) -> Plan:
+        """The picture to make now."""
+        moving, pace = self.moving, self.pace
+        views = tuple(pace.stand_in(view, moving=moving) for view in self.sides)
+        levels = [level for level in (self.settings.lod, pace.level(moving=moving)) if level is not None]
+        return Plan(views, min(levels) if levels else None, pace.hides(moving=moving), moving)
 
     @property
-    def views(self) -> tuple[str, ...]:
-        """The views to render, in the order of ``sides``."""
-        return tuple(self.stand_in(view) for view in self.sides)
+    def full_plan(self) -> Plan:
+        """The picture as the settings have it, however long it takes."""
+        return Plan(self.sides, self.settings.lod)
 
     @property
     def drawn(self) -> tuple[str, ...]:
         """The views on the screen, in the order of ``sides``; those to come where there is no picture yet."""
-        return self._drawn if len(self._drawn) == len(self.sides) else self.sides
+        return self._drawn.views if self._drawn is not None and len(self._drawn.views) == len(self.sides) else self.sides
 
     @property
     def needs_picture(self) -> bool:
         """Whether the picture on the screen is not the one to be shown."""
-        return self.scene is not None and min(self.size) > 0 and (self.dirty or self._drawn != self.views)
+        return self.scene is not None and min(self.size) > 0 and (self.dirty or self._differs(self.plan))
 
-    def drew(self, views: tuple[str, ...], stats: dict) -> None:
-        """A picture was made of ``views``; ``stats`` as ``Frame.stats``."""
-        self.dirty, self._drawn, self.stats = False, views, stats
+    def _differs(self, plan: Plan) -> bool:
+        """Whether the picture on the screen lacks something of ``plan``, or has another view."""
+        drawn = self._drawn
+        return drawn is None or (drawn.views, drawn.level) != (plan.views, plan.level) or (drawn.hides and not plan.hides)
+
+    def drew(self, plan: Plan, stats: dict) -> None:
+        """A picture was made as planned; ``stats`` as ``Frame.stats``."""
+        self.dirty, self._drawn, self.stats = False, replace(plan, hides="occlusion" in stats), stats
         self._last_good = self.settings
         self._failed.clear()
-        if "network" in stats["stages"]:
-            self._network_ms = stats["stages"]["network"]
+        self.pace.drew(plan.level, stats, moving=plan.moving)
         if self.recording is not None:
-            self.recording.add(self._clock(), stats, self.size, views)
+            self.recording.add(self._clock(), stats, self.size, plan.views)
 
     def failed(self, text: str) -> None:
         """A picture could not be made: says so and goes back to the settings that worked last."""
@@ -174,13 +190,13 @@ class Session:
         self.split = False
         self.settings = back or self.settings
         # with nothing left to try the window shows no picture until something changes
-        self.dirty, self._drawn = back is not None, () if back is not None else self.views
+        self.dirty, self._drawn = back is not None, None if back is not None else self.plan
 
     @property
     def approximations(self) -> list[str]:
         """Everything about the picture on the screen that is not exact, in words."""
         made = list(self.stats["approximations"]) if self.stats else []
-        if self._drawn != self.sides and "neural" in self.sides:
+        if self.drawn != self.sides and "neural" in self.sides:
             made.append("filled while moving")
         return made
 
@@ -215,7 +231,7 @@ class Session:
             return 0.0
         now = self._clock()
         times = [toast.until - now for toast in self.toasts]
-        if self._drawn != self.sides and self.scene is not None:
+        if self.scene is not None and self._moved + _REST > now and self._differs(self.full_plan):
             times.append(self._moved + _REST - now)
         return max(0.0, min(times)) if times else None
 
@@ -249,6 +265,7 @@ class Session:
         """Puts the camera somewhere else at once, keeping the flying speed."""
         self.fly = replace(state, speed=self.fly.speed, velocity=np.zeros(3))
         self.dirty, self._moved = True, self._clock() - _REST
+        self.pace.jump()
 
     def go_home(self) -> None:
         self.fly = self.home
@@ -268,6 +285,7 @@ class Session:
         """The framebuffer's size in pixels; (0, 0) while minimised."""
         if size != self.size:
             self.size, self.dirty = size, True
+            self.pace.jump()
 
     # -- settings and comparison -------------------------------------------------------------------------------------
 
@@ -286,6 +304,7 @@ class Session:
                 self._start_network(settings)
             return
         self.settings, self.wanted, self.dirty = settings, None, True
+        self.pace.jump()
 
     def show(self, view: str) -> None:
         """Chooses the view (in a comparison: the right side)."""
@@ -368,9 +387,10 @@ class Session:
     def accept(self, loaded: Loaded) -> None:
         """The app uploaded the scene: visit it."""
         self.scene, self.seen = loaded.scene, loaded.seen
+        self.pace.begin(loaded.scene.count)
         width, height = self.size if min(self.size) > 0 else (16, 9)
         self.fly = self.home = start_state(loaded.scene, loaded.seen, width / height)
-        self.stats, self.dirty, self._drawn, self._moved = None, True, (), self._clock() - _REST
+        self.stats, self.dirty, self._drawn, self._moved = None, True, None, self._clock() - _REST
         for note in _notes(loaded.scene.meta)[:3]:
             self.toast(note, seconds=_NOTE_SECONDS)
 

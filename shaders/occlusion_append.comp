@@ -1,0 +1,24 @@
+// Of one page's batches, those of cells found in the open now: to a second list, with the command that draws it.
+layout(local_size_x = CELLS_A_GROUP) in;
+layout(std430, binding = BATCHES_BINDING) readonly buffer Batches { uvec4 batches[]; };
+layout(std430, binding = APPENDED_BINDING) writeonly buffer Appended { uvec4 appended[]; };
+layout(std430, binding = FLAGS_BINDING) readonly buffer Flags { uint flags[]; };
+layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };  // groups x, y, z, batches by page
+uniform uint first_batch;
+uniform uint batch_count;
+uniform uint page;
+uniform uint tally;  // where in the commands the hidden cells are counted, and behind it the hidden points
+
+void main() {
+    uint number = gl_WorkGroupID.y * gl_NumWorkGroups.x * CELLS_A_GROUP + gl_GlobalInvocationID.x;
+    if (number >= batch_count) return;
+    uvec4 batch = batches[first_batch + number];
+    if (flags[batch.z] != 2u) {
+        atomicAdd(commands[tally + 1u], batch.y);
+        return;
+    }
+    uint place = atomicAdd(commands[4u * page + 3u], 1u);
+    appended[first_batch + place] = batch;
+    atomicMax(commands[4u * page], min(place + 1u, uint(MAX_GROUPS)));
+    atomicMax(commands[4u * page + 1u], place / uint(MAX_GROUPS) + 1u);
+}

@@ -1,0 +1,55 @@
+// Would nothing of a cell show?  Its box's highest inverse depth against the lowest of the pyramid over its rectangle.
+// FINAL: all cells, 1 = seen, for the next frame; else those not drawn yet: 2 = to be drawn now, 0 = hidden.
+#include "common_project.glsl"
+#include "common_occlusion.glsl"
+
+layout(local_size_x = CELLS_A_GROUP) in;
+layout(std430, binding = CELLS_BINDING) readonly buffer Cells { vec4 cells[]; };  // view position of step (0,0,0)
+layout(std430, binding = FLAGS_BINDING) buffer Flags { uint flags[]; };           // 1: seen in the last frame
+#ifndef FINAL
+layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
+uniform uint tally;  // where in it the hidden cells are counted
+#endif
+uniform uint cell_count;
+
+bool hidden(vec3 origin) {
+    vec2 low = vec2(1e30), high = vec2(-1e30);
+    float nearest = 1e30;
+    for (uint corner = 0u; corner < 8u; ++corner) {
+        vec3 q = 65535.0 * vec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
+        vec3 p = origin + vec3(dot(axis_x.xyz, q), dot(axis_y.xyz, q), dot(axis_z.xyz, q));
+        if (!(p.z > 0.0)) return false;  // crosses the camera's plane
+        vec2 at = lens.xy * (p.xy / p.z) + lens.zw + soft.z;
+        low = min(low, at);
+        high = max(high, at);
+        nearest = min(nearest, p.z);
+    }
+    vec2 extent = vec2(size.xy);
+    low = clamp(floor(low - 1.0), vec2(-1.0), extent);  // a pixel for rounding
+    high = clamp(floor(high + 1.0), vec2(-1.0), extent);
+    if (any(lessThan(high, vec2(0.0))) || any(greaterThanEqual(low, extent))) return true;  // beside the picture
+    uvec2 first = uvec2(max(low, vec2(0.0))) >> BLOCK_SHIFT;
+    uvec2 last = uvec2(min(high, extent - 1.0)) >> BLOCK_SHIFT;
+    uint level = 0u;
+    while (any(greaterThan((last >> level) - (first >> level), uvec2(TEXELS - 1u)))) ++level;
+    uvec4 there = levels[level];
+    first >>= level;
+    last >>= level;
+    float lowest = 1e38;
+    for (uint y = first.y; y <= last.y; ++y)
+        for (uint x = first.x; x <= last.x; ++x) lowest = min(lowest, pyramid[there.z + y * there.x + x]);
+    return nearest * lowest > 1.0 + 1e-5;  // more than float32 rounds by; false where anything would show
+}
+
+void main() {
+    uint cell = gl_WorkGroupID.y * gl_NumWorkGroups.x * CELLS_A_GROUP + gl_GlobalInvocationID.x;
+    if (cell >= cell_count) return;
+#ifdef FINAL
+    flags[cell] = hidden(cells[cell].xyz) ? 0u : 1u;
+#else
+    if (flags[cell] == 1u) return;
+    bool away = hidden(cells[cell].xyz);
+    flags[cell] = away ? 0u : 2u;
+    if (away) atomicAdd(commands[tally], 1u);
+#endif
+}

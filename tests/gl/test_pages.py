@@ -1,0 +1,304 @@
+"""Points in pages: what slot_of_chunk says is what the buffers hold, under the budget, whole, in rounds and streamed."""
+
+import os
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from clouds import camera_in, room
+
+from viewer.errors import DeviceError, InputError
+from viewer.render.points import PointPages
+from viewer.render.renderer import Renderer
+from viewer.render.shader import BATCH
+from viewer.settings import Settings
+
+pytestmark = pytest.mark.gl
+
+POINTS = 512  # a chunk, here
+CHUNK_BYTES = POINTS * 12
+LIMIT = 9 * CHUNK_BYTES + BATCH * 12 + 100  # of a storage block: nine slots a page
+SCENE = room(3, 60_000)
+CHUNKS = -(-SCENE.count // POINTS)
+
+
+def pages_of(context, scene=SCENE, slots: float = 40.5, **options) -> PointPages:
+    return PointPages(
+        context, scene, LIMIT, budget=int(slots * CHUNK_BYTES), chunk_points=POINTS,
+        **{"read_ahead": 5 * CHUNK_BYTES, **options},
+    )  # fmt: skip
+
+
+def on_disk(folder):
+    np.save(folder / "points.npy", SCENE.points)
+    return replace(SCENE, points=np.load(folder / "points.npy", mmap_mode="r"))
+
+
+def draw_list(rng, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """Runs as culling makes them: ascending, apart, of any length; about ``share`` of all points."""
+    edges = np.unique(rng.integers(0, SCENE.count + 1, 400))
+    chosen = np.flatnonzero(rng.random(len(edges) - 1) < share)
+    return edges[chosen], np.diff(edges)[chosen]
+
+
+def plain_batches(first, count, pages: PointPages, start: int, stop: int) -> list[tuple[int, int, int, int]]:
+    """(page, index in it, points, number of the first) of each batch of a draw list between two points of the scene.
+
+    A run is cut at multiples of chunk_points, then from each cut on into batches; chunks without a slot are left out.
+    """
+    out = []
+    for a, n in zip(first.tolist(), count.tolist(), strict=True):
+        at, end = max(a, start), min(a + n, stop)
+        while at < end:
+            chunk = at // pages.chunk_points
+            edge = min(end, (chunk + 1) * pages.chunk_points)
+            slot = int(pages.slot_of_chunk[chunk])
+            while at < edge:
+                size = min(BATCH, edge - at)
+                if slot >= 0:
+                    index = slot % pages.slots_per_page * pages.chunk_points + at % pages.chunk_points
+                    out.append((slot // pages.slots_per_page, index, size, at))
+                at += size
+    return out
+
+
+def drawn(pages: PointPages, batches) -> np.ndarray:
+    """How often each point was drawn, having made sure that the buffers hold these points."""
+    times = np.zeros(SCENE.count, int)
+    buffers = [np.frombuffer(buffer.read(), np.uint32).reshape(-1, 3) for buffer in pages.buffers]
+    for page, index, size, at in batches:
+        assert np.array_equal(buffers[page][index : index + size], SCENE.points[at : at + size])
+        times[at : at + size] += 1
+    return times
+
+
+def expected(first, count) -> np.ndarray:
+    times = np.zeros(SCENE.count, int)
+    for a, n in zip(first, count, strict=True):
+        times[a : a + n] += 1
+    return times
+
+
+def within_budget(pages: PointPages, slots: float = 40.5) -> bool:
+    held = (pages.slot_of_chunk >= 0).sum()
+    return pages.nbytes <= slots * CHUNK_BYTES and pages.staging <= 5 * CHUNK_BYTES and held * CHUNK_BYTES <= pages.nbytes
+
+
+def test_a_scene_that_fits_is_there_whole(context):
+    pages = pages_of(context, slots=CHUNKS + 10)
+    try:
+        assert len(pages.buffers) == -(-CHUNKS // 9) > 3
+        assert pages.slot_of_chunk.tolist() == list(range(CHUNKS))
+        rng = np.random.default_rng(0)
+        first, count = draw_list(rng, 0.5)
+        for streaming in (False, True):
+            (part,) = pages.prepare(first, count, streaming=streaming)
+            pages.load(part)
+            batches = plain_batches(first, count, pages, part.start, part.stop)
+            assert np.array_equal(drawn(pages, batches), expected(first, count))
+            assert not pages.pending and not pages.approximations
+        for page, buffer in enumerate(pages.buffers):  # a batch more than a page, for cutting from a run's start
+            held = np.frombuffer(buffer.read(), np.uint32).reshape(-1, 3)
+            assert np.array_equal(held, SCENE.points[page * pages.size :][: pages.size + BATCH])
+    finally:
+        pages.release()
+
+
+def test_a_small_scene_takes_no_more_than_it_needs(context):
+    points = SCENE.points[:7]
+    pages = PointPages(context, replace(SCENE, points=points), 128 << 20, budget=1 << 30)
+    try:
+        assert pages.nbytes == 7 * 12 and pages.buffers[0].read() == points.tobytes()
+    finally:
+        pages.release()
+
+
+@pytest.mark.parametrize("stored", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_rounds_draw_every_point_once_under_the_budget(context, tmp_path, seed, stored):
+    rng = np.random.default_rng(seed)
+    pages = pages_of(context, on_disk(tmp_path) if stored else SCENE, software=stored)
+    try:
+        assert len(pages.buffers) == (1 if stored else 5)  # in software, made when needed
+        pinned = pages.residency.pinned
+        assert pinned == 5 and not pages.residency.holds_all
+        several = 0
+        for share in rng.choice([0.0, 0.01, 0.3, 1.0], 8):
+            first, count = draw_list(rng, share)
+            if rng.random() < 0.5:  # what a camera close by needs: a few places, all layers
+                keep = (first // POINTS) % 10 < 2
+                first, count = first[keep], count[keep]
+            rounds = pages.prepare(first, count)
+            several += len(rounds) > 1
+            made = len(pages.buffers)
+            for sweep in (rounds, rounds[::-1]):
+                times = np.zeros(SCENE.count, int)
+                for part in sweep:
+                    pages.load(part)
+                    assert within_budget(pages)
+                    times += drawn(pages, plain_batches(first, count, pages, part.start, part.stop))
+                assert np.array_equal(times, expected(first, count))
+            assert (pages.slot_of_chunk[:pinned] >= 0).all() and len(pages.buffers) == made
+        assert several
+    finally:
+        pages.release()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_streaming_brings_everything_coarse_chunks_first_and_so_much_a_frame(context, tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    news = threading.Event()
+    pages = pages_of(context, on_disk(tmp_path), upload=3 * CHUNK_BYTES, wake=news.set)
+    try:
+        for _ in range(4):
+            first, count = draw_list(rng, 1.0)
+            start = rng.integers(0, SCENE.count - 20 * POINTS)
+            keep = (first + count < 8 * POINTS) | ((first > start) & (first + count < start + 20 * POINTS))
+            first, count = first[keep], count[keep]
+            total = expected(first, count)
+            frames = 0
+            while True:
+                before = pages.slot_of_chunk.copy()
+                (part,) = pages.prepare(first, count, streaming=True)
+                pages.load(part)
+                new = np.flatnonzero((pages.slot_of_chunk >= 0) & (before < 0))
+                assert len(new) <= 3 and within_budget(pages)
+                times = drawn(pages, plain_batches(first, count, pages, part.start, part.stop))
+                assert (times <= total).all() and total.sum() - times.sum() == pages.missing
+                assert any("still loading" in text for text in pages.approximations) == (pages.missing > 0)
+                assert (times[: pages.residency.pinned * POINTS] == total[: pages.residency.pinned * POINTS]).all()
+                if not pages.pending:
+                    break
+                if not pages.arrived:
+                    assert news.wait(30)
+                news.clear()
+                frames += 1
+                assert frames < 1000
+            assert np.array_equal(times, total) and pages.left_out == pages.lost == 0
+    finally:
+        pages.release()
+
+
+def test_what_a_moving_picture_cannot_hold_is_said_and_is_the_finest(context):
+    pages = pages_of(context, read_ahead=1 << 20)
+    first, count = np.array([0]), np.array([SCENE.count])
+    try:
+        for _ in range(10_000):
+            pages.prepare(first, count, streaming=True)
+            if not pages.pending:
+                break
+        slots = pages.residency.slots
+        assert np.flatnonzero(pages.slot_of_chunk >= 0).tolist() == list(range(slots))
+        assert pages.missing == 0 and pages.left_out == SCENE.count - slots * POINTS
+        assert pages.approximations == [f"{pages.left_out / SCENE.count:.0%} of the points beyond the memory for points"]
+        held = pages.slot_of_chunk.copy()
+        pages.prepare(first, count, streaming=True)  # and it stays so: nothing goes round in circles
+        assert np.array_equal(pages.slot_of_chunk, held) and not pages.pending
+    finally:
+        pages.release()
+
+
+def test_a_file_that_shrinks_while_open_is_reported_and_the_rest_is_drawn(context, tmp_path):
+    scene = on_disk(tmp_path)
+    pages = pages_of(context, scene)
+    first, count = np.array([0]), np.array([30 * POINTS])
+    try:
+        os.truncate(scene.points.filename, scene.points.offset + 20 * CHUNK_BYTES - 1)
+        with pytest.raises(InputError, match=r"points\.npy: damaged grid"):
+            pages.load(pages.prepare(first, count)[0])
+        for _ in range(10_000):
+            (part,) = pages.prepare(first, count, streaming=True)
+            if not pages.pending:
+                break
+        assert pages.problem and "points.npy: damaged grid" in pages.problem
+        assert pages.lost == 11 * POINTS and pages.missing == pages.left_out == 0
+        assert pages.approximations == [f"{11 / 30:.0%} of the points cannot be read"]
+        pages.prepare(first, count, streaming=True)
+        assert pages._reader._left == 0  # what failed is not tried for ever
+        times = drawn(pages, plain_batches(first, count, pages, part.start, part.stop))
+        assert times[: 19 * POINTS].all() and not times[19 * POINTS :].any()
+    finally:
+        pages.release()
+    with pytest.raises(InputError, match="damaged grid"):  # at opening: nothing is shown, nothing left behind
+        pages_of(context, scene, slots=CHUNKS + 10)
+
+
+@pytest.mark.parametrize("spare", [-1, 0, 3 * BATCH * 12, CHUNKS // 9 * BATCH * 12, CHUNKS * CHUNK_BYTES])
+def test_a_budget_close_to_the_scene_is_obeyed(context, spare):
+    budget = SCENE.count * 12 + spare
+    pages = pages_of(context, slots=budget / CHUNK_BYTES)
+    try:
+        assert pages.nbytes <= budget
+        assert pages.residency.holds_all == (spare >= CHUNKS // 9 * BATCH * 12)
+    finally:
+        pages.release()
+
+
+def test_a_budget_that_is_too_small_names_the_option(context):
+    with pytest.raises(InputError, match=r"expected 0 MiB at least; raise --gpu-memory"):
+        pages_of(context, slots=15)
+    with pytest.raises(InputError, match=r"5 MiB for points on the GPU: expected 12 MiB at least"):
+        PointPages(context, replace(SCENE, points=np.zeros((1 << 20, 3), np.uint32)), 128 << 20, budget=5 << 20)
+
+
+class Short:
+    """A context whose device has memory for a few pages only."""
+
+    def __init__(self, context, pages: int):
+        self._context, self._left, self.error = context, pages, "GL_NO_ERROR"
+
+    def buffer(self, **options):
+        self.error = "GL_NO_ERROR" if self._left else "GL_OUT_OF_MEMORY"
+        self._left -= 1
+        return self._context.buffer(**options)
+
+
+@pytest.mark.parametrize("slots", [40.5, CHUNKS + 10])
+def test_a_device_with_less_memory_than_the_budget_gets_a_smaller_pool(context, slots):
+    pages = pages_of(Short(context, 3), slots=slots, software=False)
+    try:
+        assert pages.residency.slots == 27 and len(pages.buffers) == 3
+        first, count = draw_list(np.random.default_rng(5), 0.9)
+        times = np.zeros(SCENE.count, int)
+        for part in pages.prepare(first, count):
+            pages.load(part)
+            times += drawn(pages, plain_batches(first, count, pages, part.start, part.stop))
+        assert np.array_equal(times, expected(first, count))
+    finally:
+        pages.release()
+    with pytest.raises(DeviceError, match="no memory left for the points"):
+        pages_of(Short(context, 1), software=False)
+
+
+@pytest.mark.parametrize("kind", ["compute", "points"])
+def test_a_pool_smaller_than_the_scene_changes_no_byte_of_an_exact_picture(context, tmp_path, kind):
+    whole, small = Renderer(context, SCENE), Renderer(context, SCENE)
+    small.pages.release()
+    small.pages = pages_of(context, on_disk(tmp_path), slots=20, software=True)
+    several = 0
+    try:
+        for seed in range(6):
+            camera, settings = camera_in(SCENE, seed, (160, 120)), Settings(raster=kind)
+            frames = [renderer.render(camera, settings, views=("raw", "filtered")) for renderer in (whole, small)]
+            assert frames[0].image("raw").tobytes() == frames[1].image("raw").tobytes(), seed
+            assert frames[0].depth().tobytes() == frames[1].depth().tobytes() and frames[1].depth().size
+            draw = small._culler.select(camera, None)
+            several += len(small.pages.prepare(draw.first, draw.count)) > 1
+            assert small.pages.nbytes <= 20 * CHUNK_BYTES
+        assert several
+    finally:
+        whole.release()
+        small.release()
+
+
+def test_nothing_runs_on_once_released(context):
+    before = set(threading.enumerate())
+    pages = pages_of(context)
+    assert set(threading.enumerate()) - before
+    pages.prepare(np.array([0]), np.array([SCENE.count]), streaming=True)
+    pages.release()
+    assert set(threading.enumerate()) <= before and not pages.buffers
+    whole = pages_of(context, slots=CHUNKS + 10)
+    assert set(threading.enumerate()) <= before  # all is there: nothing left to read
+    whole.release()

@@ -1,0 +1,101 @@
+"""The script for a GPU machine, where there is none: its plumbing on the CPU, what fails in it, and what it asks of the CLI."""
+
+import importlib.util
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).resolve().parents[1] / "gpu" / "run.py"
+ABSENT = ("open3d", "glfw", "imgui_bundle", "pye57", "OpenGL", "hatchling")
+"""What such a machine does not have."""
+BLOCK = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {names}:
+            raise ImportError(f"{{name}} is not there")
+sys.meta_path.insert(0, Absent())
+"""
+
+
+@pytest.fixture(scope="module")
+def run():
+    spec = importlib.util.spec_from_file_location("gpu_run", SCRIPT)
+    assert spec and spec.loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["gpu_run"] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["gpu_run"]
+
+
+@pytest.mark.gl
+def test_a_dry_run_leaves_every_figure_in_one_folder(tmp_path):
+    (tmp_path / "block").mkdir()
+    (tmp_path / "block" / "sitecustomize.py").write_text(BLOCK.format(names=set(ABSENT)))
+    out = tmp_path / "out"
+    done = subprocess.run(
+        [sys.executable, str(SCRIPT), "--dry", "--only", "scan,projected,engines", "--out", str(out)],
+        env=os.environ | {"PYTHONPATH": str(tmp_path / "block")}, capture_output=True, text=True, timeout=240,
+    )  # fmt: skip
+    log = (out / "log.txt").read_text()
+    assert done.returncode == 0, done.stdout + done.stderr + log
+    results = json.loads((out / "results.json").read_text())
+    parts = {name: held["result"] for name, held in results["parts"].items()}
+    assert list(parts) == ["scan", "projected", "engines"] and results["plan"]["dry"]
+    assert parts["scan"]["points"] == results["plan"]["points"]
+    views = parts["projected"]["views"]
+    assert len(views) == 8 and max(view["points"] for view in views) == parts["projected"]["most"]["points"] > 0
+    assert all(view["raster_ms"] > 0 for view in views)
+    (network,), (bridge,) = parts["engines"]["network"], parts["engines"]["bridge"]
+    assert network["runs"] == "call by call" and network["problem"] is None and network["ms"] > 0
+    assert bridge["kind"] == "read-back" and bridge["ms"] > 0
+    assert sorted(path.name for path in out.iterdir()) == ["log.txt", "results.json"]
+
+
+def parts_of(run, *commands: list[str], seconds: float = 20.0, **named):
+    return [run.Part(f"part{i}", seconds, lambda *_, c=c: c, **named) for i, c in enumerate(commands)]
+
+
+def test_a_part_that_fails_or_hangs_does_not_end_the_rest(run, tmp_path):
+    parts = parts_of(run, ["-c", "print('x'); raise SystemExit(3)"], ["-c", "import time; time.sleep(60)"], seconds=2.0)
+    parts += parts_of(run, ["-c", "print('progress'); print('{\"figure\": 7}')"], ["-c", "print('no figure')"], json=None)
+    parts = [run.Part(f"{i}", part.seconds, part.command, part.json) for i, part in enumerate(parts)]
+    with open(tmp_path / "log.txt", "w") as log:
+        held = run._all(run.DRY, parts, tmp_path, tmp_path, log, 60.0)["parts"]
+    assert held["0"]["said"] == "failed (3)" and held["0"]["result"] == "x"
+    assert held["1"]["said"].startswith("cut short after 2 s")
+    assert held["2"]["said"] == "done" and held["2"]["result"] == {"figure": 7}
+    assert held["3"]["said"].startswith("done, no result")
+    assert json.loads((tmp_path / "results.json").read_text())["parts"] == held
+
+
+def test_no_part_starts_without_time(run, tmp_path):
+    held = run._all(run.DRY, parts_of(run, ["-c", "print(1)"]), tmp_path, tmp_path, io.StringIO(), 9.0)["parts"]
+    assert held["part0"]["said"].startswith("left out")
+
+
+def test_it_ends_within_nine_minutes_and_leaves_few_files(run):
+    assert run.TOTAL + run._LAST <= 540 and all(part.seconds < run.TOTAL for part in run.PARTS)
+    assert 2 + sum(part.plot is not None for part in run.PARTS) <= 8
+    assert len({part.name for part in run.PARTS}) == len(run.PARTS)
+
+
+def test_the_command_line_has_everything_it_asks_for(run, tmp_path):
+    from viewer.cli import _parser
+
+    asked = 0
+    for plan in (run.Plan(), run.DRY):
+        for part in run.PARTS:
+            if part.name.startswith("frame-") and int(part.name[6:]) >= len(plan.sizes):
+                continue
+            command = part.command(plan, tmp_path)
+            if command[:2] == ["-m", "viewer"]:
+                _parser().parse_args(command[2:])
+                asked += 1
+    assert asked >= 8

@@ -1,0 +1,291 @@
+"""OpenGL's pixels mapped into CUDA: one buffer, registered once, mapped once a frame; nothing passes through the host.
+
+A storage buffer maps to CUDA as plain memory (a texture would map as an opaque array).  Input and output are two parts of
+one buffer, so that a single map serves both with either library.  Everything of a frame is ordered on one stream of
+torch's: mapping waits for what OpenGL was told before it, unmapping makes OpenGL wait for CUDA; the host never waits.
+"""
+
+import re
+from typing import TYPE_CHECKING, Protocol
+
+from model.reconstruct import PACKED_IN, PACKED_OUT
+from viewer.errors import DeviceError
+from viewer.render.bridge import Network, works
+
+if TYPE_CHECKING:
+    import moderngl
+    import torch
+
+    from viewer.render.shader import Programs
+
+ALIGNMENT = 256
+"""Bytes: what OpenGL may ask at most of a part's offset in a storage buffer."""
+_OF_DEVICE = re.compile(r"CUDA( driver)? error|CUDA out of memory|cuDNN error|CUDNN_STATUS|CUBLAS_STATUS|cudaError|CUDA_ERROR")
+
+
+def device_failure(error: BaseException) -> str | None:
+    """One line for a person where an error came from the CUDA device or its memory; None for any other error (a bug)."""
+    if isinstance(error, DeviceError):
+        return str(error)
+    name, said = type(error).__name__, first_line(error)
+    if name == "OutOfMemoryError":
+        return f"the GPU has not enough memory left for the network ({said}); choose a smaller size or --quality fast"
+    if name in ("AcceleratorError", "CUDAError", "CudaCallError") or (
+        isinstance(error, RuntimeError) and _OF_DEVICE.search(said)
+    ):
+        return f"the GPU failed while the network ran ({said}); start again, or use --device cpu"
+    return None
+
+
+def first_line(error: BaseException) -> str:
+    """What an error says, without the lines of advice that CUDA's come with."""
+    lines = str(error).strip().splitlines()
+    return lines[0].strip() if lines else type(error).__name__
+
+
+class CudaCallError(RuntimeError):
+    """A call of cuda.bindings that did not return cudaSuccess."""
+
+
+class Mapper(Protocol):
+    """One OpenGL buffer registered with CUDA."""
+
+    def __init__(self, buffer: int, stream: "torch.cuda.Stream"): ...
+
+    def map(self) -> tuple[int, int]:
+        """Hands the buffer to CUDA, on the stream: device address and bytes."""
+        ...
+
+    def unmap(self) -> None:
+        """Hands it back to OpenGL, on the stream."""
+        ...
+
+    def close(self) -> None: ...
+
+
+class CoreMapper:
+    """By cuda.core's GraphicsResource (cuda-core >= 0.7)."""
+
+    def __init__(self, buffer: int, stream: "torch.cuda.Stream"):
+        from cuda.core import Device, GraphicsResource  # type: ignore[import-not-found]
+
+        device = Device(stream.device_index)
+        device.set_current()  # the primary context, which is torch's
+        self._stream = device.create_stream(_ForeignStream(stream))
+        self._resource = GraphicsResource.from_gl_buffer(buffer)
+
+    def map(self) -> tuple[int, int]:
+        mapped = self._resource.map(stream=self._stream)
+        return int(mapped.handle), int(mapped.size)
+
+    def unmap(self) -> None:
+        self._resource.unmap()
+
+    def close(self) -> None:
+        self._resource.close()
+
+
+class BindingsMapper:
+    """By the CUDA runtime through cuda.bindings, whose calls return their status first."""
+
+    def __init__(self, buffer: int, stream: "torch.cuda.Stream"):
+        from cuda.bindings import runtime  # type: ignore[import-not-found]
+
+        self._runtime, self._stream = runtime, stream.cuda_stream
+        (self._resource,) = self._call("cudaGraphicsGLRegisterBuffer", buffer, 0)
+        if not int(self._resource):  # cuda-bindings 12.9.3
+            raise CudaCallError("cudaGraphicsGLRegisterBuffer reported success and gave no handle; update cuda-bindings")
+
+    def _call(self, name: str, *arguments) -> list:
+        status, *made = getattr(self._runtime, name)(*arguments)
+        if int(status) != 0:
+            _, text = self._runtime.cudaGetErrorString(status)
+            raise CudaCallError(f"{name}: {text.decode() if isinstance(text, bytes) else text} ({int(status)})")
+        return made
+
+    def map(self) -> tuple[int, int]:
+        self._call("cudaGraphicsMapResources", 1, self._resource, self._stream)
+        try:
+            pointer, size = self._call("cudaGraphicsResourceGetMappedPointer", self._resource)
+        except CudaCallError:
+            self.unmap()
+            raise
+        return int(pointer), int(size)
+
+    def unmap(self) -> None:
+        self._call("cudaGraphicsUnmapResources", 1, self._resource, self._stream)
+
+    def close(self) -> None:
+        if self._resource is not None:
+            resource, self._resource = self._resource, None
+            self._call("cudaGraphicsUnregisterResource", resource)
+
+
+MAPPERS: dict[str, type[Mapper]] = {"cuda.core": CoreMapper, "cuda.bindings": BindingsMapper}
+"""In the order they are tried."""
+
+
+class Region:
+    """A part of a buffer, used as a buffer of its own.  offset, size: bytes."""
+
+    def __init__(self, buffer: "moderngl.Buffer", offset: int, size: int):
+        self._buffer, self._offset, self.size = buffer, offset, size
+
+    def bind_to_storage_buffer(self, binding: int = 0) -> None:
+        self._buffer.bind_to_storage_buffer(binding, self._offset, self.size)
+
+    def read(self) -> bytes:
+        return self._buffer.read(self.size, offset=self._offset)
+
+    def write(self, data) -> None:
+        if memoryview(data).nbytes > self.size:
+            raise ValueError(f"{memoryview(data).nbytes} bytes do not fit into {self.size}")
+        self._buffer.write(data, offset=self._offset)
+
+
+class CudaBridge:
+    """Maps a buffer into CUDA.  kind: by which library.  problem: why not by one before it, or None.
+
+    mappers: names of MAPPERS to try, in order (default: all).
+    Raises DeviceError, saying what each of them met, where none works: another GPU draws than computes, the packages are
+    missing, VirtualGL.
+    """
+
+    def __init__(self, programs: "Programs", size: tuple[int, int], mappers: tuple[str, ...] = tuple(MAPPERS)):
+        import torch
+
+        self._context, self.size = programs.context, size
+        width, height = size
+        self._shapes = (height, width, PACKED_IN), (height, width, PACKED_OUT)
+        input_bytes, output_bytes = (2 * width * height * channels for channels in (PACKED_IN, PACKED_OUT))
+        self._offset = -(-input_bytes // ALIGNMENT) * ALIGNMENT
+        self._bytes = self._offset + output_bytes
+        self._buffer = self._context.buffer(reserve=self._bytes)
+        self.input = Region(self._buffer, 0, input_bytes)
+        self.output = Region(self._buffer, self._offset, output_bytes)
+        self._mapper: Mapper | None = None
+        self._views: tuple[int, torch.Tensor, torch.Tensor] | None = None
+        tried: list[str] = []
+        try:
+            self._stream = torch.cuda.Stream()
+            self._before = torch.cuda.Event()
+            for name in mappers:
+                if (problem := self._try(name, programs)) is None:
+                    self.kind = f"CUDA mapping by {name}"
+                    self.problem = "; ".join(tried) or None
+                    return
+                tried.append(f"{name}: {problem}")
+        except BaseException:
+            self.release()
+            raise
+        self.release()
+        raise DeviceError(f"OpenGL's buffers cannot be mapped into CUDA here ({'; '.join(tried)}{other_gpu()})")
+
+    def _try(self, name: str, programs: "Programs") -> str | None:
+        """Registers the buffer by one library and tests it: the problem, or None where it works and is kept."""
+        try:
+            self._mapper = MAPPERS[name](self._buffer.glo, self._stream)
+            if works(programs, self, "cuda"):
+                return None
+            problem = "the self-test's pattern came back wrong"
+        except ImportError as error:
+            problem = f"not installed ({first_line(error)}); pip install 'pointglass[cuda]'"
+        except Exception as error:  # each library has errors of its own, and so have drivers
+            problem = first_line(error)
+        self._close_mapper()
+        return problem
+
+    def run(self, network: Network) -> None:
+        import torch
+
+        assert self._mapper is not None
+        self._context.memory_barrier()
+        with torch.inference_mode(), torch.cuda.stream(self._stream):
+            self._before.record(torch.cuda.default_stream())  # where weights were loaded
+            self._stream.wait_event(self._before)
+            source, target = self._mapped(*self._mapper.map())
+            try:
+                target.copy_(network(source), non_blocking=True)
+            except BaseException:
+                self._unmap_quietly()
+                raise
+            self._mapper.unmap()
+
+    def _mapped(self, pointer: int, size: int) -> "tuple[torch.Tensor, torch.Tensor]":
+        """The two parts as tensors.  The address rarely changes, and they are kept while it does not."""
+        if self._views is None or self._views[0] != pointer:
+            try:
+                if not pointer or size < self._bytes:
+                    raise CudaCallError(f"mapping gave {size} bytes at {pointer:#x}, {self._bytes} were expected")
+                parts = (as_tensor(pointer, self._shapes[0]), as_tensor(pointer + self._offset, self._shapes[1]))
+            except BaseException:
+                self._unmap_quietly()
+                raise
+            self._views = pointer, *parts
+        return self._views[1], self._views[2]
+
+    def _unmap_quietly(self) -> None:
+        """On the way out of a failure, which is what must be heard of."""
+        try:
+            if self._mapper is not None:
+                self._mapper.unmap()
+        except Exception:
+            pass
+
+    def _close_mapper(self) -> None:
+        mapper, self._mapper, self._views = self._mapper, None, None
+        try:
+            if mapper is not None:
+                mapper.close()
+        except Exception:  # a lost device cannot unregister
+            pass
+
+    def release(self) -> None:
+        self._close_mapper()
+        self._buffer.release()
+
+
+class _ForeignStream:
+    """torch's stream in the form cuda.core takes foreign streams; keeps it alive."""
+
+    def __init__(self, stream: "torch.cuda.Stream"):
+        self._stream = stream
+
+    def __cuda_stream__(self) -> tuple[int, int]:
+        return 0, int(self._stream.cuda_stream)
+
+
+class _DeviceMemory:
+    """Device memory as an array that torch reads without copying."""
+
+    def __init__(self, pointer: int, shape: tuple[int, ...]):
+        self.__cuda_array_interface__ = {"shape": shape, "typestr": "<f2", "data": (pointer, False), "version": 3}
+
+
+def as_tensor(pointer: int, shape: tuple[int, ...]) -> "torch.Tensor":
+    """(…) half floats at a device address, as torch's own.  Raises CudaCallError where torch made a copy."""
+    import torch
+
+    made = torch.as_tensor(_DeviceMemory(pointer, shape), device="cuda")
+    if made.data_ptr() != pointer:
+        raise CudaCallError("torch copied the mapped pixels instead of using them in place")
+    return made
+
+
+def other_gpu() -> str:
+    """What to add to a failure: that OpenGL draws on another GPU than torch computes on, where CUDA can tell; else nothing."""
+    import torch
+
+    try:
+        from cuda.bindings import runtime  # type: ignore[import-not-found]
+
+        status, count, devices = runtime.cudaGLGetDevices(16, runtime.cudaGLDeviceList.cudaGLDeviceListAll)
+        mine = torch.cuda.current_device()
+        if int(status) != 0:
+            return "; CUDA knows no GPU of this OpenGL context"
+        drawing = [int(device) for device in devices[: int(count)]]
+        if mine not in drawing:
+            return f"; OpenGL draws on CUDA device {drawing}, torch computes on {mine}: set CUDA_VISIBLE_DEVICES"
+    except Exception:
+        return ""
+    return ""

@@ -1,0 +1,88 @@
+"""Which EGL device is which CUDA device: EGL and CUDA number the GPUs of a machine differently.
+
+NVIDIA's EGL tells a device's CUDA number, as this process counts them (CUDA_VISIBLE_DEVICES taken into account), through
+EGL_NV_device_cuda; other drivers, Mesa's among them, have no such devices.  Through ctypes, since nothing here wraps it.
+"""
+
+import ctypes
+import ctypes.util
+import os
+import sys
+from typing import Protocol
+
+EXTENSION = "EGL_NV_device_cuda"
+_EXTENSIONS, _CUDA_DEVICE_NV = 0x3055, 0x323A
+_MOST = 64
+
+
+class Devices(Protocol):
+    """What EGL tells of its devices, in its own order."""
+
+    def all(self) -> list[int]: ...
+    def extensions(self, device: int) -> str: ...
+    def cuda(self, device: int) -> int | None: ...
+
+
+class EglDevices:
+    """The real ones.  Raises OSError where there is no EGL, AttributeError where it cannot list devices."""
+
+    def __init__(self):
+        egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
+        address = egl.eglGetProcAddress
+        address.restype, address.argtypes = ctypes.c_void_p, [ctypes.c_char_p]
+
+        def function(name: str, result, *arguments):
+            found = address(name.encode())
+            if not found:
+                raise AttributeError(f"EGL has no {name}")
+            return ctypes.CFUNCTYPE(result, *arguments)(found)
+
+        self._library = egl  # keeps it loaded
+        pointer, number = ctypes.c_void_p, ctypes.c_int
+        self._list = function("eglQueryDevicesEXT", ctypes.c_uint, number, ctypes.POINTER(pointer), ctypes.POINTER(number))
+        self._string = function("eglQueryDeviceStringEXT", ctypes.c_char_p, pointer, number)
+        self._attribute = function("eglQueryDeviceAttribEXT", ctypes.c_uint, pointer, number, ctypes.POINTER(ctypes.c_ssize_t))
+
+    def all(self) -> list[int]:
+        found, count = (ctypes.c_void_p * _MOST)(), ctypes.c_int()
+        if not self._list(_MOST, found, ctypes.byref(count)):
+            return []
+        return [found[i] or 0 for i in range(count.value)]
+
+    def extensions(self, device: int) -> str:
+        return (self._string(device, _EXTENSIONS) or b"").decode(errors="replace")
+
+    def cuda(self, device: int) -> int | None:
+        value = ctypes.c_ssize_t(-1)
+        return value.value if self._attribute(device, _CUDA_DEVICE_NV, ctypes.byref(value)) and value.value >= 0 else None
+
+
+def cuda_numbers(devices: Devices | None = None) -> list[int | None]:
+    """For each EGL device in EGL's order its CUDA number, None where it has none.  Empty where EGL cannot tell."""
+    try:
+        devices = devices or EglDevices()
+        found = []
+        for device in devices.all():
+            known = EXTENSION in devices.extensions(device).split()  # others may not be asked
+            found.append(devices.cuda(device) if known else None)
+        return found
+    except (OSError, AttributeError):
+        return []
+
+
+def current_cuda_number() -> int:
+    """The CUDA device torch uses, or will use: torch is not imported for this, and without it the first is."""
+    torch = sys.modules.get("torch")
+    return torch.cuda.current_device() if torch is not None and torch.cuda.is_initialized() else 0
+
+
+def matching_device(devices: Devices | None = None) -> int | None:
+    """Index of the EGL device that is torch's CUDA device, or None: no such device, or GLCONTEXT_DEVICE_INDEX decides.
+
+    A number that several devices claim (drivers have done that) matches none of them.
+    """
+    if os.environ.get("GLCONTEXT_DEVICE_INDEX"):
+        return None
+    numbers = cuda_numbers(devices)
+    wanted = current_cuda_number()
+    return numbers.index(wanted) if numbers.count(wanted) == 1 else None

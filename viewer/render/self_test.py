@@ -1,0 +1,21 @@
+"""Runs shaders/self_test.comp: what `pointglass doctor` and every new bridge see that compute passes and buffers work by."""
+
+from typing import Protocol
+
+from viewer.render.shader import Programs
+
+
+class Storage(Protocol):
+    """A storage buffer, or a part of one."""
+
+    def bind_to_storage_buffer(self, binding: int = 0) -> None: ...
+
+
+def run_self_test(programs: Programs, mode: int, source: Storage, target: Storage, count: int) -> None:
+    """One of the shader's modes over ``count`` words of ``source``."""
+    program = programs.compute("self_test.comp", MODE=mode, IN_BINDING=0, OUT_BINDING=1)
+    source.bind_to_storage_buffer(0)
+    target.bind_to_storage_buffer(1)
+    program["count"] = count
+    program.run(-(-count // 64))
+    programs.context.memory_barrier()
