@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint assets wheel clean setup
+.PHONY: help demo test lint assets figures wheel clean setup
 
 help:  ## this list
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -25,6 +25,10 @@ lint: setup  ## ruff and pyright
 
 assets: setup  ## make the demo scan and its cameras again (a minute or two)
 	@$(PYTHON) -m model.synth.demo assets/demo.laz
+
+figures: setup  ## run the benches into out/bench and renew the README's figures from them (an hour)
+	@$(PYTHON) -m viewer.bench.figures
+	@$(PYTHON) -m viewer.bench.readme
 
 wheel: setup  ## build the wheel into dist/
 	@$(PYTHON) -m build --wheel --no-isolation

@@ -56,12 +56,16 @@ class Camera:
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
             raise InputError(f"{label}: camera_to_world must be a finite 4x4 matrix, got shape {matrix.shape}")
         rotation = matrix[:3, :3]
-        scale = np.cbrt(np.linalg.det(rotation))
-        if not scale > 1e-12:
-            raise InputError(f"{label}: camera_to_world is singular or mirrored (determinant {scale**3:.3g})")
-        u, _, vt = np.linalg.svd(rotation / scale)
+        largest = np.abs(rotation).max()
+        scaled = rotation / largest if largest > 0 else rotation  # first to size 1: the determinant is a cube
+        determinant = np.linalg.det(scaled)
+        if not determinant > 1e-9:
+            raise InputError(f"{label}: camera_to_world is singular or mirrored (determinant {determinant:.3g}, "
+                             f"its largest entry {largest:.3g} taken as 1)")
+        scaled = scaled / np.cbrt(determinant)
+        u, _, vt = np.linalg.svd(scaled)
         nearest = u @ vt
-        if np.abs(rotation / scale - nearest).max() > 1e-2:
+        if np.abs(scaled - nearest).max() > 1e-2:
             raise InputError(f"{label}: camera_to_world is not a rotation (sheared or scaled unevenly)")
         if np.abs(rotation - nearest).max() > 1e-12:  # an exact rotation stays as it was written, to the bit
             matrix[:3, :3] = nearest

@@ -1,5 +1,8 @@
 """One headless context for all OpenGL tests, checked for errors around each of them."""
 
+import os
+import secrets
+
 import pytest
 
 from viewer.errors import DeviceError
@@ -17,6 +20,14 @@ def context():
         pytest.fail(str(error))
     yield made
     made.release()
+
+
+@pytest.fixture
+def seed() -> int:
+    """A new one each time; pytest shows the line of a test that fails, and POINTGLASS_SEED repeats it."""
+    value = int(os.environ.get("POINTGLASS_SEED") or secrets.randbits(31))
+    print(f"POINTGLASS_SEED={value}")
+    return value
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,6 @@
-"""Culling and level of detail against brute force."""
+"""Culling, level of detail and batches against brute force and against the same in plain NumPy."""
+
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -6,36 +8,117 @@ from clouds import camera_in, room
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from viewer.camera import Camera, look_at
 from viewer.cloud import unpack
-from viewer.render.cull import Culler, split_runs
+from viewer.cloud.layers import morton_order
+from viewer.cloud.scene import Scene
+from viewer.render.batches import BatchTable, PageMap
+from viewer.render.cull import Culler
 
 SCENE = room(5, 20_000)
 CULLER = Culler(SCENE)
 XYZ, _, _, _ = unpack(SCENE)
 CELLS = SCENE.cell_of_points()
+LODS = (None, 1e-3, 0.5, 8.0, 1e9)
+
+
+def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
+    """What Culler.select should give: every cell asked, all layers as one table.  The sums in the same order."""
+    size, r = scene.cell_size, camera.view_rotation
+    left, right = camera.cx + 1.0, camera.width - camera.cx + 1.0
+    top, bottom = camera.cy + 1.0, camera.height - camera.cy + 1.0
+    planes = np.array([(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)])
+    reach = np.abs(planes @ r).sum(axis=1) * (0.5 * size * (1 + 1e-9))
+    px, py, pz = ((scene.cell_coords + 0.5) * size + (scene.origin - camera.position)).T
+    x, y, z = (r[k, 0] * px + r[k, 1] * py + r[k, 2] * pz for k in range(3))
+    sides = (camera.fx * x + left * z, right * z - camera.fx * x, camera.fy * y + top * z, bottom * z - camera.fy * y, z)
+    rows = np.flatnonzero(np.all([side + extra >= 0.0 for side, extra in zip(sides, reach, strict=True)], axis=0))
+    counts = np.diff(scene.offsets).reshape(scene.layers, -1)[:, rows]
+    if lod is not None:
+        nearest = np.maximum(z[rows] - 0.5 * size * np.abs(r[2]).sum(), 1e-9 * size)
+        need = lod * ((size * camera.fx / nearest) * (size * camera.fy / nearest))
+        held = np.cumsum(counts, axis=0)
+        counts = np.where(np.vstack([np.zeros((1, len(rows)), bool), held[:-1] >= need]), 0, counts)
+    layer, slot = np.nonzero(counts)
+    corner = r @ np.full(3, 0.5 * (scene.step - size))
+    view = np.zeros((len(rows), 4), np.float32)
+    view[:, :3] = np.stack([x[rows] + corner[0], y[rows] + corner[1], z[rows] + corner[2]], axis=1)
+    first = np.asarray(scene.offsets)[:-1].reshape(scene.layers, -1)[layer, rows[slot]]
+    return {
+        "first": first, "count": counts[layer, slot], "slot": slot, "cells": rows, "cell_view": view,
+        "axes": (r * scene.step).astype(np.float32), "points": int(counts.sum()),
+    }  # fmt: skip
+
+
+def as_dict(draw) -> dict:
+    return {name: np.copy(getattr(draw, name)) for name in ("first", "count", "slot", "cells", "cell_view", "axes", "points")}
+
+
+def cells_only(rng, cells: int, scale: float, reach: float) -> Scene:
+    """A scene without points: clumps of cells, some layers of a cell and whole cells empty, far from the file's origin."""
+    size = 2.0 ** round(np.log2(scale))
+    clumps = rng.integers(-400, 400, (1 + cells // 200, 3))
+    coords = clumps[rng.integers(0, len(clumps), cells)] + rng.integers(0, 12, (cells, 3))
+    coords = np.unique(coords, axis=0).astype(np.int32)
+    coords = coords[morton_order(coords - coords.min(axis=0))]
+    layers = int(rng.integers(1, 15))
+    count = rng.poisson(rng.choice([0.0, 3.0, 4000.0], len(coords)), (layers, len(coords)))
+    offsets = np.concatenate([[0], np.cumsum(count.ravel())])
+    origin = np.floor(rng.uniform(-reach, reach, 3)) * size
+    low, high = coords.min(axis=0) * size + origin, (coords.max(axis=0) + 1) * size + origin
+    empty = np.zeros((0, 3), np.uint32)
+    return Scene(empty, coords, offsets, origin, size, layers, int(offsets[-1]), 0.01 * size, np.array([low, high]))
+
+
+def any_camera(rng, scene: Scene) -> Camera:
+    """Anywhere near the scene, often on a cell's corner, looking at a cell or past all, any lens."""
+    cell = scene.cell_min[rng.integers(len(scene.cell_coords))]
+    eye = cell + rng.choice([0.0, rng.random(), 30 * rng.normal()], 3) * scene.cell_size
+    aim = scene.cell_min[rng.integers(len(scene.cell_coords))] + rng.random(3) * scene.cell_size
+    width, height = (int(n) for n in np.exp(rng.uniform(0, np.log(4000), 2)))
+    focal = 0.5 * height / np.tan(np.radians(np.exp(rng.uniform(0, np.log(170)))) / 2)
+    centre = np.array([width, height]) * (rng.uniform(-1, 2, 2) if rng.random() < 0.3 else 0.5)
+    return Camera(width, height, focal * rng.uniform(0.5, 2), focal, centre[0], centre[1], look_at(eye, aim, rng.normal(size=3)))
 
 
 @given(st.integers(0, 10**9), st.floats(1.0, 170.0))
-@settings(max_examples=200, deadline=None)
-def test_culling_never_drops_a_visible_point(seed, fov):
-    camera = camera_in(SCENE, seed, (97, 61), fov)
-    rows, _ = CULLER.visible(camera)
-    view = (XYZ - camera.position) @ camera.view_rotation.T
-    z = view[:, 2]
+@settings(max_examples=2000, deadline=None)
+def test_culling_never_drops_a_visible_point(number, fov):
+    camera = camera_in(SCENE, number, (97, 61), fov)
+    x, y, z = ((XYZ - camera.position) @ camera.view_rotation.T).T
     with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = camera.fx * view[:, 0] / z + camera.cx, camera.fy * view[:, 1] / z + camera.cy
+        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
     inside = (z > 0) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
-    assert set(np.unique(CELLS[inside])) <= set(rows)
+    rows = np.zeros(len(SCENE.cell_coords), bool)
+    rows[CULLER.visible(camera)] = True
+    assert rows[CELLS[inside]].all()
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_without_level_of_detail_every_point_of_a_visible_cell_is_drawn_once(seed):
-    draw = CULLER.select(camera_in(SCENE, seed))
+@pytest.mark.parametrize("block", [1, 7, 64])
+@pytest.mark.parametrize("cells,scale,reach", [(1, 1.0, 0.0), (60, 1e-3, 1e6), (3000, 0.5, 1e4), (3000, 1e3, 0.0), (20_000, 0.25, 1e7)])
+def test_two_levels_in_compiled_loops_give_what_plain_numpy_gives(seed, cells, scale, reach, block):
+    rng = np.random.default_rng(seed)
+    scene = cells_only(rng, cells, scale, reach)
+    culler = Culler(scene, block=block)
+    found = 0
+    for number in range(40):
+        camera, lod = any_camera(rng, scene), LODS[number % len(LODS)]
+        wanted, got = plain_select(scene, camera, lod), as_dict(culler.select(camera, lod))
+        assert np.array_equal(culler.visible(camera), wanted["cells"]), f"frustum {number}: {camera}"
+        for name, value in wanted.items():
+            assert np.array_equal(got[name], value), f"{name}, lod {lod}, frustum {number}: {camera}"
+        found += 0 < len(wanted["cells"]) < len(scene.cell_coords) or cells == 1
+    assert found > 3  # or nothing was tested
+
+
+@pytest.mark.parametrize("number", range(5))
+def test_without_level_of_detail_every_point_of_a_visible_cell_is_drawn_once(number):
+    draw = CULLER.select(camera_in(SCENE, number))
     drawn = np.zeros(SCENE.count, int)
     for first, count in zip(draw.first, draw.count, strict=True):
         drawn[first : first + count] += 1
     assert np.array_equal(drawn == 1, np.isin(CELLS, draw.cells)) and drawn.max() <= 1
-    assert (np.diff(draw.first) > 0).all()
+    assert (np.diff(draw.first) > 0).all() and draw.points == drawn.sum()
 
 
 def test_level_of_detail_draws_fewer_points_and_whole_layers():
@@ -48,19 +131,80 @@ def test_level_of_detail_draws_fewer_points_and_whole_layers():
     assert {int(f) for f in culler.select(camera, 0.5).first} <= starts
 
 
-@given(st.lists(st.tuples(st.integers(0, 50), st.integers(1, 700)), min_size=1, max_size=20), st.integers(1, 300),
-       st.booleans())
-@settings(deadline=None)
-def test_split_runs_covers_each_run_once(gaps, size, aligned):
-    first, at = [], 0
-    for gap, count in gaps:
-        first.append(at + gap)
-        at += gap + count
-    first, count = np.array(first), np.array([c for _, c in gaps])
-    pieces = split_runs(first, count, size, aligned=aligned)
-    expected = [(p, r) for r, (f, c) in enumerate(zip(first, count, strict=True)) for p in range(f, f + c)]
-    got = [(p, r) for f, c, r in zip(*pieces, strict=True) for p in range(f, f + c)]
-    assert got == expected
-    assert pieces[1].min() > 0 and pieces[1].max() <= size
-    if aligned:
-        assert (pieces[0] // size == (pieces[0] + pieces[1] - 1) // size).all()
+def test_a_view_past_everything_draws_nothing():
+    low, high = SCENE.bounds
+    away = Camera(64, 48, 60.0, 60.0, 32.0, 24.0, look_at(high + 10, high + (high - low) + 20))
+    for lod in LODS:
+        draw = CULLER.select(away, lod)
+        assert draw.points == len(draw.first) == len(draw.count) == len(draw.slot) == len(draw.cells) == len(draw.cell_view) == 0
+    table = BatchTable(4, (0, 1, 2), 256)
+    assert len(table.fill(draw, PageMap(np.zeros(1, np.int32), 1, 16, 1, True))) == 0 and table.bounds.tolist() == [0, 0]
+
+
+def test_a_steady_frame_allocates_nothing_that_grows_with_the_scene():
+    scene = cells_only(np.random.default_rng(3), 20_000, 0.5, 100.0)
+    culler, table = Culler(scene), BatchTable(4, (0, 1, 2), 256)
+    where = PageMap(np.arange(scene.count // 65536 + 1, dtype=np.int32), 8, 16, scene.count // (8 * 65536) + 1, True)
+    cameras = [any_camera(np.random.default_rng(number), scene) for number in range(30)]
+
+    def turn() -> list[int]:
+        places, listed = [], 0
+        for camera in cameras:
+            draw = culler.select(camera)
+            table.fill(draw, where)
+            listed = max(listed, draw.first.nbytes)
+            places += [draw.first.ctypes.data, draw.count.ctypes.data, draw.slot.ctypes.data, draw.cell_view.ctypes.data]
+        assert listed > 100_000  # lists worth counting
+        return places
+
+    turn()
+    places = turn()
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        again = turn()
+        after, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert again == places  # the same memory, frame after frame
+    assert after - before < 20_000 and peak - before < 40_000
+
+
+def plain_pieces(draw, where: PageMap, group, size: int) -> list[tuple[int, int, int, int, int]]:
+    """(page, group, index in the page, slot, point) of every point whose chunk is there, from the definition alone."""
+    out = []
+    for first, count, slot in zip(draw.first.tolist(), draw.count.tolist(), draw.slot.tolist(), strict=True):
+        for p in range(first, first + count):
+            place = int(where.slot_of_chunk[p >> where.shift])
+            if place >= 0:
+                index = (place % where.slots_per_page << where.shift) + (p & ((1 << where.shift) - 1))
+                out.append((place // where.slots_per_page, int(group[slot]), index, slot, p))
+    return out
+
+
+@pytest.mark.parametrize("shift", [3, 6, 9])
+@pytest.mark.parametrize("whole", [True, False])
+def test_batches_cover_every_point_that_is_there_once_by_page_and_group(seed, shift, whole):
+    rng = np.random.default_rng(seed)
+    camera = camera_in(SCENE, seed, (97, 61), 90.0)
+    draw = Culler(SCENE).select(camera, 2.0)
+    chunks, per_page = (SCENE.count >> shift) + 1, int(rng.integers(1, 9))
+    slots = np.arange(chunks, dtype=np.int32)
+    if not whole:
+        slots[:] = rng.permutation(2 * chunks)[:chunks]
+        slots[rng.random(chunks) < 0.3] = -1
+    pages = int(slots.max(initial=0)) // per_page + 1
+    where = PageMap(slots, per_page, shift, pages, whole)
+    for size in (1, 16, 256):
+        for groups in (1, 2):
+            group = rng.integers(0, groups, len(draw.cells)).astype(np.uint8)
+            table = BatchTable(4, (0, 1, 2), size, {3: 77})
+            rows = table.fill(draw, where, group=group if groups > 1 else None, groups=groups)
+            assert (rows[:, 3] == 77).all() and rows[:, 1].max(initial=0) <= size and rows[:, 1].min(initial=1) > 0
+            key = np.repeat(np.arange(pages * groups), np.diff(table.bounds))
+            got = [(k // groups, k % groups, index + n, slot)
+                   for k, (index, count, slot, _) in zip(key.tolist(), rows.tolist(), strict=True) for n in range(count)]
+            wanted = plain_pieces(draw, where, group, size)
+            assert sorted(got) == sorted(w[:4] for w in wanted)
+            assert table.absent == draw.points - len(wanted)
+            assert (rows[:, 0] % (per_page << shift) + rows[:, 1] <= per_page << shift).all()  # each within its page

@@ -1,22 +1,85 @@
 """The README's figures come from bench files, and from nothing else."""
 
 import json
+from pathlib import Path
 
-from viewer.bench.readme import filled, main
+from viewer.bench.figures import FIGURES, command
+from viewer.bench.figures import main as run_figures
+from viewer.bench.readme import BLOCKS, filled, main
 
+MACHINE = {"cores": 2, "processor": "X", "gpu": None, "versions": {"torch": "9"}}
 BENCH = {
-    "machine": {"cores": 2, "processor": "X", "versions": {"torch": "9"}}, "opengl": "soft",
-    "views": {v: {"total": {"p50": 1.4, "p95": 2.6}} for v in ("raw", "filtered", "filled", "neural")},
+    "machine": MACHINE, "opengl": "soft",
+    "runs": [{"size": [960, 720], "frames": 48,
+              "views": {v: {"total": {"p50": 1.4, "p95": 2.6}} for v in ("raw", "filtered", "filled", "neural")}}],
+}
+SCALE = {
+    "machine": MACHINE, "size": [960, 720], "lod": 2.0,
+    "growth": {"rooms": {"from": 1e7, "to": 1e8, "raw": 1.25, "filled": 1.5}},
+    "rows": [
+        {"series": "rooms", "points": 10**7, "rooms": 10, "fits": True, "open_to_first_picture_s": 0.5, "packed_bytes": 12e7,
+         "resident_bytes": 34e7, "milliseconds": {"raw": {"p50": 31.0}, "filled": {"p50": 42.0}}},
+        {"series": "rooms", "points": 10**9, "rooms": 1000, "fits": False, "why": "does not fit: needs 13 GB"},
+    ],
+}
+VERSUS = {
+    "machine": MACHINE, "scans": ["/a/plant.laz"], "points": 11_600_000, "device": "cpu", "said": "few frames",
+    "runs": [{
+        "size": [960, 720], "precision": "bf16",
+        "contenders": {
+            "ours, balanced": {"network": "n", "milliseconds": {"total": {"p50": 200.0}}},
+            "paper, as published": {"network": None, "milliseconds": {"total": {"p50": 700.0}}},
+        },
+        "fairness": {"share_of_matmul": 0.45, "matmul_rate": 2e11, "fair": True, "needed": 0.4},
+    }],
+}
+ERRORS = {
+    "machine": MACHINE, "scans": ["/a/plant.laz"], "size": [960, 720], "front": {"filled": ["filter: 4 levels"]},
+    "rows": [
+        {"group": "filter", "name": "4 levels", "milliseconds": 9.0, "time": 0.5, "psnr": None, "largest": 0.0, "mask": None},
+        {"group": "filter", "name": "off", "milliseconds": 8.0, "time": 0.6, "psnr": 31.26, "largest": 9.0, "mask": 0.5},
+    ],
 }
 
 
 def test_a_block_is_replaced_and_the_rest_kept():
     text = "before\n<!-- frames -->\nold\n<!-- /frames -->\nafter <!-- truth -->\nkept\n<!-- /truth -->\n"
     made = filled(text, {"frame-plant_room": BENCH})
-    assert "old" not in made and "1 / 3" in made and "kept" in made
+    assert "old" not in made and "1 / 3" in made and "48 frames" in made and "kept" in made
     assert made.startswith("before\n<!-- frames -->\n") and made.endswith("<!-- /truth -->\n")
     assert filled(made, {"frame-plant_room": BENCH}) == made
     assert filled(text, {}) == text
+
+
+def block(name: str, files: dict) -> str:
+    return filled(f"<!-- {name} -->\n<!-- /{name} -->", files)
+
+
+def test_every_size_of_the_demo_has_its_line():
+    sizes = {**BENCH, "points": 1_350_000, "runs": [{**BENCH["runs"][0], "size": s} for s in ([960, 720], [3840, 2160])]}
+    made = block("frames", {"frame-plant_room": BENCH, "frame-demo-sizes": sizes})
+    assert "1.35 M points, 960x720" in made and "3840x2160" in made
+
+
+def test_scale_says_what_did_not_fit():
+    made = block("scale", {"scale": SCALE})
+    assert "| by rooms | 10 M | 10 | 31 | 42 | 0.50 | 120 | 340 |" in made
+    assert "does not fit: needs 13 GB" in made and "raw 1.25x" in made
+
+
+def test_versus_gives_times_and_whether_the_opponent_is_fair():
+    made = block("versus", {"versus-plant_room": VERSUS})
+    assert "plant.laz" in made and "| paper, as published | none | 700 | 3.50 |" in made and "45% of the measured" in made
+    assert "a fair opponent" in made
+    unfair = json.loads(json.dumps(VERSUS))
+    unfair["runs"][0]["fairness"] |= {"fair": False, "share_of_matmul": 0.1}
+    assert "below the share" in block("versus", {"versus-plant_room": unfair})
+
+
+def test_errors_mark_the_front_and_equal_pictures():
+    made = block("errors", {"error-plant_room": ERRORS})
+    assert "| **filter: 4 levels** | 9 | 0.50 | equal | 0 |  |" in made
+    assert "| filter: off | 8 | 0.60 | 31.3 | 9 | 50.000% |" in made
 
 
 def test_documents_are_renewed_and_missing_benches_named(tmp_path, capsys):
@@ -25,4 +88,21 @@ def test_documents_are_renewed_and_missing_benches_named(tmp_path, capsys):
     (tmp_path / "frame-plant_room.json").write_text(json.dumps(BENCH))
     assert main(tmp_path, [document]) == 0
     assert "balanced | 1 / 3" in document.read_text()
-    assert "not there: ablation, evaluate" in capsys.readouterr().out
+    assert "not there: ablation, error-plant_room, evaluate, scale, versus-plant_room" in capsys.readouterr().out
+
+
+def test_figures_run_every_bench_the_readme_needs():
+    trained = {"evaluate", "ablation"}  # need rooms and hours; `evaluate` and `train` leave them
+    assert {needed for _, needed in BLOCKS.values()} - trained <= FIGURES.keys()
+    from viewer.bench import KINDS
+
+    assert {arguments[0] for arguments in FIGURES.values()} == set(KINDS)
+
+
+def test_a_scan_that_is_not_there_is_named_and_its_bench_left_out(tmp_path, capsys):
+    given, missing = command(("open", "plant_room.laz", "--size", "64x48"), tmp_path)
+    assert given == ["open", str(tmp_path / "plant_room.laz"), "--size", "64x48"] and missing == [tmp_path / "plant_room.laz"]
+    assert run_figures(["open-plant_room"], tmp_path / "out", tmp_path) == 0
+    assert "plant_room.laz is not there" in capsys.readouterr().out
+    assert not list((tmp_path / "out").iterdir())
+    assert run_figures(["nothing"], Path(tmp_path)) == 2 and "expected one of" in capsys.readouterr().err

@@ -1,80 +1,240 @@
-"""Run time, measured and never asserted: ``pointglass bench frame | grid | open | error``.
+"""Run time, measured and never asserted: ``pointglass bench frame | grid | open | error | scale | versus | stability |
+occlusion``.
 
-Every result carries the machine it was had on.  Speed is shown here, not by timed tests.
+Every result carries the machine, driver, versions, scan and size it was had with.  Speed is shown here, not by timed tests.
 """
 
 import argparse
-import os
-import platform
-from pathlib import Path
-from typing import TYPE_CHECKING
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from viewer.errors import InputError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from viewer.bench.subject import Subject
     from viewer.settings import Settings
 
+PROCEDURAL = 25_000_000
+"""Points made on the spot where a bench needs a scan and none is given."""
+_UNITS = {"k": 10**3, "m": 10**6, "g": 10**9}
+_MOST_POINTS = 10**11
 
-def machine() -> dict:
-    """What a figure must be read with: processor, cores, system, versions of what does the work."""
-    from importlib.metadata import PackageNotFoundError, version
 
-    processor = platform.processor() or platform.machine()
+@dataclass(frozen=True)
+class Kind:
+    """One bench.  text: for --help.  repeats: rounds unless told otherwise.  scan: what it takes where none is given, demo,
+    procedural or nothing."""
+
+    text: str
+    repeats: int
+    scan: str
+
+
+KINDS = {
+    "frame": Kind("frame times by stage along a path", 1, "demo"),
+    "grid": Kind("building the grid", 3, "nothing"),
+    "open": Kind("time to the first picture and to full quality", 1, "demo"),
+    "error": Kind("time saved and error made by every approximation", 5, "demo"),
+    "scale": Kind("time and memory from 1M to 1G points", 2, "nothing"),
+    "versus": Kind("against the paper's pipeline and Open3D", 3, "procedural"),
+    "stability": Kind("numerical limits", 1, "nothing"),
+    "occlusion": Kind("what occlusion culling saves, and its error", 1, "nothing"),
+}
+
+
+def parse_count(text: str, option: str) -> int:
+    """``25M`` -> 25,000,000; k, M and G are understood.  Raises InputError."""
+    digits, unit = (text[:-1], text[-1:].lower()) if text[-1:].lower() in _UNITS else (text, "")
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        processor = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        pass
-    versions = {}
-    for name in ("pointglass", "torch", "moderngl", "numpy", "numba"):
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:
-            versions[name] = None
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return {"processor": processor, "cores": cores, "system": platform.platform(), "versions": versions}
+        count = float(digits) * _UNITS.get(unit, 1)
+    except ValueError:
+        count = 0.0
+    if not (1 <= count <= _MOST_POINTS and count == int(count)):
+        raise InputError(f"{option} {text!r}: expected a whole number of points above 0, such as 500k, 25M or 1G")
+    return int(count)
+
+
+def parse_counts(text: str, option: str) -> list[int]:
+    """``1M,10M`` -> [1,000,000, 10,000,000]."""
+    return [parse_count(part.strip(), option) for part in text.split(",")]
+
+
+def parse_sizes(texts: list[str] | None) -> list[tuple[int, int]]:
+    """Sizes from ``--size``, each a comma-separated list; 960x720 where there is none."""
+    from viewer.tools.export import parse_size
+
+    return [parse_size(part.strip()) for text in texts or ["960x720"] for part in text.split(",")]
+
+
+def subject_of(options: argparse.Namespace) -> "Subject":
+    """The scan a bench is to look at."""
+    from viewer.bench.procedural_scan import ProceduralScan
+    from viewer.bench.subject import Subject
+    from viewer.tools.demo import demo_scan
+
+    wanted = KINDS[options.kind].scan
+    points = PROCEDURAL if options.procedural is None else parse_count(options.procedural, "--procedural")
+    if options.scans and options.procedural is not None:
+        raise InputError(f"--procedural {options.procedural} and {options.scans[0]}: give one or the other")
+    if options.scans:
+        return Subject(tuple(options.scans))
+    if options.procedural is not None or wanted == "procedural":
+        if options.rooms is not None and options.rooms < 1:
+            raise InputError(f"--rooms {options.rooms}: expected at least 1")
+        return Subject(procedural=ProceduralScan(points, options.rooms, options.seed))
+    return Subject((demo_scan(),))
 
 
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     """Runs the bench that the command line names, prints a table, writes JSON and plot where asked."""
-    from viewer.tools.demo import demo_scan
-    from viewer.tools.export import parse_size
+    from viewer.bench.subject import described, machine
     from viewer.tools.files import write_json
 
-    scans = options.scans or ([demo_scan()] if options.kind != "grid" else [])
-    if options.kind == "grid":
-        from viewer.bench.grid import run
-
-        result = run(options.points, options.repeats)
-        rows = [(name, f"{value:.2f} ms per 1M points") for name, value in result["stages_ms_per_million"].items()]
-        rows.append(("total, best", f"{result['ms_per_million']:.2f} ms per 1M points"))
-    elif options.kind == "open":
-        from viewer.bench.opening import run_open
-
-        result = run_open(scans, parse_size(options.size), settings)
-        rows = [(name, f"{value:.0f} ms") for name, value in result["milliseconds"].items()]
-    elif options.kind == "error":
-        from viewer.bench.errors import run_errors
-
-        result = run_errors(scans, parse_size(options.size), options.repeats, options.plot)
-        rows = [
-            (f"{row['group']}: {row['name']}", f"{row['milliseconds']:7.1f} ms  {row['time']:5.2f} of the exact frame's time"
-             f"   {row['psnr']:6.2f} dB   largest {row['largest']:3.0f}"
-            + (f"   mask {row['mask']:.4%}" if row["mask"] == row["mask"] else ""))
-            for row in result["rows"]
-        ]
-    else:
-        from viewer.bench.frames import run_frames
-
-        result = run_frames(scans, parse_size(options.size), settings, options.repeats, options.plot)
-        rows = [
-            (f"{view}: {stage}", f"p50 {v['p50']:8.1f}   p95 {v['p95']:8.1f}   p99 {v['p99']:8.1f} ms")
-            for view, stages in result["views"].items()
-            for stage, v in stages.items()
-        ]
+    for path in (options.json, options.plot):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise InputError(f"{path}: no such folder; make it first")
+    repeats = KINDS[options.kind].repeats if options.repeats is None else options.repeats
+    if repeats < 1:
+        raise InputError(f"--repeats {options.repeats}: expected at least 1")
+    if KINDS[options.kind].scan == "nothing" and options.scans:
+        raise InputError(f"{options.scans[0]}: `bench {options.kind}` makes its own points and takes no scan")
+    result, rows, plot = _RUN[options.kind](options, settings, repeats)
     result = {"bench": options.kind, "machine": machine(), **result}
-    where = result["machine"]
-    print(f"{where['processor']}, {where['cores']} cores" + (f", {result['opengl']}" if "opengl" in result else ""))
-    for name, text in rows:
-        print(f"  {name:44} {text}")
+    print(described(result))
+    for name, text in rows(result):
+        print(f"  {name:48} {text}")
     if options.json:
-        write_json(options.json, result)
-    return 0
+        write_json(options.json, _finite(result))
+    if options.plot and plot is not None:
+        plot(result, options.plot)
+    return 1 if result.get("failed") else 0
+
+
+def _finite(value: Any) -> Any:
+    """For JSON, which knows no infinity: null where a number is not finite (a PSNR of equal pictures, a mask of another
+    size)."""
+    if isinstance(value, dict):
+        return {key: _finite(held) for key, held in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(held) for held in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+Outcome = tuple[dict, Callable[[dict], list[tuple[str, str]]], Callable | None]
+"""A result, its table, and its plot where the bench has not drawn it itself."""
+
+
+def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import frames
+
+    sizes = parse_sizes(options.size)
+    return frames.run_frames(subject_of(options), sizes, settings, repeats, options.along), frames.rows, frames.plot
+
+
+def _grid(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import grid
+
+    return grid.run(parse_count(options.points or "10M", "--points"), repeats), _grid_rows, _grid_plot
+
+
+def _grid_rows(result: dict) -> list[tuple[str, str]]:
+    rows = [(name, f"{value:.2f} ms per 1M points") for name, value in result["stages_ms_per_million"].items()]
+    return [*rows, ("total, best", f"{result['ms_per_million']:.2f} ms per 1M points")]
+
+
+def _grid_plot(result: dict, path: "Path") -> None:
+    from viewer.bench.plots import INK, figure, save
+
+    made, axes = figure(7.0, 2.4)
+    axes.barh(list(result["stages_ms_per_million"]), list(result["stages_ms_per_million"].values()), color=INK[0])
+    axes.invert_yaxis()
+    axes.set_xlabel(f"milliseconds per 1M points, {result['points']:,} points made on the spot")
+    save(made, path, result)
+
+
+def _open(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import opening
+
+    return opening.run_open(subject_of(options), parse_sizes(options.size)[0], settings), opening.rows, opening.plot
+
+
+def _error(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import errors
+
+    return errors.run_errors(subject_of(options), parse_sizes(options.size)[0], repeats), errors.rows, errors.plot
+
+
+def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import scaling
+
+    counts = parse_counts(options.points, "--points") if options.points else scaling.LADDER
+    size = parse_sizes(options.size)[0]
+    return scaling.run_scale(counts, size, settings, repeats, options.seed), scaling.rows, scaling.plot
+
+
+def _versus(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import versus
+
+    result = versus.run_versus(subject_of(options), parse_sizes(options.size), settings, repeats, options.frames)
+    return result, versus.rows, versus.plot
+
+
+def _stability(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench.stability import run_stability
+
+    size = parse_sizes(options.size)[0] if options.size else (320, 240)
+    return run_stability(size, options.seed, options.plot), _limit_rows, None
+
+
+def _limit_rows(result: dict) -> list[tuple[str, str]]:
+    def verdict(row: dict) -> str:
+        return f"left out: {row['skipped']}" if "skipped" in row else "" if row["ok"] else "   ABOVE ITS LIMIT"
+
+    return [(row["name"], f"{row['value']:.4g} (limit {row['limit']:.4g}) {verdict(row)}") for row in result["rows"]]
+
+
+def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench.occlusion import run_occlusion  # type: ignore[import-not-found]
+
+    points = parse_count(options.points or "100M", "--points")
+    size = parse_sizes(options.size)[0]
+    result = run_occlusion(options.rooms or 20, points, size, options.frames or 48, options.plot)
+    return result, _any_rows, None
+
+
+def _any_rows(result: dict) -> list[tuple[str, str]]:
+    """Single values, and rows where they have a name."""
+    rows = [(row["name"], ", ".join(f"{k} {v}" for k, v in row.items() if k != "name")) for row in result.get("rows", [])]
+    return [(k, str(v)) for k, v in result.items() if isinstance(v, (int, float, str)) and k != "bench"] + rows
+
+
+_RUN: dict[str, Callable[[argparse.Namespace, "Settings", int], Outcome]] = {
+    "frame": _frame, "grid": _grid, "open": _open, "error": _error, "scale": _scale, "versus": _versus,
+    "stability": _stability, "occlusion": _occlusion,
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of ``bench``, but for those that make a Settings."""
+    from pathlib import Path
+
+    kinds = "; ".join(f"{name}: {kind.text}" for name, kind in KINDS.items())
+    parser.add_argument("kind", nargs="?", default="frame", choices=list(KINDS), help=kinds)
+    parser.add_argument("scans", nargs="*", type=Path, metavar="SCAN", help="default: the demo scan; versus: a procedural one")
+    parser.add_argument("--procedural", metavar="N", help="instead of a scan: so many points of rooms made on the spot (25M)")
+    parser.add_argument("--rooms", type=int, metavar="N", help="procedural: rooms (default: one for every 1M points)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of what is made on the spot")
+    parser.add_argument("--size", action="append", metavar="WxH[,WxH]",
+                        help="picture size, default 960x720; frame and versus take several")
+    parser.add_argument("--along", choices=["path", "views"], default="path",
+                        help="frame: the fixed path of 48 frames, or the eight named views")
+    parser.add_argument("--frames", type=int, metavar="N", help="versus, occlusion: cameras along the path")
+    parser.add_argument("--points", metavar="N[,N]",
+                        help="grid, occlusion: points made on the spot (10M, 100M); scale: the sizes (1M to 1G)")
+    parser.add_argument("--repeats", type=int, metavar="N", help="rounds (default: by kind)")
+    parser.add_argument("--json", type=Path, metavar="F")
+    parser.add_argument("--plot", type=Path, metavar="F")

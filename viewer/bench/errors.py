@@ -2,33 +2,42 @@
 
 Exact: every point, 16-bit positions, the filter's own levels, full resolution, the network in fp32.  Geometry is judged on
 the filled picture and the keep-mask (a point moved by one pixel on black says nothing), the network on its own picture.
-Exact and approximate frames are timed in turn, camera by camera, so that a noisy machine is noisy for both.
+Exact and approximate frames are timed in turn, camera by camera, so that a noisy machine is noisy for both.  One row judges
+the exact frame itself: against the float64 twin.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.frames import eight_views
+from model.project import SOFT_RELATIVE, SoftZ
+from viewer.bench.plots import INK, MARKS, figure, label_points, save
+from viewer.bench.subject import Subject
+from viewer.bench.views import named_views
 from viewer.camera import Camera
 from viewer.progress import progress
+from viewer.render.renderer import Renderer
 from viewer.settings import Settings
 
 if TYPE_CHECKING:
+    from model.reconstruct import Reconstructor
     from viewer.cloud.scene import Scene
     from viewer.render.frame import Frame
-    from viewer.render.renderer import Renderer
+    from viewer.render.neural import NeuralStage
 
 EXACT = Settings(view="filled", precision="fp32")
+TOLERANCES = (1 / 512, 1 / 256, 1 / 64, 1 / 32)
+"""Of depth; the exact frame's is SOFT_RELATIVE."""
 
 
 @dataclass(frozen=True)
 class Approximation:
     """One row.  view: what it is judged on.  settings: changed from EXACT.  scale: of the picture's sides, enlarged again to
-    be compared.  bits: of a packed coordinate.  against: quality of the exact frame's network."""
+    be compared.  bits: of a packed coordinate.  soft: tolerance of the soft z-buffer, relative to depth.  int8: of the
+    network.  against: quality of the exact frame's network."""
 
     group: str
     name: str
@@ -36,26 +45,61 @@ class Approximation:
     settings: Settings = EXACT
     scale: float = 1.0
     bits: int = 16
+    soft: float | None = None
+    int8: bool = False
     against: str = EXACT.quality
 
 
 def approximations(qualities: list[str], precisions: list[str]) -> list[Approximation]:
-    """The table.  qualities: with weights; the first is the exact frame's.  precisions: that run here."""
+    """The table.  qualities: with weights; the first is the exact frame's.  precisions: that run here, int8 among them."""
     first = qualities[0]
     network = replace(EXACT, view="neural", quality=first)
     table = [
         *(Approximation("level of detail", f"{p:g} points a pixel", settings=replace(EXACT, lod=p)) for p in (0.5, 1, 2, 4, 8)),
-        *(Approximation("packing", f"{bits} bits a coordinate", bits=bits) for bits in (10, 12, 13, 14)),
-        *(Approximation("filter", f"{n} levels", settings=replace(EXACT, filter_levels=n)) for n in (1, 2, 3, 4)),
+        *(Approximation("packing", f"{bits} bits", bits=bits) for bits in range(10, 16)),
+        *(Approximation("filter", f"{n} levels", settings=replace(EXACT, filter_levels=n)) for n in (1, 2, 3, 4, 6, 8)),
         *(Approximation("filter", name, settings=replace(EXACT, filter=name)) for name in ("paper-code", "npbg++", "off")),
+        *(Approximation("soft depth", f"1/{1 / r:.0f} of depth", soft=r) for r in TOLERANCES if r != SOFT_RELATIVE),
         *(Approximation("soft depth", name, settings=replace(EXACT, soft_z=name)) for name in ("paper-code", "paper-text")),
         *(Approximation("internal resolution", f"{s:.0%} of each side", view="neural", settings=network, scale=s)
           for s in (0.75, 0.5)),
-        *(Approximation("precision", p, view="neural", settings=replace(network, precision=p)) for p in precisions),
+        *(Approximation("precision", p, view="neural", int8=p == "int8",
+                        settings=network if p == "int8" else replace(network, precision=p)) for p in precisions),
         *(Approximation("network", q, view="neural", settings=replace(network, quality=q)) for q in qualities[1:]),
-        Approximation("network", "none: the filled picture", view="neural", settings=replace(EXACT, view="filled")),
+        Approximation("network", "none: filled", view="neural", settings=replace(EXACT, view="filled")),
     ]
     return [replace(row, against=first) for row in table]
+
+
+class BenchRenderer(Renderer):
+    """A renderer with two things that no setting offers.  soft: tolerance relative to depth, None = the settings' own.
+    network: in place of the settings' own on the CPU, or None."""
+
+    soft: float | None = None
+    network: "Reconstructor | None" = None
+
+    def _soft_z(self, settings: Settings) -> SoftZ:
+        usual = super()._soft_z(settings)
+        return usual if self.soft is None else replace(usual, relative=self.soft)
+
+    def _neural_for(self, settings: Settings) -> "NeuralStage":
+        from viewer.render.neural import load_network
+
+        stage = super()._neural_for(settings)
+        quality, filtered, weights, precision, _ = stage.key
+        stage.network = self.network or load_network(quality, filtered, weights, precision, stage.device)
+        return stage
+
+    def network_input(self, camera: Camera, settings: Settings):
+        """(H, W, 8) half: what the network is given for a camera."""
+        import torch
+
+        from model.reconstruct import PACKED_IN
+
+        self.render(camera, settings, views=("neural",))
+        assert self._neural is not None
+        packed = np.frombuffer(self._neural.bridge.input.read(), np.float16).copy()
+        return torch.from_numpy(packed).reshape(camera.height, camera.width, PACKED_IN)
 
 
 @dataclass(frozen=True)
@@ -91,9 +135,10 @@ def _enlarged(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
     return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BILINEAR))
 
 
-def measure(exact: "Renderer", other: "Renderer", approximation: Approximation, cameras: list[Camera], repeats: int,
-            meter: Callable[[], object]) -> Cost:
-    """Times and judges one approximation.  exact, other: of the exact scene and of the one to draw; may be the same."""
+def measure(exact: BenchRenderer, other: BenchRenderer, approximation: Approximation, cameras: list[Camera], repeats: int,
+            meter: Callable[[], object], network: "Reconstructor | None" = None) -> Cost:
+    """Times and judges one approximation.  exact, other: of the exact scene and of the one to draw; may be the same.
+    network: of the approximate frame, None = its settings'."""
     view, size = approximation.view, (cameras[0].width, cameras[0].height)
     shown = "filled" if approximation.settings.view == "filled" and view == "neural" else view
     truth = replace(EXACT, view=view, quality=approximation.against)
@@ -102,7 +147,9 @@ def measure(exact: "Renderer", other: "Renderer", approximation: Approximation, 
         for camera in cameras:
             small = camera.resized(*(max(1, round(s * approximation.scale)) for s in size))
             a, picture, mask = _frame(exact, camera, truth, view)
+            other.soft, other.network = approximation.soft, network
             b, made, other_mask = _frame(other, small, approximation.settings, shown)
+            other.soft = other.network = None
             if round_ == 0:  # warms both up, and the pictures are the same in every round
                 gap = np.abs(_enlarged(made, size).astype(np.int16)[..., :3] - picture[..., :3])
                 squares.append(float((gap.astype(np.float64) ** 2).mean()))
@@ -112,68 +159,136 @@ def measure(exact: "Renderer", other: "Renderer", approximation: Approximation, 
                 times.append(b)
                 shares.append(b / a)
             meter()
+    return Cost(float(np.median(times)), float(np.median(shares)), *_judged(squares, largest, masks))
+
+
+def _judged(squares: Sequence[float], largest: float, masks: Sequence[float]) -> tuple[float, float, float]:
     error = float(np.mean(squares))
-    return Cost(
-        float(np.median(times)), float(np.median(shares)), float("inf") if error == 0 else float(10 * np.log10(255**2 / error)),
-        largest, float(np.mean(masks)),
-    )
+    return float("inf") if error == 0 else float(10 * np.log10(255**2 / error)), largest, float(np.mean(masks))
 
 
-def _frame(renderer: "Renderer", camera: Camera, settings: Settings, view: str) -> tuple[float, np.ndarray, np.ndarray]:
+def against_twin(exact: BenchRenderer, cameras: list[Camera], meter: Callable[[], object]) -> Cost:
+    """The exact frame judged against the float64 twin of every point; the time is the frame's own."""
+    from viewer.bench.twin64 import twin_frame
+
+    times, squares, largest, masks = [], [], 0.0, []
+    for camera in cameras:
+        _frame(exact, camera, EXACT, "filled")
+        spent, picture, mask = _frame(exact, camera, EXACT, "filled")
+        truth, true_mask = twin_frame(exact.scene, camera, EXACT, exact.metre)
+        shown = picture[..., 3] > 0  # what is void is decided apart from any arithmetic on depth
+        gap = np.where(shown[..., None], np.abs(picture[..., :3].astype(np.int16) - truth), 0)
+        squares.append(float((gap.astype(np.float64) ** 2).mean()))
+        largest = max(largest, float(gap.max()))
+        masks.append(float((mask != true_mask).mean()))
+        times.append(spent)
+        meter()
+    return Cost(float(np.median(times)), 1.0, *_judged(squares, largest, masks))
+
+
+def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: str) -> tuple[float, np.ndarray, np.ndarray]:
     frame: Frame = renderer.render(camera, settings, views=(view,))
     return frame.stats["total_ms"], frame.image(view).copy(), frame.mask()
 
 
-def run_errors(scans: list[Path], size: tuple[int, int], repeats: int, plot: Path | None) -> dict:
-    """The table over eight named views of a scan."""
+def run_errors(subject: Subject, size: tuple[int, int], repeats: int) -> dict:
+    """The table over the eight named views of a scan."""
     from model.reconstruct import fast_precision
     from model.weights import shipped
-    from viewer.cloud import open_scene
+    from viewer.bench.int8 import Int8Error, quantised
     from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
+    from viewer.render.neural import load_network
 
-    scene = open_scene(scans)
+    scene = subject.scene()
     context = create_context()
-    exact = Renderer(context, scene, device="cpu")
+    exact = BenchRenderer(context, scene, device="cpu")
+    cameras = named_views(scene, size)
     qualities = [q for q in ("balanced", "fast", "best", "paper") if f"{q}-filtered" in shipped()]
-    rows = approximations(qualities, [p for p in ("bf16", "fp16") if p == fast_precision("cpu") or p == "fp16"])
-    cameras = eight_views(scene, size)
+    precisions = [p for p in ("bf16", "fp16") if p == fast_precision("cpu") or p == "fp16"]
+    left_out: list[str] = []
+    int8 = None
+    try:
+        first = replace(EXACT, view="neural", quality=qualities[0])
+        packed = exact.network_input(cameras[0], first)
+        int8 = quantised(load_network(qualities[0], True, None, "fp32", "cpu"), packed)
+        precisions.append("int8")
+    except Int8Error as error:
+        left_out.append(f"int8: {error}")
+    table = approximations(qualities, precisions)
     found: list[dict] = []
-    with progress(len(rows) * (repeats + 1) * len(cameras), "run time against error", "frame") as meter:
-        for row in rows:
-            other = exact if row.bits == 16 else Renderer(context, coarser(scene, row.bits), device="cpu")
-            cost = measure(exact, other, row, cameras, repeats, lambda: meter.update(1))
+    with progress((1 + len(table) * (repeats + 1)) * len(cameras), "run time against error", "frame") as meter:
+        cost = against_twin(exact, cameras, lambda: meter.update(1))
+        found.append({"group": "exact", "name": "against the float64 twin", "view": "filled", **vars(cost)})
+        for row in table:
+            other = exact if row.bits == 16 else BenchRenderer(context, coarser(scene, row.bits), device="cpu")
+            cost = measure(exact, other, row, cameras, repeats, lambda: meter.update(1), int8 if row.int8 else None)
             if other is not exact:
                 other.release()
             found.append({"group": row.group, "name": row.name, "view": row.view, **vars(cost)})
-    opengl = exact.device.renderer
+    facts = subject.facts(scene, exact.device)
     exact.release()
     context.release()
-    if plot is not None:
-        _plot(found, plot)
-    return {"scans": [str(s) for s in scans], "points": scene.count, "size": list(size), "opengl": opengl, "repeats": repeats,
-            "rows": found}
+    return {
+        **facts, "size": list(size), "cameras": [camera.name for camera in cameras], "repeats": repeats,
+        "network": f"{qualities[0]} in fp32", "left_out": left_out, "front": front(found), "rows": found,
+    }
 
 
-def _plot(rows: list[dict], path: Path) -> None:
-    import matplotlib
+def front(found: list[dict]) -> dict[str, list[str]]:
+    """By view: names of the approximations that no other one beats in both time and error, fastest first."""
+    out = {}
+    for view in dict.fromkeys(row["view"] for row in found):
+        best, names = -np.inf, []
+        mine = [row for row in found if row["view"] == view and row["group"] != "exact"]
+        for row in sorted(mine, key=lambda row: (row["time"], -row["psnr"])):
+            if row["psnr"] > best:
+                best = row["psnr"]
+                names.append(f"{row['group']}: {row['name']}")
+        out[view] = names
+    return out
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
 
-    from viewer.tools.files import write_whole
+def rows(result: dict) -> list[tuple[str, str]]:
+    """For the table on the terminal."""
+    best = {name for names in result["front"].values() for name in names}
+    out = [
+        (f"{row['group']}: {row['name']}",
+         f"{row['milliseconds']:7.1f} ms  {row['time']:5.2f} of the exact frame's time   {row['psnr']:6.2f} dB   largest "
+         f"{row['largest']:3.0f}" + (f"   mask {row['mask']:.4%}" if row["mask"] == row["mask"] else "")
+         + ("   *" if f"{row['group']}: {row['name']}" in best else ""))
+        for row in result["rows"]
+    ]
+    return [*out, ("*", "no other approximation is both faster and nearer"), *(("left out", why) for why in result["left_out"])]
 
-    figure, axes = plt.subplots(figsize=(8, 5), layout="constrained")
-    top = max((row["psnr"] for row in rows if np.isfinite(row["psnr"])), default=60.0) + 5
-    for group in dict.fromkeys(row["group"] for row in rows):
-        mine = [row for row in rows if row["group"] == group]
-        x, y = [row["time"] for row in mine], [min(row["psnr"], top) for row in mine]
-        axes.plot(x, y, "o", label=group)
-        for row, at in zip(mine, zip(x, y, strict=True), strict=True):
-            axes.annotate(row["name"], at, fontsize=6, xytext=(3, 3), textcoords="offset points")
-    axes.axvline(1.0, color="grey", linewidth=0.5)
-    axes.set_xlabel("time, as a share of the exact frame's")
-    axes.set_ylabel("PSNR against the exact frame, dB (top: equal)")
-    axes.legend(fontsize="small")
-    write_whole(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
-    plt.close(figure)
+
+def plot(result: dict, path: Path) -> None:
+    """One panel a view: time against error, the front of what nothing beats as a line."""
+    views = list(dict.fromkeys(row["view"] for row in result["rows"]))
+    made, panels = figure(6.2 * len(views), 5.6, columns=len(views))
+    groups = list(dict.fromkeys(row["group"] for row in result["rows"]))
+    for view, axes in zip(views, np.atleast_1d(panels), strict=True):
+        mine = [row for row in result["rows"] if row["view"] == view]
+        top = max((row["psnr"] for row in mine if np.isfinite(row["psnr"])), default=60.0) + 4
+        at = {id(row): (row["time"], min(row["psnr"], top)) for row in mine}
+        for group in dict.fromkeys(row["group"] for row in mine):
+            number = groups.index(group)
+            x, y = zip(*(at[id(row)] for row in mine if row["group"] == group), strict=True)
+            axes.plot(x, y, MARKS[number % len(MARKS)], color=INK[number % len(INK)], label=group, markersize=5)
+        best = set(result["front"][view])
+        line = sorted(at[id(row)] for row in mine if f"{row['group']}: {row['name']}" in best)
+        if line:
+            axes.step(*zip(*line, strict=True), where="post", color="grey", linewidth=0.8, label="none both faster and nearer")
+        axes.axvline(1.0, color="grey", linewidth=0.5, linestyle=":")
+        axes.set_xscale("log")
+        x = [point[0] for point in at.values()]
+        low, high = min([*x, 1.0]) / 1.25, max([*x, 1.0]) * 1.35
+        axes.set_xlim(low, high)
+        ticks = [t for t in (0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0) if low <= t <= high]
+        axes.set_xticks(ticks, [f"{t:g}" for t in ticks])
+        axes.minorticks_off()
+        axes.set_title(f"{view} picture", fontsize=9)
+        axes.set_xlabel("time, as a share of the exact frame's")
+        axes.set_ylabel("PSNR against the exact frame, dB (top: equal)")
+        axes.legend(fontsize="x-small")
+        label_points(axes, [at[id(row)] for row in mine], [row["name"] for row in mine])
+    save(made, path, result)

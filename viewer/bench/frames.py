@@ -1,83 +1,116 @@
-"""Frame times by stage along eight views around a scan, for each of the four views: p50, p95, p99, cold and warm."""
+"""Frame times by stage along a camera path or over eight named views, in each of the four views and at several sizes:
+p50, p95, p99, the slowest 1 % in frames a second, cold and warm."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.camera import Camera, from_fov, look_at
+from viewer.bench.plots import INK, figure, save
+from viewer.bench.subject import Subject
+from viewer.bench.views import camera_path, named_views
 from viewer.progress import progress
 from viewer.settings import VIEWS, Settings
 
 if TYPE_CHECKING:
+    from viewer.camera import Camera
     from viewer.cloud.scene import Scene
 
 
-def eight_views(scene: "Scene", size: tuple[int, int]) -> list[Camera]:
-    """Eight cameras at the middle of a scene, turning once around its up axis (+z)."""
-    low, high = scene.bounds
-    centre = (low + high) / 2
-    reach = float(np.linalg.norm(high - low))
-    cameras = []
-    for number, angle in enumerate(np.linspace(0, 2 * np.pi, 8, endpoint=False)):
-        ahead = centre + reach * np.array([np.cos(angle), np.sin(angle), -0.1])
-        cameras.append(from_fov(*size, 60.0, look_at(centre, ahead), f"turn{number}"))
-    return cameras
+def one_percent_low(milliseconds: Sequence[float]) -> float:
+    """Frames a second of the slowest 1 % of the frames, at least one: 1000 over their mean."""
+    slowest = sorted(milliseconds, reverse=True)[: max(1, len(milliseconds) // 100)]
+    return 1000.0 / float(np.mean(slowest))
 
 
-def run_frames(scans: list[Path], size: tuple[int, int], settings: Settings, repeats: int, plot: Path | None) -> dict:
-    """Times ``repeats`` rounds of eight cameras in every view.  The first frame of a view is ``cold_ms`` and left out."""
-    from viewer.cloud import open_scene
+def summary(milliseconds: Sequence[float]) -> dict[str, float]:
+    """p50, p95 and p99, milliseconds."""
+    return {f"p{q}": float(np.percentile(milliseconds, q)) for q in (50, 95, 99)}
+
+
+def cameras_along(scene: "Scene", along: str, size: tuple[int, int]) -> "list[Camera]":
+    """``path``: the fixed path.  ``views``: the named views."""
+    return camera_path(scene, size) if along == "path" else named_views(scene, size)
+
+
+def run_frames(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Settings, repeats: int,
+               along: str = "path") -> dict:
+    """Times ``repeats`` rounds at every size in every view.
+
+    ``cold_ms``: the first frame of a view at a size, with all it compiles, allocates and loads; not among the others.
+    """
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
 
-    scene = open_scene(scans)
+    scene = subject.scene()
     context = create_context()
-    renderer = Renderer(context, scene)
-    cameras = eight_views(scene, size)
-    views: dict[str, dict] = {}
+    runs: list[dict] = []
     facts: dict = {}
-    with progress(len(VIEWS) * repeats * len(cameras), "timing", "frame") as meter:
-        for view in VIEWS:
-            times: dict[str, list[float]] = {}
-            cold = renderer.render(cameras[0], settings, views=(view,)).stats["total_ms"]
-            for camera in cameras * repeats:
-                stats = renderer.render(camera, settings, views=(view,)).stats
-                for name, value in {**stats["stages"], "total": stats["total_ms"]}.items():
-                    times.setdefault(name, []).append(value)
-                facts = stats
-                meter.update(1)
-            views[view] = {
-                name: {f"p{q}": float(np.percentile(values, q)) for q in (50, 95, 99)} for name, values in times.items()
-            }
-            views[view]["total"]["cold_ms"] = cold
-    renderer.release()
+    given: dict = {}
+    made = cameras_along(scene, along, sizes[0])
+    with progress(len(sizes) * len(VIEWS) * repeats * len(made), "timing", "frame") as meter:
+        for size in sizes:
+            renderer = Renderer(context, scene)
+            cameras = [camera.resized(*size) for camera in made]
+            run: dict = {"size": list(size), "views": {}}
+            for view in VIEWS:
+                cold = renderer.render(cameras[0], settings, views=(view,)).stats
+                times: dict[str, list[float]] = {}
+                points: list[int] = []
+                for camera in cameras * repeats:
+                    stats = renderer.render(camera, settings, views=(view,)).stats
+                    for name, value in {**stats["stages"], "total": stats["total_ms"]}.items():
+                        times.setdefault(name, []).append(value)
+                    points.append(stats["points_drawn"])
+                    facts = stats
+                    meter.update(1)
+                run["views"][view] = {
+                    name: {**summary(values), "cold_ms": cold["total_ms"] if name == "total" else cold["stages"][name]}
+                    for name, values in times.items()
+                }
+                run["views"][view]["total"]["low1_fps"] = one_percent_low(times["total"])
+                run |= {"frames": len(cameras) * repeats, "points_drawn": float(np.mean(points))}
+            runs.append(run)
+            given = subject.facts(scene, renderer.device)
+            renderer.release()
     context.release()
-    if plot is not None:
-        _plot(views, plot)
     return {
-        "scans": [str(s) for s in scans], "points": scene.count, "size": list(size), "opengl": facts["opengl"],
-        "raster": facts["raster"], "network": facts["network"], "approximations": facts["approximations"],
-        "repeats": repeats, "views": views,
+        **given, "sizes": [list(size) for size in sizes], "along": along,
+        "cameras": [camera.name for camera in made], "repeats": repeats, "raster": facts["raster"],
+        "network": facts["network"], "device": facts["device"], "approximations": facts["approximations"], "runs": runs,
     }
 
 
-def _plot(views: dict[str, dict], path: Path) -> None:
-    import matplotlib
+def rows(result: dict) -> list[tuple[str, str]]:
+    """For the table on the terminal."""
+    out = [("rasteriser, network", f"{result['raster']}, {result['network']}"),
+           ("approximations", ", ".join(result["approximations"]) or "none")]
+    for run in result["runs"]:
+        size = "{}x{}".format(*run["size"])
+        for view, stages in run["views"].items():
+            for stage, v in stages.items():
+                low = f"   1 % low {v['low1_fps']:5.1f} frames/s" if "low1_fps" in v else ""
+                out.append((f"{size} {view}: {stage}", f"p50 {v['p50']:8.1f}   p95 {v['p95']:8.1f}   p99 {v['p99']:8.1f}"
+                            f"   cold {v['cold_ms']:8.1f} ms{low}"))
+    return out
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
 
-    from viewer.tools.files import write_whole
-
-    figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
-    left = np.zeros(len(views))
-    for stage in dict.fromkeys(name for stages in views.values() for name in stages if name != "total"):
-        values = np.array([stages.get(stage, {"p50": 0.0})["p50"] for stages in views.values()])
-        axes.barh(list(views), values, left=left, label=stage)
+def plot(result: dict, path: Path) -> None:
+    """Stages stacked, one bar a view and size; the mark is p99."""
+    bars = [(f"{view}\n{run['size'][0]}x{run['size'][1]}", stages) for run in result["runs"]
+            for view, stages in run["views"].items()]
+    made, axes = figure(7.5, 1.6 + 0.42 * len(bars))
+    left = np.zeros(len(bars))
+    names = [name for name, _ in bars]
+    stages = dict.fromkeys(name for _, held in bars for name in held if name != "total")
+    for number, stage in enumerate(stages):
+        values = np.array([held.get(stage, {"p50": 0.0})["p50"] for _, held in bars])
+        axes.barh(names, values, left=left, label=stage, color=INK[number % len(INK)])
         left += values
+    axes.plot([held["total"]["p99"] for _, held in bars], names, "|", color="black", markersize=12, label="whole frame, p99")
     axes.invert_yaxis()
-    axes.set_xlabel("milliseconds a frame, p50")
-    axes.legend(ncols=3, fontsize="small")
-    write_whole(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
-    plt.close(figure)
+    axes.tick_params(labelsize=7)
+    axes.set_xlabel(f"milliseconds a frame, p50 by stage, along the {result['along']}")
+    axes.legend(ncols=4, fontsize="x-small")
+    save(made, path, result)

@@ -20,8 +20,8 @@ METHODS = {
 }
 
 
-def _views(bench: dict[str, Any]) -> str:
-    totals = (bench["views"][view]["total"] for view in ("raw", "filtered", "filled", "neural"))
+def _views(run: dict[str, Any]) -> str:
+    totals = (run["views"][view]["total"] for view in ("raw", "filtered", "filled", "neural"))
     return " | ".join(f"{t['p50']:.0f} / {t['p95']:.0f}" for t in totals)
 
 
@@ -29,31 +29,105 @@ def frames(files: dict[str, dict]) -> str:
     """Milliseconds a frame, and what else the run-time benches measured."""
     first = files["frame-plant_room"]
     machine = first["machine"]
+    along = first["runs"][0]["frames"]
     lines = [
         f"{machine['cores']} cores of an {machine['processor']}, software OpenGL ({first['opengl']}), torch "
-        f"{machine['versions']['torch']}. Milliseconds a frame, p50 / p95, eight cameras turning in the middle of the scan.",
+        f"{machine['versions']['torch']}. Milliseconds a frame, p50 / p95, along a fixed path of {along} frames.",
         "", "| scan, size, network | raw | filtered | filled | neural |", "|---|---|---|---|---|",
     ]
     for name, label in (
         ("frame-plant_room", "plant room, 11.6 M points, 960x720, balanced"),
         ("frame-plant_room-fast", "the same, fast"),
         ("frame-plant_room-lod4", "the same, balanced, level of detail 4 points a pixel"),
-        ("frame-demo-1920", "demo, 1.35 M points, 1920x1440, balanced"),
     ):
         if name in files:
-            lines.append(f"| {label} | {_views(files[name])} |")
+            lines.append(f"| {label} | {_views(files[name]['runs'][0])} |")
+    if "frame-demo-sizes" in files:
+        found = files["frame-demo-sizes"]
+        for run in found["runs"]:
+            size = "{}x{}".format(*run["size"])
+            lines.append(f"| demo, {found['points'] / 1e6:.2f} M points, {size}, eight views | {_views(run)} |")
     lines.append("")
     if {"raster-compute", "raster-points"} <= files.keys():
-        fast, slow = (files[f"raster-{k}"]["views"]["raw"]["raster"]["p50"] for k in ("compute", "points"))
+        fast, slow = (files[f"raster-{k}"]["runs"][0]["views"]["raw"]["raster"]["p50"] for k in ("compute", "points"))
         lines.append(f"- Rasterising studio.laz (3.2 M points, 960x720): compute {fast:.0f} ms, primitives {slow:.0f} ms.")
     if "open-plant_room" in files:
         times = files["open-plant_room"]["milliseconds"]
         lines.append(f"- Opening the plant room (79 MB LAZ): {times['from the files'] / 1e3:.1f} s from the file, "
-                     f"{times['cache to first picture'] / 1e3:.2f} s from the cache to the first picture.")
+                     f"{times['cache to first picture'] / 1e3:.2f} s from the cache to the first picture, "
+                     f"{times['cache to full quality'] / 1e3:.2f} s to full quality.")
+    if "open-procedural" in files:
+        found = files["open-procedural"]
+        lines.append(f"- Opening {found['points'] / 1e6:.0f} M points made on the spot: from the cache to the first picture "
+                     f"{found['milliseconds']['cache to first picture'] / 1e3:.2f} s.")
     if "grid" in files:
         grid = files["grid"]
         runs = ", ".join(f"{v:.1f}" for v in grid["all_ms_per_million"])
         lines.append(f"- Grid from arrays in memory: {grid['ms_per_million']:.1f} ms per 1 M points (best of {runs}).")
+    return "\n".join(lines)
+
+
+def scale(files: dict[str, dict]) -> str:
+    """Time and memory against size."""
+    found = files["scale"]
+    lines = [f"A floor of rooms made on the spot, the camera in one of them, level of detail {found['lod']:g} points a pixel, "
+             f"{found['size'][0]}x{found['size'][1]}; p50 of whole frames.", "",
+             "| series | points | rooms | raw, ms | filled, ms | opens in, s | points packed, MB | memory held, MB |",
+             "|---|---|---|---|---|---|---|---|"]
+    for row in found["rows"]:
+        head = f"| by {row['series']} | {row['points'] / 1e6:,.0f} M | {row['rooms']} |"
+        if row["fits"]:
+            raw, filled_ = (row["milliseconds"][view]["p50"] for view in ("raw", "filled"))
+            lines.append(f"{head} {raw:.0f} | {filled_:.0f} | {row['open_to_first_picture_s']:.2f} | "
+                         f"{row['packed_bytes'] / 1e6:,.0f} | {row['resident_bytes'] / 1e6:,.0f} |")
+        else:
+            lines.append(f"{head} {row['why']} | | | | |")
+    for series, grown in found["growth"].items():
+        lines.append(f"\nBy {series}, from {grown['from'] / 1e6:,.0f} M to {grown['to'] / 1e6:,.0f} M points: raw "
+                     f"{grown['raw']:.2f}x, filled {grown['filled']:.2f}x.")
+    return "\n".join(lines)
+
+
+def versus(files: dict[str, dict]) -> str:
+    """Ours beside the published pipeline and Open3D."""
+    lines = []
+    for name in ("versus-plant_room", "versus-procedural"):
+        if name not in files:
+            continue
+        found = files[name]
+        machine = found["machine"]
+        where = machine["gpu"]["name"] if machine.get("gpu") and found["device"] == "cuda" else \
+            f"{machine['cores']} cores of an {machine['processor']}"
+        lines += ([""] if lines else []) + [
+            f"{Path(found['scans'][0]).name}, {found['points'] / 1e6:.1f} M points, {where}; {found['said']}.", "",
+            "| size | pipeline | network | p50, ms | times ours |", "|---|---|---|---|---|"]
+        for run in found["runs"]:
+            ours = run["contenders"]["ours, balanced"]["milliseconds"]["total"]["p50"]
+            for who, held in run["contenders"].items():
+                total = held["milliseconds"]["total"]["p50"]
+                lines.append(f"| {run['size'][0]}x{run['size'][1]} | {who} | {held['network'] or 'none'} | {total:,.0f} | "
+                             f"{total / ours:.2f} |")
+            fair = run["fairness"]
+            lines += ["", f"The paper's network reached {fair['share_of_matmul']:.0%} of the measured matrix rate "
+                      f"({fair['matmul_rate'] / 1e12:.2f} TFLOP/s in {run['precision']}): "
+                      f"{'a fair opponent' if fair['fair'] else 'below the share that would make it a fair opponent'} "
+                      f"(at least {fair['needed']:.0%})."]
+    return "\n".join(lines)
+
+
+def errors(files: dict[str, dict]) -> str:
+    """Every approximation: time saved, error made."""
+    found = files["error-plant_room"]
+    best = {name for names in found["front"].values() for name in names}
+    lines = [f"{Path(found['scans'][0]).name}, {found['size'][0]}x{found['size'][1]}, eight named views; time as a share of "
+             "the exact frame's; bold: nothing else is both faster and nearer.", "",
+             "| approximation | ms | time | PSNR, dB | largest | mask |", "|---|---|---|---|---|---|"]
+    for row in found["rows"]:
+        name = f"{row['group']}: {row['name']}"
+        shown = "equal" if row["psnr"] is None else f"{row['psnr']:.1f}"
+        mask = "" if row["mask"] is None else f"{row['mask']:.3%}"
+        lines.append(f"| {f'**{name}**' if name in best else name} | {row['milliseconds']:.0f} | {row['time']:.2f} | {shown} | "
+                     f"{row['largest']:.0f} | {mask} |")
     return "\n".join(lines)
 
 
@@ -102,7 +176,8 @@ def ablation(files: dict[str, dict]) -> str:
 
 BLOCKS: dict[str, tuple[Callable[[dict[str, dict]], str], str]] = {
     "frames": (frames, "frame-plant_room"), "truth": (truth, "evaluate"), "precision": (precision, "evaluate"),
-    "ablation": (ablation, "ablation"),
+    "ablation": (ablation, "ablation"), "scale": (scale, "scale"), "versus": (versus, "versus-plant_room"),
+    "errors": (errors, "error-plant_room"),
 }
 """Block -> what writes it, and the file it cannot do without."""
 

@@ -1,0 +1,65 @@
+"""Fresh random input for every run, with its seed shown on failure; one headless context for the frames."""
+
+import os
+import secrets
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+
+from viewer.errors import DeviceError
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gl"))  # the twin of a frame
+
+
+@pytest.fixture
+def seed() -> int:
+    """A new one each time; pytest shows the line of a test that fails, and POINTGLASS_SEED repeats it."""
+    value = int(os.environ.get("POINTGLASS_SEED") or secrets.randbits(31))
+    print(f"POINTGLASS_SEED={value}")
+    return value
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    """Small pictures gain nothing from more, and lose much where other work fills the cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.fixture(scope="session")
+def context():
+    from viewer.render.context import create_context
+
+    try:
+        made = create_context()
+    except DeviceError as error:  # the set-up installs Mesa, so in CI this is a failure, not a skip
+        pytest.fail(str(error))
+    yield made
+    made.release()
+
+
+@pytest.fixture
+def stand(context):
+    """Draws stress scenes; no OpenGL error before or after."""
+    from viewer.bench.stress_frames import Stand
+
+    context.__enter__()  # another test may have left its own context current
+    assert context.error == "GL_NO_ERROR"
+    yield Stand(context)
+    assert context.error == "GL_NO_ERROR"
+
+
+@pytest.fixture
+def claims():
+    """Fails with every row that is beyond its limit."""
+
+    def check(rows: list[dict]) -> None:
+        assert rows
+        wrong = [f"{row['name']}: {row['value']:.6g}, limit {row['limit']:g}" for row in rows if not row["ok"]]
+        assert not wrong, "\n".join(wrong)
+
+    return check

@@ -1,0 +1,65 @@
+"""The network's convolutions in 8-bit integers, to see what that would cost and save; nothing is ever served this way.
+
+Static quantisation of torch (torch.ao), each convolution between its own quantiser and dequantiser; ranges are learned on
+one picture's input.  CPU only.
+"""
+
+import copy
+import warnings
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import torch
+
+    from model.reconstruct import Reconstructor
+
+
+class Int8Error(Exception):
+    """This torch build cannot; the message says why."""
+
+
+def quantised(network: "Reconstructor", packed: "torch.Tensor") -> "Reconstructor":
+    """A copy of a compact network on the CPU with all convolutions but the blurs in int8.
+
+    network: in fp32.  packed: (H, W, 8) half, the input that ranges are learned on.  Raises Int8Error.
+    """
+    import torch
+    from torch import nn
+
+    made = copy.copy(network)
+    made.network = copy.deepcopy(network.network).float().eval()
+    made.precision, made.name = "int8", f"{network.name.rsplit(' ', 3)[0]} int8 on cpu"
+    engine = next((e for e in ("fbgemm", "x86", "onednn", "qnnpack") if e in torch.backends.quantized.supported_engines), None)
+    if engine is None:
+        raise Int8Error("this torch build has no int8 convolutions")
+    before = torch.backends.quantized.engine
+    try:
+        from torch.ao import quantization
+
+        with warnings.catch_warnings(), torch.no_grad():
+            warnings.simplefilter("ignore")  # deprecated in favour of torchao, which is one more thing to install
+            torch.backends.quantized.engine = engine
+            for name, layer in list(made.network.named_modules()):
+                if isinstance(layer, nn.Conv2d):
+                    inside, _, last = name.rpartition(".")
+                    wrapped = quantization.QuantWrapper(layer)
+                    wrapped.qconfig = quantization.get_default_qconfig(engine)  # type: ignore[assignment]
+                    setattr(made.network.get_submodule(inside), last, wrapped)
+            _mark(made.network)
+            quantization.prepare(made.network, inplace=True)
+            made(packed)
+            quantization.convert(made.network, inplace=True)
+            _mark(made.network)
+            made(packed)
+    except Exception as error:
+        raise Int8Error(f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else 'no reason given'}") from None
+    finally:
+        torch.backends.quantized.engine = before
+    return made
+
+
+def _mark(network) -> None:
+    """Tells the network's own code that its first convolution takes fp32."""
+    import torch
+
+    network.stem.weight = torch.zeros(1)

@@ -1,0 +1,165 @@
+"""Occlusion proven: a walk through a floor of many rooms with one jump, each frame with history and without, in turn.
+
+The error is judged on what a viewer is shown: a pixel is wrong where the keep-masks differ or a channel of the filled
+picture differs by more than two levels.  Frame: metres, as in viewer.bench.procedural_scan.
+"""
+
+import itertools
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
+from viewer.camera import Camera, from_fov, look_at
+from viewer.progress import progress
+from viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from viewer.cloud.scene import Scene
+    from viewer.render.renderer import Renderer
+
+ROOMS = 20
+LIMIT = 0.001
+"""Share of wrong pixels that a frame must stay under."""
+LEVELS = 2
+"""Of 255, by which a channel may differ."""
+VIEWS = ("filtered", "filled")
+_STEP = 0.15  # metres from frame to frame: brisk walking at ten frames a second
+_SWAY = np.radians(40.0)
+_DOOR_WIDTH = 0.9
+
+
+def _stops(scan: ProceduralScan, first: int, step: int) -> np.ndarray:
+    """(S, 3) metres: from room to room, and through the middle of the doors between them, back and forth along the rows."""
+    columns = scan.columns
+    order = [row * columns + (across if row % 2 == 0 else columns - 1 - across)
+             for row in range(-(-scan.rooms // columns)) for across in range(columns)]
+    order = [room for room in order if room < scan.rooms]
+    order = order[order.index(first) :: step]
+    stops = [scan.room_middle(order[0]) + (0.0, 0.0, EYE)]
+    for here, there in itertools.pairwise(order):
+        low, axis = min(here, there), 0 if abs(here - there) == 1 else 1
+        begin = scan._doors[low, 2 * axis + 1]
+        if begin < 0:  # the rows' ends need not face each other where the last row is short
+            break
+        door = scan.room_middle(low) - PITCH * (0.5, 0.5, 0) + (0, 0, EYE)
+        door[axis] += PITCH[axis]
+        door[1 - axis] += begin + _DOOR_WIDTH / 2
+        stops += [door, scan.room_middle(there) + (0.0, 0.0, EYE)]
+    return np.array(stops)
+
+
+def walk(scan: ProceduralScan, size: tuple[int, int], frames: int) -> tuple[list[Camera], int]:
+    """Cameras on foot through the rooms, looking left and right, and the number of the frame that a jump to the other end
+    of the floor, walked backwards, comes before."""
+    jump = frames * 2 // 3
+    cameras: list[Camera] = []
+    for stops, count in ((_stops(scan, 0, 1), jump), (_stops(scan, scan.rooms - 1, -1), frames - jump)):
+        legs = np.linalg.norm(np.diff(stops, axis=0), axis=1)
+        at = np.minimum(np.arange(count + 1) * _STEP, legs.sum())
+        path = np.stack([np.interp(at, np.concatenate([[0], np.cumsum(legs)]), stops[:, k]) for k in range(3)], axis=1)
+        headings = np.diff(stops, axis=0) / legs[:, None]
+        leg = np.minimum(np.searchsorted(np.cumsum(legs), at, side="right"), len(legs) - 1)
+        angle = np.unwrap(np.arctan2(headings[leg, 1], headings[leg, 0]))
+        angle = np.convolve(np.pad(angle, 4, mode="edge"), np.full(9, 1 / 9), mode="valid")  # nobody turns at once
+        angle = angle + _SWAY * np.sin(at * (2 * np.pi / 5.0))
+        for eye, a in zip(path[:count], angle[:count]):
+            ahead = eye + (np.cos(a), np.sin(a), -0.1)
+            cameras.append(from_fov(*size, 60.0, look_at(eye, ahead), f"walk{len(cameras)}"))
+    return cameras, jump
+
+
+def compare(renderer: "Renderer", cameras: list[Camera], settings: Settings, meter=lambda: None, keep: int | None = None
+            ) -> tuple[list[dict], list[np.ndarray]]:
+    """One row a frame: share of wrong pixels, points drawn and milliseconds with and without history.
+
+    keep: a frame whose pictures without, with, and whose wrong pixels are returned too.
+    """
+    from viewer.render.occlusion import Occlusion
+
+    history = Occlusion()
+    rows, kept = [], []
+    renderer.render(cameras[0], settings, VIEWS, Occlusion())  # compiles
+    for number, camera in enumerate(cameras):
+        frame = renderer.render(camera, settings, VIEWS)
+        plain = frame.stats
+        mask, filled = frame.mask().copy(), frame.image("filled").copy()
+        frame = renderer.render(camera, settings, VIEWS, history)
+        stats = frame.stats
+        other, picture = frame.mask(), frame.image("filled")
+        wrong_mask = mask != other
+        wrong = wrong_mask | (np.abs(filled.astype(np.int16) - picture) > LEVELS).any(axis=-1)
+        if number == keep:
+            kept = [filled, picture.copy(), wrong]
+        hidden = stats.get("occlusion", {"cells_hidden": 0, "points_hidden": 0})
+        rows.append({
+            "wrong": float(wrong.mean()), "wrong_mask": float(wrong_mask.mean()), "cells": plain["cells_drawn"],
+            "cells_hidden": hidden["cells_hidden"], "points": plain["points_drawn"], "points_with": stats["points_drawn"],
+            "ms": plain["stages"]["raster"], "ms_with": stats["stages"]["raster"],
+            "total_ms": plain["total_ms"], "total_ms_with": stats["total_ms"],
+        })  # fmt: skip
+        meter()
+    return rows, kept
+
+
+def summary(rows: list[dict], jump: int) -> dict:
+    """The figures that count: the worst frame, that after the jump, what is saved in the frames that have a past."""
+    steady = [row for number, row in enumerate(rows) if number not in (0, jump)]
+
+    def share(a: str, b: str) -> float:
+        return float(np.median([row[a] / max(row[b], 1e-9) for row in steady]))
+
+    return {
+        "frames": len(rows), "jump": jump, "limit": LIMIT,
+        "wrong_worst": max(row["wrong"] for row in rows), "wrong_mean": float(np.mean([row["wrong"] for row in rows])),
+        "wrong_after_jump": max(row["wrong"] for row in rows[jump : jump + 3]),
+        "points_drawn_share": share("points_with", "points"), "raster_time_share": share("ms_with", "ms"),
+        "frame_time_share": share("total_ms_with", "total_ms"),
+        "raster_ms": float(np.median([row["ms"] for row in steady])),
+        "raster_ms_with": float(np.median([row["ms_with"] for row in steady])),
+    }  # fmt: skip
+
+
+def run_occlusion(rooms: int = ROOMS, points: int = 100_000_000, size: tuple[int, int] = (960, 720), frames: int = 90,
+                  plot: Path | None = None, seed: int = 1, scene: "Scene | None" = None, lod: float | None = None) -> dict:
+    """The walk.  scene: that of this very scan, where it is at hand.  lod: as in Settings."""
+    from viewer.render.context import create_context
+    from viewer.render.renderer import Renderer
+
+    scan = ProceduralScan(points, rooms, seed)
+    scene = scene or procedural_scene(scan)
+    context = create_context()
+    renderer = Renderer(context, scene, raster="compute")
+    cameras, jump = walk(scan, size, frames)
+    with progress(len(cameras), "occlusion", "frame") as meter:
+        rows, _ = compare(renderer, cameras, Settings(view="filled", raster="compute", lod=lod), lambda: meter.update(1))
+    result = {
+        "scans": [scan.label], "points": scene.count, "rooms": rooms, "seed": seed, "size": list(size), "lod": lod,
+        "opengl": renderer.device.renderer, "driver": renderer.device.version, **summary(rows, jump), "rows": rows,
+    }
+    renderer.release()
+    context.release()
+    if plot is not None:
+        _plot(result, plot)
+    return result
+
+
+def _plot(result: dict, path: Path) -> None:
+    from viewer.bench.plots import INK, figure, save
+
+    made, (upper, middle, lower) = figure(8, 7, rows=3)
+    rows, along = result["rows"], np.arange(result["frames"])
+    upper.plot(along, [100 * row["wrong"] for row in rows], color=INK[0])
+    upper.axhline(100 * result["limit"], color="grey", linewidth=0.7, linestyle="--")
+    upper.set_ylabel("wrong pixels, %")
+    for axes, name, label, scale in ((middle, "points", "points drawn, M", 1e-6), (lower, "ms", "raster stage, ms", 1.0)):
+        axes.plot(along, [scale * row[name] for row in rows], color=INK[5], label="without history")
+        axes.plot(along, [scale * row[f"{name}_with"] for row in rows], color=INK[0], label="with history")
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0)
+        axes.legend(fontsize="small")
+    for axes in (upper, middle, lower):
+        axes.axvline(result["jump"], color="grey", linewidth=0.5)
+    lower.set_xlabel("frame; the line: a jump to the other end of the floor")
+    save(made, path, result)

@@ -1,0 +1,131 @@
+"""``pointglass bench stability``: what scale, origin, lens, size, precision and hard points do to a picture, with limits.
+
+The same measurements as ``tests/stability``, over wider ranges: a table of rows (name, value, limit, ok), the curves over
+scale and origin, the networks' precision table, and a plot of both.
+"""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from viewer.bench import stress_frames as frames
+from viewer.bench import stress_points as points
+from viewer.bench.stress_network import network_rows
+from viewer.bench.stress_scenes import axis_camera
+from viewer.bench.stress_truth import depth_faults
+from viewer.cloud import scene_from_arrays
+from viewer.progress import progress
+
+LARGEST = (16384, 16384)
+_LARGEST_NEEDS = 10 << 30  # bytes: colour, depth, and both once more on the way back, doubled
+
+
+def largest_picture(stand: frames.Stand, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
+    """The raw view at the device's largest size; where memory does not allow it, a row that says so."""
+    name = f"pixels wrong at {size[0]}x{size[1]}, raw"
+    free = _free_memory()
+    if free < _LARGEST_NEEDS:
+        return [{**frames.row(name, 0, 0), "skipped": f"{free / 2**30:.1f} GiB free, {_LARGEST_NEEDS / 2**30:.0f} needed"}]
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform(-1, 1, (200_000, 3)) + [0, 2, 0]
+    scene = scene_from_arrays(xyz, np.full(xyz.shape, 255, np.uint8))
+    camera = axis_camera(size)
+    return [frames.row(name, depth_faults(stand.depth(scene, camera), xyz, camera, scene), 0)]
+
+
+def _free_memory() -> int:
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return 0
+
+
+def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path | None = None) -> dict:
+    """All rows.  size: of most pictures.  Returns rows, failed (their names), curves, network, opengl, size, seed."""
+    from model.weights import shipped
+    from viewer.render.context import create_context, describe_device
+
+    context, other = create_context(), create_context()
+    stand = frames.Stand(context)
+    rows: list[dict] = []
+    curves: list[dict] = []
+    table: list[dict] = []
+
+    def along_curves() -> list[dict]:
+        found, made = frames.curves(stand, seed, size)
+        curves.extend(made)
+        return found
+
+    def networks() -> list[dict]:
+        found = []
+        for quality in ("fast", "balanced", "best"):
+            if f"{quality}-filtered" in shipped():
+                more, made = network_rows(seed, (112, 80), quality)
+                found += more
+                table.extend({"quality": quality, **entry} for entry in made)
+        return found
+
+    sections: dict[str, Callable[[], list[dict]]] = {
+        "scale and origin": along_curves,
+        "exact": lambda: frames.exactness(stand, seed, size),
+        "range": lambda: frames.wide_range(stand, seed, size),
+        "lens": lambda: frames.lenses(stand, seed, size) + frames.rolled(stand, seed),
+        "cell faces": lambda: frames.cell_faces(stand, seed, size),
+        "camera plane": lambda: frames.camera_plane(stand, seed),
+        "size": lambda: frames.sizes(stand, seed) + largest_picture(stand, seed),
+        "points": lambda: [
+            *points.crowd(stand, seed), *points.crowd(stand, seed, 2_000_000, 255), *points.lonely(stand, seed),
+            *points.doubles(stand, seed), *points.no_numbers(stand, seed, size), *points.levels(stand, seed),
+        ],
+        "network": networks,
+        "the same again": lambda: points.repeats(stand, other, seed, size),
+    }
+    try:
+        context.__enter__()  # the second to be made is the current one
+        with progress(len(sections), "stability", "section") as meter:
+            for group, measure in sections.items():
+                rows += [{"group": group, **row} for row in measure()]
+                meter.update(1)
+        opengl = describe_device(context).renderer
+    finally:
+        other.release()
+        context.release()
+    if plot is not None:
+        _plot(curves, table, plot)
+    return {"opengl": opengl, "size": list(size), "seed": seed, "rows": rows,
+            "failed": [row["name"] for row in rows if not row["ok"]], "curves": curves, "network": table}
+
+
+def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from viewer.tools.files import write_whole
+
+    labels = {"depth_99": "depth error, 99th percentile, point spacings", "mask": "keep-masks that differ, share of pixels",
+              "filled": "filled picture, PSNR in dB"}
+    figure, axes = plt.subplots(2, 2, figsize=(11, 8), layout="constrained")
+    for (name, label), axis in zip(labels.items(), axes.flat, strict=False):
+        for away in dict.fromkeys(entry["origin"] for entry in curves):
+            mine = [entry for entry in curves if entry["origin"] == away and name in entry]
+            axis.plot([e["scale"] for e in mine], [e[name] for e in mine], ".-", label=f"origin {away:g}")
+        axis.axhline(frames.LIMITS[name], color="black", linestyle="--", linewidth=1, label="limit")
+        axis.set(xscale="log", xlabel="scale", ylabel=label)
+        if name != "filled":
+            axis.set_yscale("log")
+    axes.flat[0].legend(fontsize="x-small", ncols=2)
+    axis = axes.flat[3]
+    for precision in dict.fromkeys(entry["precision"] for entry in table):
+        mine = [entry for entry in table if entry["precision"] == precision]
+        names = [f"{e['quality']}: {e['kind']}" for e in mine]
+        axis.plot([max(e["mean"], 1e-6) for e in mine], range(len(mine)), ".", label=precision)
+        axis.set_yticks(range(len(mine)), names, fontsize=5)
+    if table:
+        axis.set(xscale="log", xlabel="network: mean difference from fp32")
+        axis.legend(fontsize="x-small")
+    write_whole(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
+    plt.close(figure)
