@@ -50,6 +50,7 @@ def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool
     beside = path.with_name(f"{path.name}.{os.getpid()}.partial")
     try:
         save_file(tensors, str(beside), header)
+        beside.chmod(0o644)  # safetensors gives it to its owner alone
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
