@@ -1,4 +1,4 @@
-"""Random crops of training pairs: turned, mirrored, recoloured, grained; the same for a step whenever it is asked for.
+"""Random crops of training pairs: turned, mirrored, recoloured, grained, speckled; the same for a step whenever it is asked for.
 
 A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
 """
@@ -60,6 +60,28 @@ def _grain(rng: np.random.Generator, side: int) -> np.ndarray:
     patches = F.interpolate(torch.from_numpy(rng.normal(size=(1, 1, 5, 5))), (side, side), mode="bicubic")[0, 0].numpy()
     depth = rng.uniform(0.03, 0.25) * np.clip(2 * patches, 0, 1)
     return np.clip(1 + depth * noise, 0.1, 1.6).astype(np.float32)[None]
+
+
+SPECKLE_SHARE = 0.2
+"""Share of the crops whose points come from two stations that do not agree in brightness."""
+
+
+def _speckle(rng: np.random.Generator, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """(3, side, side) float32 gains of the points, and their mean, which is what the truth is to be.
+
+    Where stations of different exposure overlap and the file does not tell them apart, neighbouring points come from one or
+    the other by chance, or by scan line.  Without such crops the network took it for a pattern and drew worms.
+    """
+    share = F.interpolate(torch.from_numpy(rng.normal(size=(1, 1, 4, 4))), (side, side), mode="bicubic")[0, 0].numpy()
+    share = 1 / (1 + np.exp(-2 * share - rng.normal(0, 1.5)))
+    chance = rng.normal(size=(side, side))
+    lines = gaussian_filter(rng.normal(size=(side, side)), (rng.uniform(4, 20), rng.uniform(0, 0.6)))
+    chance = chance / chance.std() + rng.uniform(0, 1.5) * lines / max(float(lines.std()), 1e-6)
+    rank = np.empty(chance.size)
+    rank[np.argsort(chance, axis=None)] = (np.arange(chance.size) + 0.5) / chance.size
+    other = np.exp(rng.choice([-1, 1]) * rng.uniform(0.05, 0.45) + rng.normal(0, 0.03, (3, 1, 1)))
+    gains = 1 + (other - 1) * (rank.reshape(side, side) < share)
+    return gains.astype(np.float32), (1 + (other - 1) * share).astype(np.float32)
 
 
 class PairFolder:
@@ -136,7 +158,11 @@ class Crops:
         if not self.recolour:
             gain, order = np.ones_like(gain), np.arange(3)
 
-        grain = _grain(rng, crop) if rng.random() < GRAIN_SHARE else None
+        kind, seen, true = rng.random(), None, None
+        if kind < GRAIN_SHARE:
+            seen = true = _grain(rng, crop)
+        elif kind < GRAIN_SHARE + SPECKLE_SHARE:
+            seen, true = _speckle(rng, crop)
 
         def turned(a: np.ndarray) -> np.ndarray:
             a = np.rot90(a, turns, (1, 2))
@@ -147,10 +173,10 @@ class Crops:
             a[:3] = np.minimum(a[:3] * gain, 1.0)[order]
             return a
 
-        if grain is not None and not beside:
+        if seen is not None and true is not None and not beside:
             x, y = x.copy(), y.copy()
-            y[:3] = np.minimum(y[:3] * grain, 1.0)
-            x[:3] = np.minimum(x[:3] * pull_push(torch.from_numpy(grain), torch.from_numpy(x[3] > 0)).numpy(), 1.0)
+            y[:3] = np.minimum(y[:3] * true, 1.0)
+            x[:3] = np.minimum(x[:3] * pull_push(torch.from_numpy(seen), torch.from_numpy(x[3] > 0)).numpy(), 1.0)
 
         flow = turned(flow)
         for _ in range(turns):  # rot90 takes the direction (x, y) to (y, -x)

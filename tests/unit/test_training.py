@@ -229,15 +229,35 @@ def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
         Crops([pairs], 320, 1)
 
 
-def test_grain_is_the_same_texture_on_points_and_truth(tmp_path):
-    """Where a pixel is measured, points and truth get the same factor: what was equal stays equal."""
+def plain_wall(folder):
+    """One pair: a wall of one colour, measured at half of its pixels."""
     rng = np.random.default_rng(0)
     x = np.full((1, 5, 64, 64), 0.4, np.float16)
     x[0, 3] = rng.random((64, 64)) < 0.5
-    np.save(tmp_path / "inputs.npy", x)
+    np.save(folder / "inputs.npy", x)
     truth = np.full((1, 5, 64, 64), 102, np.uint8)
     truth[:, 3:] = 255
-    np.save(tmp_path / "truth.npy", truth)
+    np.save(folder / "truth.npy", truth)
+
+
+def test_stations_that_disagree_are_speckle_on_points_and_their_mean_in_truth(tmp_path, monkeypatch):
+    plain_wall(tmp_path)
+    monkeypatch.setattr("model.data.crops.GRAIN_SHARE", 0.0)
+    monkeypatch.setattr("model.data.crops.SPECKLE_SHARE", 1.0)
+    crops = Crops([tmp_path], 64, 3, recolour=False)
+    for step in range(12):
+        batch = crops.batch(step, 1)
+        points, truth = batch.x[0, :3][:, batch.x[0, 3] > 0], batch.colour[0]
+        levels = {tuple(pixel) for pixel in points.T.mul(1000).round().int().tolist()}
+        assert len(levels) <= 2, "a point is of one station or of the other"
+        assert float((points.mean(1) - truth.mean((1, 2))).abs().max()) < 0.02, "the truth leans to neither"
+        assert float((truth[:, 1:] - truth[:, :-1]).abs().max()) < 0.05, "and has no speckle"
+
+
+def test_grain_is_the_same_texture_on_points_and_truth(tmp_path, monkeypatch):
+    """Where a pixel is measured, points and truth get the same factor: what was equal stays equal."""
+    plain_wall(tmp_path)
+    monkeypatch.setattr("model.data.crops.SPECKLE_SHARE", 0.0)
     crops, grained = Crops([tmp_path], 64, 2), 0
     for step in range(12):
         batch = crops.batch(step, 1)
