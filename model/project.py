@@ -28,26 +28,29 @@ class SoftZ:
     """Depth tolerance of the soft z-buffer: points within max(relative x zmin, absolute) behind the nearest count.
 
     absolute: file units.  rounded: the published code's pixel, u rounded instead of cut off.  linear: colours are averaged
-    in linear light (12 bits), else as the paper's code does in sRGB.
+    in linear light (12 bits), else as the paper's code does in sRGB.  unlit: black points have no colour: they hide, and are
+    not averaged.
     """
 
     relative: float
     absolute: float
     rounded: bool = False
     linear: bool = False
+    unlit: bool = False
 
     @staticmethod
-    def preset(name: str, spacing: float, metre: float) -> "SoftZ":
-        """``auto``, ``paper-code`` or ``paper-text``.  spacing: file units.  metre: file units in a metre."""
+    def preset(name: str, spacing: float, metre: float, *, unlit: bool = False) -> "SoftZ":
+        """``auto``, ``paper-code`` or ``paper-text``, which know no ``unlit``.  spacing: file units.  metre: file units in a
+        metre."""
         if name == "auto":
-            return SoftZ(SOFT_RELATIVE, SOFT_SPACINGS * spacing, linear=True)
+            return SoftZ(SOFT_RELATIVE, SOFT_SPACINGS * spacing, linear=True, unlit=unlit)
         return SoftZ(0.0, PAPER_SOFT_METRES * metre, rounded=name == "paper-code")
 
 
 @dataclass(frozen=True)
 class Raster:
     """colour (3, H, W) float 0..255, whole numbers; depth (H, W) nearest view-space z, +inf where empty; count (H, W)
-    int64, the points averaged."""
+    int64, the points averaged: 0 where there is none, or none with a colour."""
 
     colour: Tensor
     depth: Tensor
@@ -101,6 +104,8 @@ def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, so
     depth.scatter_reduce_(0, index, z, "amin")
     limit = torch.maximum(depth * (1.0 + soft.relative), depth + soft.absolute)
     counted = z <= limit[index]
+    if soft.unlit:
+        counted &= (rgb > 0).any(1)
     index, rgb = index[counted], rgb[counted]
     count = torch.bincount(index, minlength=height * width)
     if soft.linear:
@@ -133,4 +138,4 @@ def frame(index: Tensor, z: Tensor, rgb: Tensor, camera, soft: SoftZ, *, preset:
           levels: int | None = None, metre: float = 1.0) -> tuple[Raster, Tensor]:
     """Raster and keep-mask of one picture."""
     raster = rasterise(index, z, rgb, camera.width, camera.height, soft)
-    return raster, keep_mask(raster.depth, preset, strength=strength, levels=levels, metre=metre)
+    return raster, keep_mask(raster.depth, preset, strength=strength, levels=levels, metre=metre) & (raster.count > 0)

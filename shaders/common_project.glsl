@@ -2,7 +2,7 @@
 // View frame: x right, y down, z forward, file units.  Nothing may be fused or reordered: hence precise.
 
 layout(std140, binding = FRAME_BINDING) uniform Frame {
-    vec4 axis_x;   // xyz: view x per step along the cell's x, y, z
+    vec4 axis_x;   // xyz: view x per step along the cell's x, y, z; w of this one: whether black points have no colour
     vec4 axis_y;
     vec4 axis_z;
     vec4 lens;     // fx, fy, cx, cy in pixels

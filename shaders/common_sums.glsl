@@ -1,4 +1,5 @@
 // Whole-number colour sums: exact and independent of order, where floats break past 2^24.
+// Black points may have no colour (axis_x.w > 0): they hide, and are not averaged.
 // soft.w > 0: sums of 12-bit linear light, of which a million fit 32 bits; else of sRGB levels.
 
 layout(std430, binding = SUMS_BINDING) buffer Sums { uint sums[]; };  // red, green, blue, count
@@ -8,6 +9,7 @@ layout(std430, binding = LIGHT_BINDING) readonly buffer Light {       // model/l
 };
 
 void add_colour(uint pixel, uint word) {
+    if (axis_x.w > 0.0 && (word & 0xFFFFFFu) == 0u) return;
     uvec3 colour = uvec3(word, word >> 8, word >> 16) & 0xFFu;
     if (soft.w > 0.0) colour = uvec3(to_linear[colour.x], to_linear[colour.y], to_linear[colour.z]);
     atomicAdd(sums[4u * pixel], colour.x);

@@ -10,6 +10,8 @@ void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(at, textureSize(level, 0)))) return;
     bool keep = !isinf(texelFetch(level, at, 0).x);
+    vec4 colour = texelFetch(raw, at, 0);
+    keep = keep && colour.a > 0.0;  // what has no colour hides, and shows nothing
     imageStore(mask, at, vec4(keep ? 1.0 : 0.0));
-    imageStore(filtered, at, keep ? texelFetch(raw, at, 0) : vec4(0.0));
+    imageStore(filtered, at, keep ? colour : vec4(0.0));
 }

@@ -73,8 +73,10 @@ void main() {
     keep = keep && z <= limit;
 #endif
 #ifdef BASE
+    vec4 colour = texelFetch(raw, at, 0);
+    keep = keep && colour.a > 0.0;  // what has no colour hides, and shows nothing
     imageStore(mask, at, vec4(keep ? 1.0 : 0.0));
-    imageStore(filtered, at, keep ? texelFetch(raw, at, 0) : vec4(0.0));
+    imageStore(filtered, at, keep ? colour : vec4(0.0));
 #else
     imageStore(refilled, at, vec4(keep ? z : refill(at, above)));
 #endif

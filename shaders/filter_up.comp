@@ -64,8 +64,10 @@ void main() {
 #ifdef BASE
     bool keep = own.x > 0.0;  // an empty pixel needs no neighbours looked at
     if (keep) keep = own.x >= texelFetch(coarse, at >> 1, 0).x && own.x >= hiding_threshold(at, extent, own);
+    vec4 colour = texelFetch(raw, at, 0);
+    keep = keep && colour.a > 0.0;  // what has no colour hides, and shows nothing
     imageStore(mask, at, vec4(keep ? 1.0 : 0.0));
-    imageStore(filtered, at, keep ? texelFetch(raw, at, 0) : vec4(0.0));
+    imageStore(filtered, at, keep ? colour : vec4(0.0));
 #else
     float value = hiding_threshold(at, extent, own);
 #ifndef TOP

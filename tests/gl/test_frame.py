@@ -1,5 +1,7 @@
 """The OpenGL frame against its torch twin on the same packed points, and against itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from clouds import camera_in, room
@@ -54,6 +56,36 @@ def test_soft_z_presets_agree_with_twin(drawn, soft_z):
     scene, renderer = drawn
     camera, settings = camera_in(scene, 3), Settings(soft_z=soft_z)
     assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+
+
+@pytest.mark.parametrize("soft_z", list(SOFT_Z))
+@pytest.mark.parametrize("preset", list(FILTERS))
+def test_points_without_a_colour_hide_and_show_nothing(context, preset, soft_z, seed):
+    base = room(seed)
+    black = np.random.default_rng(seed).random(base.count) < 0.4
+    points = base.points.copy()
+    points[black, 2] &= np.uint32(0xFF000000)
+    scene = replace(base, points=points, meta={**base.meta, "colour": {"uncoloured": 0.4}})
+    assert scene.unlit and not base.unlit
+    plain, renderer = Renderer(context, base), Renderer(context, scene)
+    try:
+        camera, bytes_of = camera_in(scene, seed), []
+        for kind in ("compute", "points"):
+            settings = Settings(filter=preset, soft_z=soft_z, raster=kind)
+            frame = renderer.render(camera, settings, views=ALL)
+            assert_agrees(frame, twin_frame(scene, camera, settings))
+            raw, held = frame.image("raw"), np.isfinite(frame.depth())
+            if soft_z == "auto":
+                assert (held & (raw[..., 3] == 0)).any() and not (frame.mask() & (raw[..., 3] == 0)).any()
+                assert (raw[..., :3].any(-1) | (raw[..., 3] == 0)).all(), "no black pixel is shown"
+            else:
+                assert np.array_equal(held, raw[..., 3] > 0), "the paper's z-buffer knows colours only"
+            bytes_of.append([frame.image(view).tobytes() for view in ALL])
+            assert np.array_equal(frame.depth(), plain.render(camera, settings, views=("raw",)).depth()), "they hide as before"
+        assert bytes_of[0] == bytes_of[1]
+    finally:
+        plain.release()
+        renderer.release()
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 37), (53, 1), (127, 97), (2, 2), (333, 251)])

@@ -35,12 +35,12 @@ def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
     cells = torch.from_numpy(np.repeat(draw.slot, draw.count))
     steps, rgb = unpack_points(torch.from_numpy(np.asarray(scene.points[take], np.int64)))
     x, y, z = view_points(steps, cells, torch.from_numpy(draw.cell_view), torch.from_numpy(draw.axes))
-    soft = SoftZ.preset(settings.soft_z, scene.spacing, metre)
+    soft = SoftZ.preset(settings.soft_z, scene.spacing, metre, unlit=scene.unlit)
     index, inside = pixels(x, y, z, camera, rounded=soft.rounded)
     raster = rasterise(index, z[inside], rgb[inside], camera.width, camera.height, soft)
     mask = keep_mask(
         raster.depth, settings.filter, strength=settings.filter_strength, levels=settings.filter_levels, metre=metre
-    )
+    ) & (raster.count > 0)
     packed = network_input(raster, mask, camera.fx, scene.spacing)
     alpha = surrounded(mask).numpy() | closed_directions(scene, camera)
     alpha &= bool(mask.any())

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from cloud_files import E57Scan, write_e57, write_las, write_ply
+from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 
 from viewer.cli import main
-from viewer.cloud import open_scene
+from viewer.cloud import open_scene, unpack
 from viewer.cloud.info import facts, format_text
 
 GAINS = (0.9, 1.0, 1.1)
@@ -81,3 +81,45 @@ def test_convert_leaves_colours_as_scanned_when_asked(tmp_path):
     plain, matched = (open_scene(tmp_path / name) for name in ("plain", "matched"))
     assert not np.array_equal(plain.points, matched.points)
     assert np.array_equal(np.sort(_brightness(plain)[:, 0]), np.sort(rgb[:, 0].astype(float)))
+
+
+@pytest.mark.parametrize("kind", ["laz", "ply", "wide ply"])
+def test_black_points_among_coloured_ones_are_taken_for_no_colour(tmp_path, kind):
+    """Where nobody photographed, scanners write black; a picture's own dark is spread over the lowest levels."""
+    xyz, rgb = surface(20_000, 5)
+    rgb = np.maximum(rgb, 20)
+    lost = np.random.default_rng(5).random(len(xyz)) < 0.15
+
+    def opened(colours, name, **how):
+        if kind == "laz":
+            file = write_las(tmp_path / f"{name}.laz", xyz, colours.astype(np.uint16) * 257)
+        elif kind == "ply":
+            file = write_ply(tmp_path / f"{name}.ply", xyz, colours)
+        else:
+            file = write_ply(tmp_path / f"{name}.ply", xyz, colours.astype(np.uint16) * 257, colour="ushort")
+        return open_scene([file], cache=False, **how)
+
+    holed = rgb.copy()
+    holed[lost] = 0
+    holed[np.flatnonzero(lost)[:50]] = (9, 3, 0)  # the rim of what was photographed
+    scene = opened(holed, "holed")
+    assert (~unpack(scene)[1].any(axis=1)).sum() == lost.sum()
+    assert abs(scene.meta["colour"]["uncoloured"] - 0.15) < 0.03
+    assert any("of the points have no colour" in text for text in scene.meta["warnings"])
+    assert not opened(holed, "holed", match=False).unlit, "as scanned means as scanned"
+    assert not opened(rgb, "lit").unlit
+    dark = (rgb * np.linspace(0, 0.2, len(rgb))[:, None]).astype(np.uint8)  # a dark scan: black, and everything near it
+    assert (dark.max(axis=1) == 0).mean() > 0.01 and not opened(dark, "dark").unlit
+
+
+def test_black_of_another_file_stays_a_colour(tmp_path):
+    xyz, rgb = surface(8_000, 6)
+    rgb = np.maximum(rgb, 20)
+    holed, print_ = rgb.copy(), rgb.copy()
+    holed[::5] = 0
+    print_[::400] = 0
+    files = [write_ply(tmp_path / "a.ply", xyz, holed), write_ply(tmp_path / "b.ply", xyz + [9.0, 0, 0], print_)]
+    scene = open_scene(files, cache=False)
+    points, colours, _, _ = unpack(scene)
+    assert scene.unlit and np.count_nonzero(~colours.any(axis=1)) == len(holed[::5])
+    assert (points[~colours.any(axis=1), 0] < 8.0).all() and np.count_nonzero((colours == 1).all(axis=1)) == len(print_[::400])

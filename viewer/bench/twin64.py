@@ -21,7 +21,7 @@ def twin_frame(scene: "Scene", camera: "Camera", settings: "Settings", metre: fl
 
     from model.project import SoftZ, frame, network_input, pixels, unpack_points, view_points
 
-    soft = SoftZ.preset(settings.soft_z, scene.spacing, metre)
+    soft = SoftZ.preset(settings.soft_z, scene.spacing, metre, unlit=scene.unlit)
     corners = scene.cell_min - camera.position + 0.5 * scene.step
     cell_view = torch.from_numpy(corners @ camera.view_rotation.T)
     axes = torch.from_numpy(camera.view_rotation * scene.step)

@@ -21,7 +21,7 @@ def open_scene(
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
     cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.  rebuild: build it anew.
-    match: give scans of one place the same exposure (see viewer.cloud.exposure).
+    match: give scans of one place the same exposure (see viewer.cloud.exposure), and take black that is no colour for none.
     Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled if progress says so.
     """
     from viewer.cloud import cache as store

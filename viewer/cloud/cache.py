@@ -24,7 +24,7 @@ from viewer.errors import InputError
 from viewer.paths import cache_dir
 from viewer.progress import progress
 
-MAGIC, VERSION = "pointglass grid", 3
+MAGIC, VERSION = "pointglass grid", 4
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4")}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"

@@ -2,7 +2,9 @@
 
 Colour fields 16 bits wide hold 8-bit values in many files: a file whose largest value is at most 255 is read as 8-bit.
 A scan without colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; both are said in the
-notes.  Frame: height is the file's third axis.
+notes.  Points that no photograph covered are black in many files, among coloured ones: where black is far too common to be
+a colour, it is taken for none, and such points hide what is behind them but show nothing.  Frame: height is the file's
+third axis.
 """
 
 from dataclasses import dataclass, field
@@ -19,6 +21,13 @@ _RAMP = np.array([
 """Even steps of the perceptually uniform ramp viridis (van der Walt and Smith, CC0)."""
 
 
+_EVERY = 16  # points, of which one is looked at for black ones
+_LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0
+"""Black is no colour in a file where it is a hundredth of the points, and eight times as common as the next levels each."""
+_RIM = 16
+"""Levels below which a colour in such a file is the rim of what was not photographed: the black, blended in."""
+
+
 @dataclass
 class _Scan:
     has_rgb: bool = False
@@ -33,6 +42,11 @@ class _File:
     scans: dict[int, _Scan] = field(default_factory=dict)
     largest: int = 0
     wide: bool = False
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    looked: int = 0
+    black: int = 0
+    dark: np.ndarray = field(default_factory=lambda: np.zeros(2, np.int64))
+    """Points with no channel above level 4, if 8 bits (0) or 16 (1) are used; black ones are not counted."""
     intensity: np.ndarray = field(default_factory=lambda: np.zeros(65536, np.int64))
     mode: str = "height"
     grey: np.ndarray | None = None
@@ -41,6 +55,20 @@ class _File:
     @property
     def shift(self) -> int:
         return 8 if self.wide and self.largest > 255 else 0
+
+    @property
+    def uncoloured(self) -> float:
+        """Share of the points of this file that are black because nobody photographed them."""
+        dark = self.dark[1 if self.shift else 0] / 4
+        return self.black / self.looked if self.black > max(_LEAST_BLACK * self.looked, _BLACK_TO_DARK * dark) else 0.0
+
+    def look(self, rgb: np.ndarray) -> None:
+        """Counts black and dark points of (n, 3) colours."""
+        some = rgb[self.random.integers(len(rgb), size=-(-len(rgb) // _EVERY))]  # scan lines are regular: a stride is not fair
+        highest = some[:, 0] | some[:, 1] | some[:, 2]  # between the highest channel and twice it: near enough for darkness
+        self.looked += len(some)
+        self.black += int(np.count_nonzero(highest == 0))
+        self.dark += [np.count_nonzero((highest > 0) & (highest <= limit)) for limit in (4, 4 << 8 | 0xFF)]
 
     @property
     def colourless(self) -> list[int]:
@@ -60,6 +88,7 @@ class Colours:
         """Begins pass 1 anew."""
         self._files = [_File(name) for name in self._names]
         self._stations = Stations()
+        self._unlit: set[str] = set()
 
     def add(self, source: int, chunk: Chunk) -> None:
         """Takes note of a chunk of source number ``source``."""
@@ -73,6 +102,7 @@ class Colours:
             scan.has_rgb = True
             file.largest = max(file.largest, largest)
             file.wide |= chunk.rgb.dtype == np.uint16
+            file.look(chunk.rgb)
             if self._match:
                 self._stations.add(source, chunk)
         elif chunk.intensity is not None:
@@ -93,6 +123,9 @@ class Colours:
                     f"{file.name}: 8-bit colour in 16-bit fields (largest value {file.largest}), read as 8-bit"
                 )
             bits = max(bits, 16 if file.shift else 8)
+            if self._match and (share := file.uncoloured):
+                self._unlit.add(file.name)
+                warnings.append(f"{file.name}: {share:.0%} of the points have no colour; they are filled in from around")
             if not file.colourless:
                 continue
             low, high = _percentiles(file.intensity)
@@ -115,7 +148,9 @@ class Colours:
         }[source]
         if len(kinds) > 1:
             note += f"; parts without colour shown by {' and '.join(sorted(kinds - {'rgb'}))}"
-        return {"source": source, "bits": bits, "note": note}, warnings
+        looked = sum(file.looked for file in self._files)
+        missing = sum(file.uncoloured * file.looked for file in self._files) if self._match else 0.0
+        return {"source": source, "bits": bits, "note": note, "uncoloured": missing / max(looked, 1)}, warnings
 
     def apply(self, source: int, chunk: Chunk) -> np.ndarray:
         """(n, 3) uint8 colours of a chunk."""
@@ -123,7 +158,14 @@ class Colours:
         scan = file.scans.get(int(np.max(chunk.scan)), _Scan()) if len(chunk.xyz) else _Scan()
         if scan.has_rgb and chunk.rgb is not None:
             matched = self._stations.apply(source, chunk, file.shift)
-            return (chunk.rgb >> file.shift).astype(np.uint8) if matched is None else matched
+            colours = (chunk.rgb >> file.shift).astype(np.uint8) if matched is None else matched
+            if self._unlit:
+                highest = colours[:, 0] | colours[:, 1] | colours[:, 2]
+                if file.name in self._unlit:
+                    colours[highest < _RIM] = 0
+                else:
+                    colours[highest == 0] = 1  # black here is a colour
+            return colours
         if file.grey is not None and chunk.intensity is not None:
             return np.repeat(file.grey[chunk.intensity][:, None], 3, axis=1)
         return height_colours(chunk.xyz[:, 2], *file.ramp)

@@ -54,6 +54,11 @@ class Scene:
         return self.cell_size / STEPS
 
     @property
+    def unlit(self) -> bool:
+        """Whether black points have no colour (see viewer.cloud.colour)."""
+        return bool((self.meta.get("colour") or {}).get("uncoloured"))
+
+    @property
     def cell_min(self) -> np.ndarray:
         """(C, 3) float64 file coordinates of each cell's lower corner."""
         return self.origin + self.cell_coords * self.cell_size

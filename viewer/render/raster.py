@@ -16,7 +16,7 @@ from model.light import TO_LINEAR, TO_SRGB
 from viewer.render import shader
 from viewer.render.batches import UNCUT, BatchTable, PageMap
 from viewer.render.cull import DrawList
-from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History
+from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History, worthwhile
 from viewer.render.shader import BATCH, BINDINGS
 
 if TYPE_CHECKING:
@@ -69,18 +69,19 @@ class Rasteriser:
         """Rasterises a draw list.
 
         streaming: with the points that are on the GPU, the others come later.  history: hidden cells may be left out, where
-        this rasteriser can.  Returns whether history was used.
+        this rasteriser can and it is worth it.  Returns whether history was used.
         """
         width, height = self.size
         record = self._record
         record["axes"][:, :3] = draw.axes
+        record["axes"][0, 3] = soft.unlit
         record["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, float(soft.linear))
         self.cells.write(draw.cell_view)
         rounds = pages.prepare(draw.first, draw.count, streaming=streaming)
         self._loaded = None
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
-        hiding = history is not None and self.can_hide and len(rounds) == 1
+        hiding = history is not None and self.can_hide and len(rounds) == 1 and worthwhile(draw, self.size)
         for first_row in range(0, height, self.band_rows):
             rows = min(self.band_rows, height - first_row)
             record["size"] = (width, height, first_row, rows)

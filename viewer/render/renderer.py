@@ -128,7 +128,7 @@ class Renderer:
 
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a bench tries others."""
-        return SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre)
+        return SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre, unlit=self.scene.unlit)
 
     def _history(self, memory: Occlusion | None, settings: Settings, views: tuple[str, ...]) -> History | None:
         if memory is None or not may_hide(settings, views):
