@@ -317,7 +317,7 @@ COMMON = {"bench", "machine", "scans", "opengl", "driver"}
 
 def made_by(kind: str, folder, *arguments) -> dict:
     """The JSON of one bench on a tiny scan at 64x48; its plot is a picture."""
-    scan = [] if kind in ("scale", "grid") else ["--procedural", "20k", "--rooms", "1"]
+    scan = [] if kind in ("scale", "grid", "raster") else ["--procedural", "20k", "--rooms", "1"]
     json_file, plot = folder / f"{kind}.json", folder / f"{kind}.png"
     assert run("bench", kind, *scan, "--size", "64x48", "--json", json_file, "--plot", plot, *arguments) == 0
     assert plot.read_bytes().startswith(b"\x89PNG")
@@ -419,6 +419,22 @@ def test_bench_error(tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.gl
+def test_leaving_out_void_is_timed_apart_and_changes_no_pixel(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[-1:])
+    made = made_by("error", tmp_path, "--repeats", "1", "--only", "void")
+    row = next(row for row in made["rows"] if row["group"] == "void")
+    assert row["psnr"] is None and row["largest"] == 0 and len(row["by_view"]) == 1
+    assert run("bench", "error", "--only", "nothing") == 2 and "packing" in capsys.readouterr().err
+
+
+@pytest.mark.gl
+def test_bench_raster(tmp_path):
+    made = made_by("raster", tmp_path, "--repeats", "1", "--points", "20k")
+    assert made.keys() >= COMMON and made["points"] == 20_000 and made["failed"] is False
+    assert made["milliseconds"].keys() == {"compute", "points"} and made["ratio"] > 0
+
+
+@pytest.mark.gl
 def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
     """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the twin's picture with 1/4, and not
     that with the usual tolerance."""
@@ -433,7 +449,7 @@ def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
     renderer.soft = 1 / 4
     other = renderer.render(camera, errors.EXACT).image("filled").copy()
     patch = pytest.MonkeyPatch()
-    patch.setattr("model.project.SoftZ.preset", staticmethod(lambda name, spacing, metre: SoftZ(1 / 4, spacing, linear=True)))
+    patch.setattr("model.project.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
     try:
         twin = twin64.twin_frame(scene, camera, errors.EXACT, 1.0)[0].astype(int)
     finally:
@@ -467,29 +483,34 @@ def test_bad_usage_is_one_line(arguments, said, capsys):
     assert said in out and out.count("\n") == 1
 
 
-def test_stability_and_occlusion_are_registered(monkeypatch, capsys, tmp_path):
-    """Their modules are loaded only then; here they are replaced."""
+def test_stability_is_registered(monkeypatch, capsys, tmp_path):
+    """Its module is loaded only then; here it is replaced."""
     import types
 
     called = {}
-    stability, occlusion = types.ModuleType("viewer.bench.stability"), types.ModuleType("viewer.bench.occlusion")
+    stability = types.ModuleType("viewer.bench.stability")
 
     def run_stability(size, seed, plot):
         called["stability"] = (size, seed, plot)
         return {"rows": [{"name": "depth", "value": 3.0, "limit": 1.0, "ok": False}], "failed": ["depth"]}
 
-    def run_occlusion(rooms, points, size, frames, plot):
-        called["occlusion"] = (rooms, points, size, frames, plot)
-        return {"rows": [{"name": "path", "wrong": 0.0}], "saved": 0.5}
-
-    stability.run_stability, occlusion.run_occlusion = run_stability, run_occlusion  # type: ignore[attr-defined]
+    stability.run_stability = run_stability  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "viewer.bench.stability", stability)
-    monkeypatch.setitem(sys.modules, "viewer.bench.occlusion", occlusion)
     assert run("bench", "stability", "--size", "64x48", "--seed", "7", "--json", tmp_path / "s.json") == 1
     assert called["stability"] == ((64, 48), 7, None) and "ABOVE ITS LIMIT" in capsys.readouterr().out
     assert json.loads((tmp_path / "s.json").read_text())["failed"] == ["depth"]
-    assert run("bench", "occlusion", "--rooms", "3", "--points", "30k", "--frames", "5", "--size", "64x48") == 0
-    assert called["occlusion"] == (3, 30_000, (64, 48), 5, None)
+
+
+@pytest.mark.parametrize("rooms", [1, 4])
+def test_occlusion_walks_through_its_rooms(rooms, capsys, tmp_path):
+    found, drawn = tmp_path / "occlusion.json", tmp_path / "occlusion.png"
+    options = ("--rooms", rooms, "--points", "100k", "--frames", "6", "--size", "64x48", "--json", found, "--plot", drawn)
+    status = run("bench", "occlusion", *options)
+    result, said = json.loads(found.read_text()), capsys.readouterr().out
+    assert result["points"] == 100_000 and result["rooms"] == rooms and len(result["rows"]) == 6 and result["jump"] == 4
+    assert bool(status) == result["failed"] == (max(row["wrong"] for row in result["rows"]) >= result["limit"])
+    assert f"{100 * result['wrong_worst']:.4f} % (limit 0.1 %)" in said and len(said.splitlines()) < 20
+    assert drawn.read_bytes().startswith(b"\x89PNG")
 
 
 def test_every_kind_has_its_help(capsys):

@@ -1,5 +1,5 @@
 """Run time, measured and never asserted: ``pointglass bench frame | grid | open | error | scale | versus | stability |
-occlusion``.
+occlusion | raster``.
 
 Every result carries the machine, driver, versions, scan and size it was had with.  Speed is shown here, not by timed tests.
 """
@@ -43,6 +43,7 @@ KINDS = {
     "versus": Kind("against the paper's pipeline and Open3D", 3, "procedural"),
     "stability": Kind("numerical limits", 1, "nothing"),
     "occlusion": Kind("what occlusion culling saves, and its error", 1, "nothing"),
+    "raster": Kind("both rasterisers on points at random", 5, "nothing"),
 }
 
 
@@ -165,7 +166,8 @@ def _open(options: argparse.Namespace, settings: "Settings", repeats: int) -> Ou
 def _error(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
     from viewer.bench import errors
 
-    return errors.run_errors(subject_of(options), parse_sizes(options.size)[0], repeats), errors.rows, errors.plot
+    result = errors.run_errors(subject_of(options), parse_sizes(options.size)[0], repeats, options.only)
+    return result, errors.rows, errors.plot
 
 
 def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
@@ -198,23 +200,26 @@ def _limit_rows(result: dict) -> list[tuple[str, str]]:
 
 
 def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench.occlusion import run_occlusion  # type: ignore[import-not-found]
+    from viewer.bench import occlusion
 
-    points = parse_count(options.points or "100M", "--points")
-    size = parse_sizes(options.size)[0]
-    result = run_occlusion(options.rooms or 20, points, size, options.frames or 48, options.plot)
-    return result, _any_rows, None
+    points, rooms = parse_count(options.points or "100M", "--points"), options.rooms or occlusion.ROOMS
+    frames = options.frames or occlusion.FRAMES
+    result = occlusion.run_occlusion(
+        rooms, points, parse_sizes(options.size)[0], frames, seed=options.seed, lod=settings.lod
+    )
+    return result, occlusion.rows, occlusion.plot
 
 
-def _any_rows(result: dict) -> list[tuple[str, str]]:
-    """Single values, and rows where they have a name."""
-    rows = [(row["name"], ", ".join(f"{k} {v}" for k, v in row.items() if k != "name")) for row in result.get("rows", [])]
-    return [(k, str(v)) for k, v in result.items() if isinstance(v, (int, float, str)) and k != "bench"] + rows
+def _raster(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import rasters
+
+    count = parse_count(options.points or "2M", "--points")
+    return rasters.run_rasters(count, parse_sizes(options.size)[0], repeats, options.seed), rasters.rows, rasters.plot
 
 
 _RUN: dict[str, Callable[[argparse.Namespace, "Settings", int], Outcome]] = {
     "frame": _frame, "grid": _grid, "open": _open, "error": _error, "scale": _scale, "versus": _versus,
-    "stability": _stability, "occlusion": _occlusion,
+    "stability": _stability, "occlusion": _occlusion, "raster": _raster,
 }
 
 
@@ -234,7 +239,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="frame: the fixed path of 48 frames, or the eight named views")
     parser.add_argument("--frames", type=int, metavar="N", help="versus, occlusion: cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
-                        help="grid, occlusion: points made on the spot (10M, 100M); scale: the sizes (1M to 1G)")
+                        help="grid, occlusion, raster: points made on the spot (10M, 100M, 2M); scale: the sizes (1M to 1G)")
+    parser.add_argument("--only", metavar="GROUP", help="error: one group of approximations, such as void")
     parser.add_argument("--repeats", type=int, metavar="N", help="rounds (default: by kind)")
     parser.add_argument("--json", type=Path, metavar="F")
     parser.add_argument("--plot", type=Path, metavar="F")

@@ -18,6 +18,7 @@ from viewer.bench.plots import INK, MARKS, figure, label_points, save
 from viewer.bench.subject import Subject
 from viewer.bench.views import named_views
 from viewer.camera import Camera
+from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.render.renderer import Renderer
 from viewer.settings import Settings
@@ -37,7 +38,7 @@ TOLERANCES = (1 / 512, 1 / 256, 1 / 64, 1 / 32)
 class Approximation:
     """One row.  view: what it is judged on.  settings: changed from EXACT.  scale: of the picture's sides, enlarged again to
     be compared.  bits: of a packed coordinate.  soft: tolerance of the soft z-buffer, relative to depth.  int8: of the
-    network.  against: quality of the exact frame's network."""
+    network.  whole: the network runs over void too.  against: quality of the exact frame's network."""
 
     group: str
     name: str
@@ -47,6 +48,7 @@ class Approximation:
     bits: int = 16
     soft: float | None = None
     int8: bool = False
+    whole: bool = False
     against: str = EXACT.quality
 
 
@@ -67,8 +69,25 @@ def approximations(qualities: list[str], precisions: list[str]) -> list[Approxim
                         settings=network if p == "int8" else replace(network, precision=p)) for p in precisions),
         *(Approximation("network", q, view="neural", settings=replace(network, quality=q)) for q in qualities[1:]),
         Approximation("network", "none: filled", view="neural", settings=replace(EXACT, view="filled")),
+        Approximation("void", "made by the network too", view="neural", settings=network, whole=True),
     ]
     return [replace(row, against=first) for row in table]
+
+
+class Whole:
+    """A network that is run over the whole picture, whatever is void."""
+
+    def __init__(self, network: "Reconstructor"):
+        self.network = network
+
+    def __getattr__(self, name: str):
+        return getattr(self.network, name)
+
+    def __call__(self, packed):
+        import torch
+
+        with torch.inference_mode():
+            return self.network.made(packed)
 
 
 class BenchRenderer(Renderer):
@@ -76,7 +95,7 @@ class BenchRenderer(Renderer):
     network: in place of the settings' own on the CPU, or None."""
 
     soft: float | None = None
-    network: "Reconstructor | None" = None
+    network: "Reconstructor | Whole | None" = None
 
     def _soft_z(self, settings: Settings) -> SoftZ:
         usual = super()._soft_z(settings)
@@ -87,7 +106,7 @@ class BenchRenderer(Renderer):
 
         stage = super()._neural_for(settings)
         quality, filtered, weights, precision, _ = stage.key
-        stage.network = self.network or load_network(quality, filtered, weights, precision, stage.device)
+        stage.network = self.network or load_network(quality, filtered, weights, precision, stage.device)  # type: ignore[assignment]
         return stage
 
     def network_input(self, camera: Camera, settings: Settings):
@@ -105,13 +124,15 @@ class BenchRenderer(Renderer):
 @dataclass(frozen=True)
 class Cost:
     """Of an approximation over all cameras: milliseconds p50, time as a share of the exact frame's in the same round, PSNR of
-    the picture against the exact one (infinite: equal), largest difference in 255ths, share of the keep-mask that differs."""
+    the picture against the exact one (infinite: equal), largest difference in 255ths, share of the keep-mask that differs.
+    by_view: the share of time in each named view."""
 
     milliseconds: float
     time: float
     psnr: float
     largest: float
     mask: float
+    by_view: dict[str, float]
 
 
 def coarser(scene: "Scene", bits: int) -> "Scene":
@@ -136,13 +157,14 @@ def _enlarged(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 
 def measure(exact: BenchRenderer, other: BenchRenderer, approximation: Approximation, cameras: list[Camera], repeats: int,
-            meter: Callable[[], object], network: "Reconstructor | None" = None) -> Cost:
+            meter: Callable[[], object], network: "Reconstructor | Whole | None" = None) -> Cost:
     """Times and judges one approximation.  exact, other: of the exact scene and of the one to draw; may be the same.
     network: of the approximate frame, None = its settings'."""
     view, size = approximation.view, (cameras[0].width, cameras[0].height)
     shown = "filled" if approximation.settings.view == "filled" and view == "neural" else view
     truth = replace(EXACT, view=view, quality=approximation.against)
-    times, shares, squares, largest, masks = [], [], [], 0.0, []
+    times, squares, largest, masks = [], [], 0.0, []
+    shares: dict[str, list[float]] = {camera.name: [] for camera in cameras}
     for round_ in range(repeats + 1):
         for camera in cameras:
             small = camera.resized(*(max(1, round(s * approximation.scale)) for s in size))
@@ -157,9 +179,11 @@ def measure(exact: BenchRenderer, other: BenchRenderer, approximation: Approxima
                 masks.append(float((mask != other_mask).mean()) if mask.shape == other_mask.shape else float("nan"))
             else:
                 times.append(b)
-                shares.append(b / a)
+                shares[camera.name].append(b / a)
             meter()
-    return Cost(float(np.median(times)), float(np.median(shares)), *_judged(squares, largest, masks))
+    share = float(np.median([each for found in shares.values() for each in found]))
+    by_view = {name: float(np.median(found)) for name, found in shares.items()}
+    return Cost(float(np.median(times)), share, *_judged(squares, largest, masks), by_view)
 
 
 def _judged(squares: Sequence[float], largest: float, masks: Sequence[float]) -> tuple[float, float, float]:
@@ -183,7 +207,7 @@ def against_twin(exact: BenchRenderer, cameras: list[Camera], meter: Callable[[]
         masks.append(float((mask != true_mask).mean()))
         times.append(spent)
         meter()
-    return Cost(float(np.median(times)), 1.0, *_judged(squares, largest, masks))
+    return Cost(float(np.median(times)), 1.0, *_judged(squares, largest, masks), {})
 
 
 def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: str) -> tuple[float, np.ndarray, np.ndarray]:
@@ -191,8 +215,8 @@ def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: st
     return frame.stats["total_ms"], frame.image(view).copy(), frame.mask()
 
 
-def run_errors(subject: Subject, size: tuple[int, int], repeats: int) -> dict:
-    """The table over the eight named views of a scan."""
+def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:
+    """The table over the eight named views of a scan.  only: one group of it.  Raises InputError where there is no such."""
     from model.reconstruct import fast_precision
     from model.weights import shipped
     from viewer.bench.int8 import Int8Error, quantised
@@ -215,13 +239,20 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int) -> dict:
     except Int8Error as error:
         left_out.append(f"int8: {error}")
     table = approximations(qualities, precisions)
+    if only is not None:
+        groups = list(dict.fromkeys(row.group for row in table))
+        if only not in groups:
+            raise InputError(f"--only {only!r}: expected one of {', '.join(groups)}")
+        table = [row for row in table if row.group == only]
+    whole = Whole(load_network(qualities[0], True, None, "fp32", "cpu"))
     found: list[dict] = []
     with progress((1 + len(table) * (repeats + 1)) * len(cameras), "run time against error", "frame") as meter:
         cost = against_twin(exact, cameras, lambda: meter.update(1))
         found.append({"group": "exact", "name": "against the float64 twin", "view": "filled", **vars(cost)})
         for row in table:
             other = exact if row.bits == 16 else BenchRenderer(context, coarser(scene, row.bits), device="cpu")
-            cost = measure(exact, other, row, cameras, repeats, lambda: meter.update(1), int8 if row.int8 else None)
+            network = int8 if row.int8 else whole if row.whole else None
+            cost = measure(exact, other, row, cameras, repeats, lambda: meter.update(1), network)
             if other is not exact:
                 other.release()
             found.append({"group": row.group, "name": row.name, "view": row.view, **vars(cost)})

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 SCANS = Path("../shared/data/scans")
-PLANT, STUDIO = "plant_room.laz", "studio.laz"
+PLANT, STUDIO, STREETS = "plant_room.laz", "studio.laz", "autzen_trim.laz"
 FIGURES: dict[str, tuple[str, ...]] = {
     "grid": ("grid",),
     "open-plant_room": ("open", PLANT),
@@ -20,8 +20,9 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "frame-plant_room-lod4": ("frame", PLANT, "--lod", "4"),
     "frame-plant_room-views": ("frame", PLANT, "--along", "views", "--repeats", "3"),
     "frame-demo-sizes": ("frame", "--size", "960x720,1920x1440,3840x2160", "--along", "views"),
-    "raster-compute": ("frame", STUDIO, "--raster", "compute", "--along", "views", "--repeats", "3"),
-    "raster-points": ("frame", STUDIO, "--raster", "points", "--along", "views", "--repeats", "3"),
+    "frame-studio-views": ("frame", STUDIO, "--along", "views", "--repeats", "3"),
+    "raster": ("raster",),
+    "void": ("error", STREETS, "--only", "void"),
     "error-demo": ("error",),
     "error-plant_room": ("error", PLANT, "--repeats", "3"),
     "versus-plant_room": ("versus", PLANT),

@@ -1,0 +1,70 @@
+"""The two rasterisers on the worst there is: points at random in a box, every one at another pixel than the one before.
+
+Both draw the same bytes, so that the ratio of their times says which to take.  Frame: metres, the camera looks along +y.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from viewer.settings import Settings
+
+KINDS = ("compute", "points")
+
+
+def run_rasters(count: int, size: tuple[int, int], repeats: int, seed: int = 1) -> dict:
+    """Milliseconds of both passes of each rasteriser for ``count`` points that all lie in the picture."""
+    from viewer.camera import from_fov, look_at
+    from viewer.cloud import scene_from_arrays
+    from viewer.progress import progress
+    from viewer.render.context import create_context
+    from viewer.render.renderer import Renderer
+
+    rng = np.random.default_rng(seed)
+    camera = from_fov(*size, 60.0, look_at(np.zeros(3), np.array([0.0, 1.0, 0.0])), "random")
+    depth = rng.uniform(4.0, 8.0, count)
+    u, v = rng.uniform(0.0, 1.0, (2, count)) * np.array(size)[:, None]
+    xyz = np.column_stack([(u - camera.cx) / camera.fx * depth, depth, -(v - camera.cy) / camera.fy * depth])
+    scene = scene_from_arrays(xyz, rng.integers(0, 256, (count, 3), dtype=np.uint8))
+    context = create_context()
+    renderer = Renderer(context, scene)
+    times: dict[str, list[float]] = {kind: [] for kind in KINDS}
+    pictures = {}
+    with progress((repeats + 1) * len(KINDS), "rasterisers", "picture") as meter:
+        for round_ in range(repeats + 1):
+            for kind in KINDS:
+                frame = renderer.render(camera, Settings(view="raw", raster=kind), views=("raw",))
+                spent = frame.stats["stages"]["raster"]
+                if round_ == 0:
+                    pictures[kind] = frame.image("raw").tobytes(), frame.depth().tobytes()
+                else:
+                    times[kind].append(spent)
+                meter.update(1)
+    middle = {kind: float(np.median(times[kind])) for kind in KINDS}
+    result = {
+        "scans": [f"{count:,} points at random, seed {seed}"], "points": scene.count, "size": list(size), "repeats": repeats,
+        "opengl": renderer.device.renderer, "driver": renderer.device.version, "milliseconds": middle,
+        "ratio": float(np.median(np.divide(times["points"], times["compute"]))),
+        "failed": pictures["compute"] != pictures["points"],
+    }
+    renderer.release()
+    context.release()
+    return result
+
+
+def rows(result: dict) -> list[tuple[str, str]]:
+    """The table."""
+    found = [(f"both passes, {kind}", f"{result['milliseconds'][kind]:.1f} ms") for kind in KINDS]
+    return [*found, ("points against compute", f"{result['ratio']:.1f} times the time"),
+            ("pictures", "NOT the same" if result["failed"] else "the same to the bit")]
+
+
+def plot(result: dict, path: Path) -> None:
+    """Two bars."""
+    from viewer.bench.plots import INK, figure, save
+
+    made, axes = figure(7.0, 1.8)
+    axes.barh(list(KINDS), [result["milliseconds"][kind] for kind in KINDS], color=INK[0])
+    axes.invert_yaxis()
+    axes.set_xlabel(f"milliseconds for both passes, {result['points']:,} points at random")
+    save(made, path, result)
