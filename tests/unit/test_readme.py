@@ -106,3 +106,18 @@ def test_a_scan_that_is_not_there_is_named_and_its_bench_left_out(tmp_path, caps
     assert "plant_room.laz is not there" in capsys.readouterr().out
     assert not list((tmp_path / "out").iterdir())
     assert run_figures(["nothing"], Path(tmp_path)) == 2 and "expected one of" in capsys.readouterr().err
+
+
+def test_what_is_skipped_is_told_with_its_saving():
+    files = {
+        "frame-plant_room": BENCH,
+        "raster": {"points": 2_000_000, "milliseconds": {"compute": 81.4, "points": 500.0}, "ratio": 6.14},
+        "void": {"scans": ["/a/street.laz"], "rows": [
+            {"group": "exact", "name": "x"}, {"group": "void", "name": "y", "time": 1.43, "by_view": {"near": 1.1, "far": 1.8}}]},
+        "occlusion": {"rooms": 20, "points": 10**8, "points_drawn_share": 0.3, "all_time_share": 0.44, "wrong_worst": 0.00051,
+                      "wrong_after_jump": 0.0001},
+    }
+    made = block("frames", files)
+    for figure in ("81 ms", "6.1 times", "1.43 times", "*far* 1.8", "20 rooms of 100 M", "30% of the points", "44% of the time",
+                   "0.051%"):
+        assert figure in made, figure

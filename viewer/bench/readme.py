@@ -48,9 +48,7 @@ def frames(files: dict[str, dict]) -> str:
             size = "{}x{}".format(*run["size"])
             lines.append(f"| demo, {found['points'] / 1e6:.2f} M points, {size}, eight views | {_views(run)} |")
     lines.append("")
-    if {"raster-compute", "raster-points"} <= files.keys():
-        fast, slow = (files[f"raster-{k}"]["runs"][0]["views"]["raw"]["raster"]["p50"] for k in ("compute", "points"))
-        lines.append(f"- Rasterising studio.laz (3.2 M points, 960x720): compute {fast:.0f} ms, primitives {slow:.0f} ms.")
+    lines += _skipped(files)
     if "open-plant_room" in files:
         times = files["open-plant_room"]["milliseconds"]
         lines.append(f"- Opening the plant room (79 MB LAZ): {times['from the files'] / 1e3:.1f} s from the file, "
@@ -65,6 +63,28 @@ def frames(files: dict[str, dict]) -> str:
         runs = ", ".join(f"{v:.1f}" for v in grid["all_ms_per_million"])
         lines.append(f"- Grid from arrays in memory: {grid['ms_per_million']:.1f} ms per 1 M points (best of {runs}).")
     return "\n".join(lines)
+
+
+def _skipped(files: dict[str, dict]) -> list[str]:
+    """What is not done, and saves time."""
+    lines = []
+    if "raster" in files:
+        found = files["raster"]
+        lines.append(f"- {found['points'] / 1e6:.0f} M points at random, both passes: {found['milliseconds']['compute']:.0f} "
+                     f"ms by compute shaders; point primitives take {found['ratio']:.1f} times as long.")
+    if "void" in files:
+        row = next(row for row in files["void"]["rows"] if row["group"] == "void")
+        most = max(row["by_view"], key=lambda name: row["by_view"][name])
+        lines.append(f"- Void left out by the network: without that a frame of {Path(files['void']['scans'][0]).name}, seen from "
+                     f"outside, takes {row['time']:.2f} times as long (median of eight views; *{most}* "
+                     f"{row['by_view'][most]:.1f} times) and is the same to the bit.")
+    if "occlusion" in files:
+        found = files["occlusion"]
+        lines.append(f"- Hidden cells left out in flight: a walk through {found['rooms']} rooms of "
+                     f"{found['points'] / 1e6:.0f} M points draws {found['points_drawn_share']:.0%} of the points in "
+                     f"{found['all_time_share']:.0%} of the time; worst frame {found['wrong_worst']:.3%} of the pixels wrong, "
+                     f"after a jump {found['wrong_after_jump']:.3%}.")
+    return lines
 
 
 def scale(files: dict[str, dict]) -> str:
