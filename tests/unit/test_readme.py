@@ -113,7 +113,8 @@ def test_what_is_skipped_is_told_with_its_saving():
         "frame-plant_room": BENCH,
         "raster": {"points": 2_000_000, "milliseconds": {"compute": 81.4, "points": 500.0}, "ratio": 6.14},
         "void": {"scans": ["/a/street.laz"], "rows": [
-            {"group": "exact", "name": "x"}, {"group": "void", "name": "y", "time": 1.43, "by_view": {"near": 1.1, "far": 1.8}}]},
+            {"group": "exact", "name": "x"},
+            {"group": "void", "name": "y", "time": 1.43, "by_view": {"near": 1.1, "far": 1.8}}]},
         "occlusion": {"rooms": 20, "points": 10**8, "points_drawn_share": 0.3, "all_time_share": 0.44, "wrong_worst": 0.00051,
                       "wrong_after_jump": 0.0001},
     }
