@@ -77,7 +77,7 @@ def _skipped(files: dict[str, dict]) -> list[str]:
         most = max(row["by_view"], key=lambda name: row["by_view"][name])
         scan = Path(files["void"]["scans"][0]).name
         lines.append(f"- Void left out by the network: without that a frame of {scan}, seen from outside, takes "
-                     f" {row['time']:.2f} times as long (median of eight views; *{most}* "
+                     f"{row['time']:.2f} times as long (median of eight views; *{most}* "
                      f"{row['by_view'][most]:.1f} times) and is the same to the bit.")
     if "occlusion" in files:
         found = files["occlusion"]
