@@ -175,7 +175,7 @@ def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> O
 
     counts = parse_counts(options.points, "--points") if options.points else scaling.LADDER
     size = parse_sizes(options.size)[0]
-    return scaling.run_scale(counts, size, settings, repeats, options.seed), scaling.rows, scaling.plot
+    return scaling.run_scale(counts, size, settings, repeats, options.seed, options.keep), scaling.rows, scaling.plot
 
 
 def _versus(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
@@ -240,6 +240,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, metavar="N", help="versus, occlusion: cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
                         help="grid, occlusion, raster: points made on the spot (10M, 100M, 2M); scale: the sizes (1M to 1G)")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids there, and use those that are")
     parser.add_argument("--only", metavar="GROUP", help="error: one group of approximations, such as void")
     parser.add_argument("--repeats", type=int, metavar="N", help="rounds (default: by kind)")
     parser.add_argument("--json", type=Path, metavar="F")

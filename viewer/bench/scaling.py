@@ -1,8 +1,9 @@
 """Time and memory against size, from 1M to 1G points: once by more rooms, once by more points in the same rooms.
 
 The camera turns inside one room, so that what it sees of a larger floor stays the same.  Each size is made on the spot into
-a folder of its own, opened from there as any scan is, drawn, and removed again.  What would not fit into the memory or on
-the disk at hand is computed beforehand, said, and not attempted.
+a folder of its own, opened from there as any scan is, drawn, and removed again, unless it is to be kept.  Points are streamed
+into a pool of fixed size, as the window does; frames are timed once all that they need has come.  What would not fit into
+the memory or on the disk at hand is computed beforehand, said, and not attempted.
 """
 
 import shutil
@@ -20,14 +21,16 @@ from viewer.bench.frames import summary
 from viewer.bench.plots import INK, MARKS, figure, save
 from viewer.bench.procedural_scan import POINTS_PER_ROOM, STATIONS, ProceduralScan, procedural_scene
 from viewer.camera import Camera, from_fov, look_at
+from viewer.errors import InputError
 from viewer.paths import cache_dir
 from viewer.progress import progress
-from viewer.settings import Settings
+from viewer.settings import Memory, Settings
 
 if TYPE_CHECKING:
     import moderngl
 
     from viewer.cloud.scene import Scene
+    from viewer.render.renderer import Renderer
 
 LADDER = (1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000, 300_000_000, 1_000_000_000)
 SERIES = ("rooms", "density")
@@ -36,9 +39,12 @@ DENSITY_ROOMS = 10
 LOD = 2.0
 VIEWS = ("raw", "filled")
 TURNS = 8
+POOL = Memory(gpu=2 << 30)
+"""What points may take, so that a billion of them fly with gigabytes to spare."""
 _POINT = 12
-_OVERHEAD = 1.1  # cell tables, and what is read ahead
+_OVERHEAD = 1.1  # cell tables
 _BASE = 400 << 20  # bytes: the process, OpenGL, one chunk of each thread
+_PATIENCE = 60.0  # seconds for the points of one picture to come
 _SPARE = 1 << 30  # bytes left free on the disk
 _SHARE = 0.5  # of the memory at hand
 
@@ -69,8 +75,9 @@ def available(folder: Path) -> Room:
 
 
 def needed(points: int) -> Room:
-    """What a scan of that many points takes: on the disk its grid, in memory the renderer's copy of it."""
-    return Room(int(points * _POINT * _OVERHEAD) + _BASE, int(points * _POINT * _OVERHEAD) + _SPARE)
+    """What a scan of that many points takes: on the disk its grid, in memory the renderer's pool and what is read ahead."""
+    grid = int(points * _POINT * _OVERHEAD)
+    return Room(min(grid, (POOL.gpu or 0) + POOL.read_ahead) + _BASE, grid + _SPARE)
 
 
 def problem(points: int, there: Room) -> str | None:
@@ -113,8 +120,10 @@ def inside(scan: ProceduralScan, size: tuple[int, int]) -> list[Camera]:
     return [from_fov(*size, 60.0, look_at(eye, eye + (np.cos(a), np.sin(a), -0.1)), f"turn{n}") for n, a in enumerate(angles)]
 
 
-def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, repeats: int, seed: int = 1) -> dict:
-    """Both series over ``sizes``.  Level of detail: the settings', else LOD."""
+def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, repeats: int, seed: int = 1,
+              keep: Path | None = None) -> dict:
+    """Both series over ``sizes``.  Level of detail: the settings', else LOD.  keep: a folder where grids stay, and where those
+    of an earlier run are found again."""
     from viewer.render.context import create_context
 
     settings = replace(settings, lod=settings.lod or LOD)
@@ -127,8 +136,17 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
                 scan = scan_of(series, points, seed)
                 row = {"series": series, "points": points, "rooms": scan.rooms, "fits": True}
                 parent = cache_dir()
-                if why := problem(points, available(parent)):
+                kept = keep / f"{series}-{points}-{seed}" if keep is not None else None
+                if kept is None or not kept.is_dir():
+                    why = problem(points, available(keep or parent))
+                else:
+                    why = None
+                if why:
                     found.append(row | {"fits": False, "why": why})
+                elif kept is not None:
+                    kept.parent.mkdir(parents=True, exist_ok=True)
+                    measured, device = _measure(context, scan, kept, size, settings, repeats)
+                    found.append(row | measured)
                 else:
                     parent.mkdir(parents=True, exist_ok=True)
                     with tempfile.TemporaryDirectory(prefix="pointglass-scale-", dir=parent) as folder:
@@ -145,41 +163,57 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
 
 def _measure(context: "moderngl.Context", scan: ProceduralScan, folder: Path, size: tuple[int, int], settings: Settings,
              repeats: int):
-    """One size: seconds to make, to open and to draw first; frame times; memory."""
+    """One size: seconds to make (None where ``folder`` is there), to open and to draw first; frame times; memory."""
     from viewer.cloud import open_scene
     from viewer.render.renderer import Renderer
 
-    start = time.perf_counter()
-    made = procedural_scene(scan, folder)
-    seconds = time.perf_counter() - start
-    del made
+    seconds = None
+    if not folder.is_dir():
+        start = time.perf_counter()
+        procedural_scene(scan, folder)
+        seconds = time.perf_counter() - start
     cameras = inside(scan, size)
     before = resident()
     start = time.perf_counter()
     scene: Scene = open_scene(folder)
-    renderer = Renderer(context, scene)
-    renderer.render(cameras[0], settings, views=("raw",)).image("raw")
+    renderer = Renderer(context, scene, memory=POOL)
+    renderer.render(cameras[0], settings, views=("raw",), streaming=True).image("raw")
     opened = time.perf_counter() - start
     times: dict[str, dict] = {}
     drawn: list[int] = []
     stats: dict = {}
+    filling = max(_fill(renderer, camera, settings) for camera in cameras)
     for view in VIEWS:
-        renderer.render(cameras[0], settings, views=(view,))
+        renderer.render(cameras[0], settings, views=(view,), streaming=True)
         spent = []
         for camera in cameras * repeats:
-            stats = renderer.render(camera, settings, views=(view,)).stats
+            stats = renderer.render(camera, settings, views=(view,), streaming=True).stats
             spent.append(stats["total_ms"])
             drawn.append(stats["points_drawn"])
+            if renderer.pages.missing:
+                raise RuntimeError(f"{renderer.pages.missing} points of a frame that had all of them are gone")
         times[view] = summary(spent)
     held = resident()
     device = renderer.device
     row = {
-        "make_s": seconds, "open_to_first_picture_s": opened, "milliseconds": times, "points_drawn": float(np.mean(drawn)),
+        "make_s": seconds, "open_to_first_picture_s": opened, "to_full_picture_s": filling, "milliseconds": times,
+        "points_drawn": float(np.mean(drawn)), "pool_bytes": renderer.pages.nbytes,
         "packed_bytes": scene.count * _POINT, "resident_bytes": held, "resident_before_bytes": before,
         "cells": len(scene.cell_coords), "layers": scene.layers, "spacing": scene.spacing, "raster": stats["raster"],
     }
     renderer.release()
     return row, device
+
+
+def _fill(renderer: "Renderer", camera: Camera, settings: Settings) -> float:
+    """Seconds until all points of a picture have come."""
+    start = time.perf_counter()
+    while time.perf_counter() - start < _PATIENCE:
+        renderer.render(camera, settings, views=("raw",), streaming=True).image("raw")
+        if not renderer.pages.missing:
+            return time.perf_counter() - start
+        time.sleep(0.002)
+    raise InputError(f"the points of one picture did not come within {_PATIENCE:g} s; is the disk of the cache that slow?")
 
 
 def growth(found: list[dict]) -> dict[str, dict[str, float]]:
