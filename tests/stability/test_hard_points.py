@@ -16,9 +16,9 @@ def test_a_million_points_in_one_pixel_keep_their_mean(stand, seed, claims, colo
     claims(points.crowd(stand, seed, 1_000_000, colour))
 
 
-@pytest.mark.xfail(strict=True, reason="32-bit sums of 12-bit light wrap beyond 2**32 / 4095 points (shaders/common_sums.glsl)")
-def test_two_million_white_points_in_one_pixel_are_white(stand, seed, claims):
-    claims(points.crowd(stand, seed, 2_000_000, 255))
+@pytest.mark.parametrize("count, colour", [(2_000_000, 255), (4_000_000, None)])
+def test_sums_beyond_32_bits_are_carried(stand, seed, claims, count, colour):
+    claims(points.crowd(stand, seed, count, colour))
 
 
 def test_one_point_in_a_million_pixels(stand, seed, claims):

@@ -8,6 +8,7 @@ a jump draw all that could be seen.
 
 A strict test against the depth alone would hide nothing, since 1x1 points leave gaps everywhere; and a plain closing of
 gaps hides what the filter lets through.  So it is for pictures behind the filter, and the filter that says what hides.
+It is an approximation even so: a point that shows nowhere may still sway the filter's verdict on those beside it.
 """
 
 from dataclasses import dataclass
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from viewer.settings import Settings
 
 MAX_GROUPS = 32768
+WORTH = 4
+"""Points to be drawn, a pixel, below which looking for hidden ones costs more than it saves."""
 BLOCK_SHIFT = 2
 """Level 0 of the pyramid has blocks of 2**BLOCK_SHIFT pixels a side."""
 GAP_LEVELS = 1
@@ -33,6 +36,8 @@ GAP_LEVELS = 1
 that come behind it: up to 0.5 % of pixels wrong (20 rooms, 20M points) instead of 0.03 %."""
 TEXELS = 8
 """A cell is tested against at most so many texels a side."""
+REACH = 4
+"""Pixels by which a cell's rectangle grows: what shows nowhere may still sway the filter's verdict on what is beside it."""
 _LEVELS = 16
 _CELLS_A_GROUP = 64
 
@@ -104,11 +109,12 @@ class HiddenCells:
         self._appended = shader.Grown(context)
         shared = {"LEVELS": _LEVELS, "BLOCK_SHIFT": BLOCK_SHIFT}
         cells = {"CELLS_A_GROUP": _CELLS_A_GROUP}
+        test = {"TEXELS": TEXELS, "REACH": REACH, **shared, **cells}
         self._depth = programs.compute("occlusion_depth.comp")
         self._blocks = programs.compute("occlusion_blocks.comp", BLOCK_SHIFT=BLOCK_SHIFT)
         self._reduce = programs.compute("occlusion_reduce.comp", **shared)
-        self._test = programs.compute("occlusion_test.comp", TEXELS=TEXELS, **shared, **cells)
-        self._final = programs.compute("occlusion_test.comp", TEXELS=TEXELS, FINAL=1, **shared, **cells)
+        self._test = programs.compute("occlusion_test.comp", **test)
+        self._final = programs.compute("occlusion_test.comp", FINAL=1, **test)
         self._append = programs.compute("occlusion_append.comp", MAX_GROUPS=MAX_GROUPS, **cells)
         self._words = np.zeros(0, np.uint32)
         self._visible = self._pages = self._serial = 0
@@ -215,6 +221,11 @@ def _run(program: moderngl.ComputeShader, count: int) -> None:
     if groups:
         across = min(groups, MAX_GROUPS)
         program.run(across, -(-groups // across), 1)
+
+
+def worthwhile(draw: "DrawList", size: tuple[int, int]) -> bool:
+    """Whether a draw list is so long for a picture of this size that hiding part of it pays."""
+    return draw.points >= WORTH * size[0] * size[1]
 
 
 def may_hide(settings: "Settings", views: tuple[str, ...]) -> bool:

@@ -56,6 +56,7 @@ class Rasteriser:
         self.colour = context.texture(size, 4, dtype="f1")
         self.depth = context.texture(size, 1, dtype="f4")
         self.sums = context.buffer(reserve=_SUM_BYTES * width * self.band_rows)
+        self.carries = context.buffer(reserve=4 * width * self.band_rows)
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
         self.cells = shader.Grown(context)
         self.upload = shader.Grown(context)
@@ -87,6 +88,7 @@ class Rasteriser:
             record["size"] = (width, height, first_row, rows)
             self.frame.write(record.tobytes())
             self.sums.clear()
+            self.carries.clear()
             if hiding and history is not None:
                 self.draw_hiding(pages, draw, rounds[0], history)
             else:
@@ -105,6 +107,7 @@ class Rasteriser:
 
     def _bind_sums(self) -> None:
         self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])
+        self.carries.bind_to_storage_buffer(BINDINGS["CARRY"])
         self.light.bind_to_storage_buffer(BINDINGS["LIGHT"])
 
     def _bring(self, pages: "PointPages", draw: DrawList, part: "Round", group: np.ndarray | None = None) -> None:
@@ -131,7 +134,8 @@ class Rasteriser:
         raise NotImplementedError
 
     def release(self) -> None:
-        for resource in (self.colour, self.depth, self.sums, self.frame, self.cells.buffer, self.light, self.upload.buffer):
+        grown = self.cells.buffer, self.upload.buffer
+        for resource in (self.colour, self.depth, self.sums, self.carries, self.frame, self.light, *grown):
             resource.release()
 
 

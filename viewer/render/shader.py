@@ -23,7 +23,7 @@ BATCH = 256
 
 BINDINGS = {
     "FRAME": 0, "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6,
-    "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "FLAGS": 7,
+    "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "FLAGS": 7, "CARRY": 7,
 }  # fmt: skip
 """Uniform block FRAME; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never meet share one."""
 
