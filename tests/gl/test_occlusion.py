@@ -1,0 +1,275 @@
+"""Occlusion in two phases: what history leaves out is not missed, whatever happens between two frames.
+
+A floor of furnished rooms, few pixels: walls hide most of it from everywhere.  Wrong pixels as in viewer.bench.occlusion.
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from clouds import room
+
+from model import depth_filter
+from model.project import SoftZ
+from model.pyramid import parents
+from viewer.bench.occlusion import LEVELS, LIMIT, VIEWS, compare, walk
+from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
+from viewer.camera import Camera, from_fov, look_at
+from viewer.render.cull import Culler
+from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, WORTH, Occlusion
+from viewer.render.renderer import Renderer
+from viewer.render.shader import BATCH
+from viewer.settings import Settings
+
+pytestmark = pytest.mark.gl
+
+SIZE = (128, 96)
+FULL = (4, 0.3)
+"""A room, and a heading in it, with much behind the walls."""
+SPOT = 0.01
+"""Of so small a picture: where what is hidden sways the filter, some tens of pixels change, be the picture large or small."""
+SETTINGS = Settings(view="filled", raster="compute")
+
+
+@pytest.fixture(scope="module")
+def floor(context):
+    scan = ProceduralScan(1_000_000, 9, seed=1)
+    scene = procedural_scene(scan)
+    renderer = Renderer(context, scene, raster="compute")
+    yield SimpleNamespace(scan=scan, scene=scene, renderer=renderer)
+    renderer.release()
+
+
+def standing(scan: ProceduralScan, where: int, heading: float, size=SIZE) -> Camera:
+    """Near the middle of a room, at eye height."""
+    eye = scan.room_middle(where) + (-0.8, 0.3, EYE)
+    return from_fov(size[0], size[1], 60.0, look_at(eye, eye + (np.cos(heading), np.sin(heading), -0.1)))
+
+
+def picture(renderer: Renderer, camera: Camera, history: Occlusion | None = None, settings=SETTINGS, views=VIEWS):
+    """(keep-mask, filled picture, stats), copies."""
+    frame = renderer.render(camera, settings, views, history)
+    return frame.mask().copy(), frame.image(views[-1]).copy(), frame.stats
+
+
+def wrong(one, other) -> float:
+    """Share of pixels whose keep-mask differs or whose filled colour does by more than LEVELS."""
+    return float(((one[0] != other[0]) | (np.abs(one[1].astype(int) - other[1]) > LEVELS).any(axis=-1)).mean())
+
+
+def equal(one, other) -> bool:
+    return one[0].tobytes() == other[0].tobytes() and one[1].tobytes() == other[1].tobytes()
+
+
+def hidden(stats: dict) -> int:
+    return stats["occlusion"]["cells_hidden"]
+
+
+def test_a_walk_with_a_jump_looks_the_same_and_draws_less(floor):
+    cameras, jump = walk(floor.scan, SIZE, 15)
+    rows, _ = compare(floor.renderer, cameras, SETTINGS)
+    assert max(row["wrong"] for row in rows) < LIMIT
+    assert rows[0]["cells_hidden"] == 0 and rows[0]["wrong"] == 0  # a first frame draws all
+    past = [row for number, row in enumerate(rows) if number not in (0, jump)]
+    assert np.median([row["points_with"] / row["points"] for row in past]) < 0.8
+    assert all(row["points_with"] <= row["points"] for row in rows)
+
+
+def test_no_jump_loses_a_pixel_in_its_first_frame(floor, seed):
+    """From anywhere to anywhere: to another room, about, out of the house and back."""
+    rng = np.random.default_rng(seed)
+    memory, looked, saved = Occlusion(), [], 0
+    for number in range(10):
+        camera = standing(floor.scan, int(rng.integers(9)), rng.uniform(0, 2 * np.pi))
+        if number == 5:
+            camera = from_fov(*SIZE, 60.0, look_at(PITCH * (1.5, -2.0, 1.0), PITCH * (1.5, 1.5, 0.5)))
+        plain = picture(floor.renderer, camera)
+        first, again = picture(floor.renderer, camera, memory), picture(floor.renderer, camera, memory)
+        looked += [wrong(plain, first), wrong(plain, again)]
+        assert max(looked[-2:]) < SPOT, number
+        saved += plain[2]["points_drawn"] - again[2]["points_drawn"]
+    assert np.mean(looked) < LIMIT
+    assert saved > 0  # or nothing was tested
+
+
+def test_what_the_tally_says_is_what_was_listed(floor):
+    """Points and cells, counted from the lists that were drawn."""
+    memory, renderer = Occlusion(), floor.renderer
+    saved = 0
+    for heading in (0.3, 0.5, 2.5):
+        camera = standing(floor.scan, FULL[0], heading)
+        plain = picture(renderer, camera)[2]
+        stats = picture(renderer, camera, memory)[2]
+        rasteriser, hider = renderer._rasterisers["compute"], renderer._rasterisers["compute"].hider
+        bounds, rows = rasteriser.table.bounds, rasteriser.table.rows
+        commands = np.frombuffer(hider._commands.buffer.read(), np.uint32)
+        appended = np.frombuffer(hider._appended.buffer.read(), np.uint32).reshape(-1, 4)
+        points, cells = 0, 0
+        for page in range((len(bounds) - 1) // 2):
+            known = rows[bounds[2 * page] : bounds[2 * page + 1]]
+            more = appended[bounds[2 * page + 1] :][: commands[4 * page + 3]]
+            assert commands[4 * page] * commands[4 * page + 1] >= len(more)  # enough workgroups for them
+            points += int(known[:, 1].sum()) + int(more[:, 1].sum())
+            cells += len(np.unique(known[:, 2])) + len(np.unique(more[:, 2]))
+        tally = stats["occlusion"]
+        assert points == stats["points_drawn"] == plain["points_drawn"] - tally["points_hidden"]
+        assert cells == stats["cells_drawn"] - tally["cells_hidden"] and stats["cells_drawn"] == plain["cells_drawn"]
+        assert "hidden cells skipped" in stats["approximations"] and "occlusion" not in plain
+        saved += hidden(stats)
+    assert saved > 0
+
+
+def test_what_hides_is_what_the_filter_says(floor):
+    """The pyramid's blocks against the filter's twin in torch; the cells' verdicts against every pixel they could touch."""
+    memory, renderer, scene = Occlusion(), floor.renderer, floor.scene
+    camera = standing(floor.scan, *FULL)
+    renderer.render(camera, SETTINGS, VIEWS, memory)
+    frame = renderer.render(camera, SETTINGS, VIEWS, memory)
+    hider = renderer._rasterisers["compute"].hider
+    depth = torch.from_numpy(frame.depth().copy())
+    near, support = depth_filter._near_pyramid(depth, GAP_LEVELS)
+    threshold = depth_filter._hiding_threshold(near[-1], support[-1], 1.0)
+    for level in range(GAP_LEVELS - 1, 0, -1):
+        own = depth_filter._hiding_threshold(near[level], support[level], 1.0)
+        threshold = torch.maximum(own, parents(threshold, *own.shape))
+    soft = SoftZ.preset("auto", scene.spacing, 1.0)
+    behind = 1.0 / torch.maximum(depth * (1.0 + soft.relative), depth + soft.absolute)
+    occluder = torch.maximum(parents(threshold, *depth.shape), behind).numpy()
+    side = 1 << BLOCK_SHIFT
+    blocks = occluder.reshape(SIZE[1] // side, side, SIZE[0] // side, side).min(axis=(1, 3))
+    pyramid = np.frombuffer(hider._pyramid.read(), np.float32)
+    assert np.allclose(pyramid[: blocks.size].reshape(blocks.shape), blocks, rtol=1e-6, atol=0)
+    assert np.count_nonzero(blocks) > 0.2 * blocks.size
+    assert pyramid[-1] == pyramid[: blocks.size].min()  # and the top is the lowest of all
+
+    draw = Culler(scene).select(camera)
+    flags = np.frombuffer(hider._flags.buffer.read(), np.uint32)[: len(draw.cells)]
+    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T * scene.cell_size
+    agreed = 0
+    for cell, seen in zip(draw.cells, flags, strict=True):
+        x, y, z = camera.view_rotation @ (scene.cell_min[cell] + corners - camera.position).T
+        if z.min() <= 0:
+            assert seen
+            continue
+        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
+        covered = occluder[max(int(v.min()), 0) : max(int(v.max()) + 1, 0), max(int(u.min()), 0) : max(int(u.max()) + 1, 0)]
+        away = covered.size == 0 or 1.0 / z.min() < covered.min()  # every pixel of it lies behind what is drawn there
+        assert away or seen, cell
+        agreed += away and not seen
+    assert agreed > 10
+
+
+@pytest.mark.parametrize("levels, strength", [(None, 0.3), (1, 1.0), (3, 3.0)])
+def test_settings_of_the_filter_are_heeded(floor, levels, strength):
+    settings = Settings(view="filled", raster="compute", filter_levels=levels, filter_strength=strength, lod=4.0)
+    memory = Occlusion()
+    for heading in (0.0, 0.15, 0.3, 3.0):
+        camera = standing(floor.scan, 4, heading)
+        plain, got = (picture(floor.renderer, camera, history, settings) for history in (None, memory))
+        assert wrong(plain, got) < LIMIT
+
+
+def test_a_new_picture_size_is_a_first_frame(floor):
+    memory = Occlusion()
+    for size in (SIZE, (97, 61), SIZE):
+        camera = standing(floor.scan, *FULL, size=size)
+        plain = picture(floor.renderer, camera)
+        first, second = picture(floor.renderer, camera, memory), picture(floor.renderer, camera, memory)
+        assert equal(plain, first) and hidden(first[2]) == 0
+        assert wrong(plain, second) < LIMIT and hidden(second[2]) > 0
+
+
+def test_another_scene_is_a_first_frame(context, floor):
+    other = Renderer(context, room(8, 300_000), raster="compute")
+    memory = Occlusion()
+    inside = from_fov(*SIZE, 60.0, look_at((3.0, 2.5, 1.5), (0.0, 0.5, 1.0)))
+    here = standing(floor.scan, *FULL)
+    try:
+        for renderer, camera in ((other, inside), (floor.renderer, here), (other, inside)):
+            plain, first = picture(renderer, camera), picture(renderer, camera, memory)
+            assert equal(plain, first) and hidden(first[2]) == 0
+            assert wrong(plain, picture(renderer, camera, memory)) < LIMIT
+        picture(floor.renderer, here, memory)
+        assert hidden(picture(floor.renderer, here, memory)[2]) > 0
+    finally:
+        other.release()
+
+
+def test_forget_and_frames_of_another_make_a_first_frame(floor):
+    camera = standing(floor.scan, *FULL)
+    plain, memory = picture(floor.renderer, camera), Occlusion()
+    picture(floor.renderer, camera, memory)
+    assert hidden(picture(floor.renderer, camera, memory)[2]) > 0
+    memory.forget()
+    first = picture(floor.renderer, camera, memory)
+    assert equal(plain, first) and hidden(first[2]) == 0
+    picture(floor.renderer, standing(floor.scan, 0, 0.3), Occlusion())
+    first = picture(floor.renderer, camera, memory)
+    assert equal(plain, first) and hidden(first[2]) == 0
+
+
+@pytest.mark.parametrize("views, settings", [
+    (("raw",), SETTINGS),
+    (("filtered", "raw"), SETTINGS),
+    (VIEWS, Settings(view="filled", raster="points")),
+    (VIEWS, Settings(view="filled", raster="compute", filter="off")),
+    (VIEWS, Settings(view="filled", raster="compute", filter="paper-code")),
+])  # fmt: skip
+def test_where_hiding_would_show_nothing_is_hidden_and_the_memory_is_kept(floor, views, settings):
+    memory = Occlusion()
+    camera = standing(floor.scan, *FULL)
+    picture(floor.renderer, camera, memory)
+    known = picture(floor.renderer, camera, memory)
+    frames = [floor.renderer.render(camera, settings, views, history) for history in (None, memory)]
+    stats, looks = frames[1].stats, []
+    for history in (None, memory):
+        frame = floor.renderer.render(camera, settings, views, history)
+        looks.append([frame.image(view).tobytes() for view in views] + [frame.depth().tobytes()])
+    assert looks[0] == looks[1] and "occlusion" not in stats and "hidden cells skipped" not in stats["approximations"]
+    assert hidden(picture(floor.renderer, camera, memory)[2]) == hidden(known[2]) > 0
+
+
+def test_a_view_of_nothing_and_back(floor):
+    memory = Occlusion()
+    here = standing(floor.scan, *FULL)
+    away = from_fov(*SIZE, 60.0, look_at((-50.0, 0.0, 90.0), (-80.0, 0.0, 200.0)))
+    picture(floor.renderer, here, memory)
+    mask, _, stats = picture(floor.renderer, away, memory)
+    assert stats["points_drawn"] == stats["cells_drawn"] == 0 and not mask.any()
+    assert equal(picture(floor.renderer, here), picture(floor.renderer, here, memory))
+
+
+def test_several_pages_and_many_batches(context, floor, monkeypatch):
+    """Storage blocks that hold a tenth of the scene: a list a page, and more batches than one row of workgroups."""
+    from viewer.render import occlusion, raster
+    from viewer.render.points import PointPages
+
+    limit = max(16 * SIZE[0] * SIZE[1], floor.scene.count * 12 // 10)
+    for module in (occlusion, raster):
+        monkeypatch.setattr(module, "MAX_GROUPS", 5)
+    small = Renderer(context, floor.scene, raster="compute")
+    small.pages.release()
+    small.pages = PointPages(context, floor.scene, limit)
+    memory = Occlusion()
+    try:
+        assert len(small.pages.buffers) > 3 and small.pages.size > BATCH
+        for heading in (0.0, 0.2, 0.4):
+            camera = standing(floor.scan, 4, heading)
+            plain, got = picture(floor.renderer, camera), picture(small, camera, memory)
+            assert wrong(plain, got) < LIMIT and plain[2]["points_drawn"] >= got[2]["points_drawn"]
+        assert hidden(got[2]) > 0
+    finally:
+        small.release()
+
+
+@pytest.mark.parametrize("size", [SIZE, (640, 480)])
+def test_where_there_is_little_to_hide_nothing_is_looked_for(floor, size):
+    """Few points a pixel: the passes that look would cost more than they save."""
+    memory, camera = Occlusion(), standing(floor.scan, *FULL, size=size)
+    plain, first, again = (picture(floor.renderer, camera, history) for history in (None, memory, memory))
+    few = plain[2]["points_drawn"] < WORTH * size[0] * size[1]
+    assert few == (size != SIZE), plain[2]["points_drawn"]
+    for one in (first, again):
+        assert few == ("occlusion" not in one[2]) == ("occlusion" not in one[2]["stages"])
+    assert equal(plain, first) and (equal(plain, again) or not few)
