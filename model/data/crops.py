@@ -62,7 +62,7 @@ def _grain(rng: np.random.Generator, side: int) -> np.ndarray:
     return np.clip(1 + depth * noise, 0.1, 1.6).astype(np.float32)[None]
 
 
-SPECKLE_SHARE = 0.2
+SPECKLE_SHARE = 0.3
 """Share of the crops whose points come from two stations that do not agree in brightness."""
 
 
@@ -75,7 +75,7 @@ def _speckle(rng: np.random.Generator, side: int) -> tuple[np.ndarray, np.ndarra
     share = F.interpolate(torch.from_numpy(rng.normal(size=(1, 1, 4, 4))), (side, side), mode="bicubic")[0, 0].numpy()
     share = 1 / (1 + np.exp(-2 * share - rng.normal(0, 1.5)))
     chance = rng.normal(size=(side, side))
-    lines = gaussian_filter(rng.normal(size=(side, side)), (rng.uniform(4, 20), rng.uniform(0, 0.6)))
+    lines = gaussian_filter(rng.normal(size=(side, side)), (rng.uniform(4, 20), np.exp(rng.uniform(np.log(0.2), np.log(2.5)))))
     chance = chance / chance.std() + rng.uniform(0, 1.5) * lines / max(float(lines.std()), 1e-6)
     rank = np.empty(chance.size)
     rank[np.argsort(chance, axis=None)] = (np.arange(chance.size) + 0.5) / chance.size
