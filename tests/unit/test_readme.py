@@ -88,7 +88,7 @@ def test_documents_are_renewed_and_missing_benches_named(tmp_path, capsys):
     (tmp_path / "frame-plant_room.json").write_text(json.dumps(BENCH))
     assert main(tmp_path, [document]) == 0
     assert "balanced | 1 / 3" in document.read_text()
-    assert "not there: ablation, error-plant_room, evaluate, scale, versus-plant_room" in capsys.readouterr().out
+    assert "not there: ablation, error-plant_room, evaluate, scale, stability, versus-plant_room" in capsys.readouterr().out
 
 
 def test_figures_run_every_bench_the_readme_needs():
@@ -106,6 +106,19 @@ def test_a_scan_that_is_not_there_is_named_and_its_bench_left_out(tmp_path, caps
     assert "plant_room.laz is not there" in capsys.readouterr().out
     assert not list((tmp_path / "out").iterdir())
     assert run_figures(["nothing"], Path(tmp_path)) == 2 and "expected one of" in capsys.readouterr().err
+
+
+def test_stability_names_what_is_nearest_to_its_limit():
+    rows = [
+        {"group": "scale", "name": "depth", "value": 0.001, "limit": 0.005, "ok": True},
+        {"group": "scale", "name": "mask", "value": 0.004, "limit": 0.005, "ok": True},
+        {"group": "same", "name": "twice", "value": 0.0, "limit": 0.0, "ok": True},
+        {"group": "bad", "name": "sums", "value": 72.0, "limit": 0.0, "ok": False},
+        {"group": "bad", "name": "huge", "value": 0.0, "limit": 0.0, "ok": True, "skipped": "no room"},
+    ]
+    made = block("stability", {"stability": {"seed": 3, "rows": rows}})
+    assert "3 of 4 claims hold" in made and "| scale | 2 | mask: 0.004, limit 0.005 |" in made
+    assert "| same | 1 | all exact |" in made and "| bad | 1 | sums |" in made
 
 
 def test_what_is_skipped_is_told_with_its_saving():

@@ -152,6 +152,26 @@ def errors(files: dict[str, dict]) -> str:
     return "\n".join(lines)
 
 
+def stability(files: dict[str, dict]) -> str:
+    """Claims by group, and what came nearest to its limit."""
+    found = files["stability"]
+    claims = [row for row in found["rows"] if "skipped" not in row]
+    hold = sum(row["ok"] for row in claims)
+    lines = [f"{hold} of {len(claims)} claims hold, on fresh random scenes (seed {found['seed']}):", "",
+             "| what | claims | nearest to its limit |", "|---|---|---|"]
+    for group in dict.fromkeys(row["group"] for row in claims):
+        mine = [row for row in claims if row["group"] == group]
+        loose = [row for row in mine if row["limit"] > 0 and not row.get("least")]
+        if loose:
+            worst = max(loose, key=lambda row: row["value"] / row["limit"])
+            near = f"{worst['name']}: {worst['value']:.2g}, limit {worst['limit']:g}"
+        else:
+            near = "all exact" if all(row["value"] == row["limit"] for row in mine) else \
+                ", ".join(row["name"] for row in mine if not row["ok"])
+        lines.append(f"| {group} | {len(mine)} | {near} |")
+    return "\n".join(lines)
+
+
 def truth(files: dict[str, dict]) -> str:
     """Pictures against registered truth."""
     found = files["evaluate"]
@@ -198,7 +218,7 @@ def ablation(files: dict[str, dict]) -> str:
 BLOCKS: dict[str, tuple[Callable[[dict[str, dict]], str], str]] = {
     "frames": (frames, "frame-plant_room"), "truth": (truth, "evaluate"), "precision": (precision, "evaluate"),
     "ablation": (ablation, "ablation"), "scale": (scale, "scale"), "versus": (versus, "versus-plant_room"),
-    "errors": (errors, "error-plant_room"),
+    "errors": (errors, "error-plant_room"), "stability": (stability, "stability"),
 }
 """Block -> what writes it, and the file it cannot do without."""
 

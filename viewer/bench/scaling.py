@@ -2,8 +2,8 @@
 
 The camera turns inside one room, so that what it sees of a larger floor stays the same.  Each size is made on the spot into
 a folder of its own, opened from there as any scan is, drawn, and removed again, unless it is to be kept.  Points are streamed
-into a pool of fixed size, as the window does; frames are timed once all that they need has come.  What would not fit into
-the memory or on the disk at hand is computed beforehand, said, and not attempted.
+into a pool of fixed size and hidden cells left out, as the window does; frames are timed once all that they need has come.
+What would not fit into the memory or on the disk at hand is computed beforehand, said, and not attempted.
 """
 
 import shutil
@@ -165,6 +165,7 @@ def _measure(context: "moderngl.Context", scan: ProceduralScan, folder: Path, si
              repeats: int):
     """One size: seconds to make (None where ``folder`` is there), to open and to draw first; frame times; memory."""
     from viewer.cloud import open_scene
+    from viewer.render.occlusion import Occlusion
     from viewer.render.renderer import Renderer
 
     seconds = None
@@ -184,10 +185,11 @@ def _measure(context: "moderngl.Context", scan: ProceduralScan, folder: Path, si
     stats: dict = {}
     filling = max(_fill(renderer, camera, settings) for camera in cameras)
     for view in VIEWS:
-        renderer.render(cameras[0], settings, views=(view,), streaming=True)
+        seen = Occlusion() if view != "raw" else None
+        renderer.render(cameras[0], settings, (view,), seen, streaming=True)
         spent = []
         for camera in cameras * repeats:
-            stats = renderer.render(camera, settings, views=(view,), streaming=True).stats
+            stats = renderer.render(camera, settings, (view,), seen, streaming=True).stats
             spent.append(stats["total_ms"])
             drawn.append(stats["points_drawn"])
             if renderer.pages.missing:
