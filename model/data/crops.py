@@ -161,7 +161,7 @@ class Crops:
         kind, seen, true = rng.random(), None, None
         if kind < GRAIN_SHARE:
             seen = true = _grain(rng, crop)
-        elif kind < GRAIN_SHARE + SPECKLE_SHARE:
+        elif self.recolour and kind < GRAIN_SHARE + SPECKLE_SHARE:
             seen, true = _speckle(rng, crop)
 
         def turned(a: np.ndarray) -> np.ndarray:

@@ -244,7 +244,7 @@ def test_stations_that_disagree_are_speckle_on_points_and_their_mean_in_truth(tm
     plain_wall(tmp_path)
     monkeypatch.setattr("model.data.crops.GRAIN_SHARE", 0.0)
     monkeypatch.setattr("model.data.crops.SPECKLE_SHARE", 1.0)
-    crops = Crops([tmp_path], 64, 3, recolour=False)
+    crops = Crops([tmp_path], 64, 3)
     for step in range(12):
         batch = crops.batch(step, 1)
         points, truth = batch.x[0, :3][:, batch.x[0, 3] > 0], batch.colour[0]
