@@ -15,10 +15,11 @@ from viewer.progress import progress
 from viewer.settings import Settings
 from viewer.window import controls
 from viewer.window.capture import FrameTimes, save_png, stamped
+from viewer.window.loading import Loaded
 from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
 from viewer.window.present import composite, split_column
-from viewer.window.session import Loaded, Session, start_camera
-from viewer.window.start import overview, survey
+from viewer.window.session import Session
+from viewer.window.start import overview, start_camera, survey
 
 
 def room(*, metre: float = 1.0, offset=(0.0, 0.0, 0.0), scans=None, points=40_000):

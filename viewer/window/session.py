@@ -18,6 +18,7 @@ import numpy as np
 from viewer.camera import Camera, from_fov
 from viewer.paths import own_weights
 from viewer.settings import VIEWS, Settings
+from viewer.window import loading
 from viewer.window.capture import FrameTimes
 from viewer.window.navigation import FlyState, Motion, changed_speed, step
 from viewer.window.pace import Pace
@@ -50,14 +51,6 @@ class Toast:
 
 
 @dataclass(frozen=True)
-class Loaded:
-    """What a load brings back: the scene and what the start needs to know of it, both made off the main thread."""
-
-    scene: "Scene"
-    seen: Survey
-
-
-@dataclass(frozen=True)
 class Plan:
     """How to make the next picture.  views: in the order of ``sides``.  level: of detail.  hides: cells that the last frame
     hid are left out.  moving: while the camera moves."""
@@ -85,8 +78,8 @@ class Session:
         clock: Callable[[], float] = perf_counter,
         wake: Callable[[], None] = lambda: None,
     ):
-        self._open_scene = open_scene or _open_scene
-        self._load_network = load_network or _load_network
+        self._open_scene = open_scene or loading.open_scene
+        self._load_network = load_network or loading.load_network
         self._clock, self._wake = clock, wake
         self.size = size
         self.own_weights = own_weights()
@@ -298,7 +291,7 @@ class Session:
         neural = settings.view == "neural" or (self.split and self.left == "neural")
         network, shown = (operator.attrgetter("quality", "weights", "precision")(s) for s in (settings, self.settings))
         neural |= network != shown  # said at once if there are no such weights
-        if neural and _network_key(settings) not in self._networks:
+        if neural and loading.network_key(settings) not in self._networks:
             self.wanted = settings
             if self.network_load is None:
                 self._start_network(settings)
@@ -319,7 +312,7 @@ class Session:
     def choose_left(self, view: str) -> None:
         """The left side of the comparison."""
         before, self.left, self.dirty = self.left, view, True
-        if view == "neural" and _network_key(self.shown_settings) not in self._networks:
+        if view == "neural" and loading.network_key(self.shown_settings) not in self._networks:
             self.left = before  # shown once its network is there; see _network_arrived
             self._left_wanted = view
             self.wanted = self.shown_settings
@@ -344,7 +337,7 @@ class Session:
             self.wanted = self._left_wanted = None
             self.say("The network cannot be used", work.error)
             return
-        self._networks.add(_network_key(work.result))
+        self._networks.add(loading.network_key(work.result))
         if wanted is not None:
             self.wanted = self._left_wanted = None
             self.left = left or self.left
@@ -358,9 +351,9 @@ class Session:
         self.cancel_load()
         files = list(paths)
 
-        def work() -> Loaded:
+        def work() -> loading.Loaded:
             scene = self._open_scene(files)
-            return Loaded(scene, survey(scene))
+            return loading.Loaded(scene, survey(scene))
 
         names = files[0].name if len(files) == 1 else f"{len(files)} files"
         self.load = Worker(work, f"Opening {names}", self._wake)
@@ -372,7 +365,7 @@ class Session:
             self._abandoned.append(self.load)
             self.load = None
 
-    def poll(self) -> Loaded | None:
+    def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
         self._abandoned = [work for work in self._abandoned if not work.finished]
         if self.network_load is not None and self.network_load.finished:
@@ -384,14 +377,14 @@ class Session:
             self.say("This scan cannot be opened", work.error)
         return work.result if not work.cancelled else None
 
-    def accept(self, loaded: Loaded) -> None:
+    def accept(self, loaded: loading.Loaded) -> None:
         """The app uploaded the scene: visit it."""
         self.scene, self.seen = loaded.scene, loaded.seen
         self.pace.begin(loaded.scene.count)
         width, height = self.size if min(self.size) > 0 else (16, 9)
         self.fly = self.home = start_state(loaded.scene, loaded.seen, width / height)
         self.stats, self.dirty, self._drawn, self._moved = None, True, None, self._clock() - _REST
-        for note in _notes(loaded.scene.meta)[:3]:
+        for note in loading.notes(loaded.scene.meta)[:3]:
             self.toast(note, seconds=_NOTE_SECONDS)
 
     @property
@@ -431,40 +424,3 @@ class Session:
             self.toast("Loading cancelled")
         elif not self.interface:
             self.interface = True
-
-
-def start_camera(scene: "Scene", width: int, height: int) -> Camera:
-    """The camera a visit to ``scene`` begins with, width and height in pixels."""
-    state = start_state(scene, survey(scene), width / height)
-    return from_fov(width, height, FIELD_OF_VIEW, state.camera_to_world)
-
-
-def _notes(meta: dict) -> list[str]:
-    """What a person should know about a scan: the reader's warnings, and where its colours are from if not from it."""
-    notes, colour = list(meta.get("warnings", [])), meta.get("colour") or {}
-    if colour.get("source", "rgb") != "rgb" and not any("colour" in note for note in notes):
-        notes.insert(0, str(colour.get("note") or f"coloured by {colour['source']}"))
-    return notes
-
-
-def _network_key(settings: Settings) -> tuple:
-    return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
-
-
-def _open_scene(paths: list[Path]) -> "Scene":
-    from viewer.cloud import open_scene
-
-    return open_scene(paths)
-
-
-def _load_network(settings: Settings) -> None:
-    """Imports torch and reads the weights, off the main thread, so that the first neural frame only has to run."""
-    from model.reconstruct import cuda_problem
-    from viewer.errors import DeviceError
-    from viewer.render.neural import load_network
-
-    problem = None if settings.device == "cpu" else cuda_problem()
-    if settings.device == "cuda" and problem:
-        raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
-    device = "cpu" if settings.device == "cpu" or problem else "cuda"
-    load_network(settings.quality, settings.filter != "off", settings.weights, settings.precision, device)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from viewer.camera import Camera, from_fov
 from viewer.window.navigation import FlyState, looking
 
 if TYPE_CHECKING:
@@ -66,6 +67,12 @@ def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:
         return overview(seen, aspect, np.array([0.35, 0.8, -0.5]), seen.speed)
     walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
     return looking(position, _best_direction(seen, position), walking)
+
+
+def start_camera(scene: "Scene", width: int, height: int) -> Camera:
+    """The camera a visit to ``scene`` begins with, width and height in pixels."""
+    state = start_state(scene, survey(scene), width / height)
+    return from_fov(width, height, FIELD_OF_VIEW, state.camera_to_world)
 
 
 def overview(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
