@@ -36,7 +36,7 @@ class Pace:
         self._rest = self._moving
         self._points = -1
         self._network = 0.0
-        self._idle = 0
+        self._idle = self._looked = 0
 
     def jump(self) -> None:
         """The camera is elsewhere, or the settings are others: at rest one step from what a moving picture has."""
@@ -63,7 +63,9 @@ class Pace:
         spent = stages.get("cull", 0.0) + stages.get("raster", 0.0)
         if moving:
             self._drew_moving(level, spent, stats)
-        elif level == self._rest:
+            return
+        self._looked = 0
+        if level == self._rest:
             self._drew_at_rest(spent, stats["points_drawn"])
 
     def _drew_moving(self, level: float | None, spent: float, stats: dict) -> None:
@@ -72,11 +74,12 @@ class Pace:
         elif self._moving is not None and spent < MOVING_MS / 4:
             self._moving = min(2 * self._moving, FINEST)
         self.jump()
-        if "occlusion" in stats:
+        self._idle = max(0, self._idle - 1)
+        self._looked = self._looked + 1 if "occlusion" in stats else 0
+        if self._looked > 1:  # the first knows of nothing that hides
             hidden = stats["occlusion"]["points_hidden"]
             if hidden < LEAST_HIDDEN * (hidden + stats["points_drawn"]):
-                self._idle = _PATIENCE
-        self._idle = max(0, self._idle - 1)
+                self._idle, self._looked = _PATIENCE, 0
 
     def _drew_at_rest(self, spent: float, points: int) -> None:
         if self._rest is None:
