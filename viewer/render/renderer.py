@@ -126,6 +126,12 @@ class Renderer:
         stages.end()
         return Frame({v: textures[v] for v in views}, rasteriser.depth, mask, facts, stages)
 
+    def prefetch(self, camera: "Camera", settings: Settings) -> int:
+        """Has points of a picture to come brought to the GPU, as many as one frame may; returns how many are still missing."""
+        draw = self._culler.select(camera, settings.lod)
+        self.pages.prepare(draw.first, draw.count, streaming=True)
+        return self.pages.missing
+
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a bench tries others."""
         return SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre, unlit=self.scene.unlit)
