@@ -77,7 +77,7 @@ def test_versus_gives_times_and_whether_the_opponent_is_fair():
 
 
 def test_errors_mark_the_front_and_equal_pictures():
-    made = block("errors", {"error-plant_room": ERRORS})
+    made = block("errors", {"error-demo": ERRORS})
     assert "| **filter: 4 levels** | 9 | 0.50 | equal | 0 |  |" in made
     assert "| filter: off | 8 | 0.60 | 31.3 | 9 | 50.000% |" in made
 
@@ -88,7 +88,7 @@ def test_documents_are_renewed_and_missing_benches_named(tmp_path, capsys):
     (tmp_path / "frame-plant_room.json").write_text(json.dumps(BENCH))
     assert main(tmp_path, [document]) == 0
     assert "balanced | 1 / 3" in document.read_text()
-    assert "not there: ablation, error-plant_room, evaluate, scale, stability, versus-plant_room" in capsys.readouterr().out
+    assert "not there: ablation, error-demo, evaluate, scale, stability, versus-plant_room" in capsys.readouterr().out
 
 
 def test_figures_run_every_bench_the_readme_needs():

@@ -138,7 +138,7 @@ def versus(files: dict[str, dict]) -> str:
 
 def errors(files: dict[str, dict]) -> str:
     """Every approximation: time saved, error made."""
-    found = files["error-plant_room"]
+    found = files["error-demo"]
     best = {name for names in found["front"].values() for name in names}
     lines = [f"{Path(found['scans'][0]).name}, {found['size'][0]}x{found['size'][1]}, eight named views; time as a share of "
              "the exact frame's; bold: nothing else is both faster and nearer.", "",
@@ -218,7 +218,7 @@ def ablation(files: dict[str, dict]) -> str:
 BLOCKS: dict[str, tuple[Callable[[dict[str, dict]], str], str]] = {
     "frames": (frames, "frame-plant_room"), "truth": (truth, "evaluate"), "precision": (precision, "evaluate"),
     "ablation": (ablation, "ablation"), "scale": (scale, "scale"), "versus": (versus, "versus-plant_room"),
-    "errors": (errors, "error-plant_room"), "stability": (stability, "stability"),
+    "errors": (errors, "error-demo"), "stability": (stability, "stability"),
 }
 """Block -> what writes it, and the file it cannot do without."""
 
