@@ -1,4 +1,4 @@
-"""Random crops of training pairs: turned, mirrored, recoloured, grained, speckled; the same for a step whenever it is asked for.
+"""Random crops of training pairs: turned, mirrored, recoloured, grained, speckled; the same for a step whenever asked for.
 
 A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
 """
