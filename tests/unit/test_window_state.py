@@ -256,6 +256,20 @@ def test_points_a_pixel_settle_while_moving_and_all_come_back_at_rest(per_point)
     assert fly(made, clock, cost, frames=3)[0] == settled[0], "the next flight begins where this one settled"
 
 
+def test_points_are_not_left_out_where_that_saves_nothing():
+    made, clock = session()
+    made.held.add("forward")
+    levels = []
+    for _ in range(30):  # 90 ms whatever is drawn, as where the picture's size decides
+        clock.now += 0.05
+        made.advance()
+        plan = made.plan
+        levels.append(plan.level)
+        points = int(min(1e6, 1e5 * (plan.level or 1e9)))
+        made.drew(plan, stats(raster=90.0) | {"points_drawn": points})
+    assert levels[-1] == 16.0 or levels[-1] == 8.0, f"as many points as before anything was gained: {levels}"
+
+
 def test_at_rest_a_picture_that_would_take_too_long_is_not_begun():
     made, clock = session()
     cost = lambda level: 1e6 if level is None else 100.0 * level  # noqa: E731

@@ -6,6 +6,8 @@ or the next step would take too long to wait for.  Nothing here knows a clock or
 Levels of detail: points a pixel, None where every point is drawn.
 """
 
+from math import log2
+
 MOVING_MS = 40.0
 """Milliseconds that choosing and drawing points may take while the camera moves."""
 REST_MS = 2000.0
@@ -18,7 +20,7 @@ FINEST, COARSEST = 16.0, 0.5
 """Points a pixel while moving: at sixteen the soft z-buffer has more than it can show, under a half holes open."""
 LEAST_HIDDEN = 0.25
 """Share of the points that must be hidden for looking after it to pay."""
-_PATIENCE = 60  # frames until it is tried again
+_PATIENCE = 60  # frames until what did not pay is tried again
 _STEP = 4.0  # at rest
 _ALL = 1024.0  # points a pixel that no scan has
 
@@ -36,7 +38,9 @@ class Pace:
         self._rest = self._moving
         self._points = -1
         self._network = 0.0
-        self._idle = self._looked = 0
+        self._idle = self._looked = self._stay = 0
+        self._floor = COARSEST
+        self._before: tuple[float | None, int, float] | None = None
 
     def jump(self) -> None:
         """The camera is elsewhere, or the settings are others: at rest one step from what a moving picture has."""
@@ -69,10 +73,20 @@ class Pace:
             self._drew_at_rest(spent, stats["points_drawn"])
 
     def _drew_moving(self, level: float | None, spent: float, stats: dict) -> None:
-        if spent > 1.5 * MOVING_MS:
-            self._moving = FINEST if level is None else max(min(level / 2, FINEST), COARSEST)
+        points, before = stats["points_drawn"], self._before
+        if before is not None and points < 0.7 * before[1] and spent > 0.8 * before[2]:
+            self._floor, self._stay = before[0], _PATIENCE  # it is not the points that take the time
+            self._moving = before[0]
+        elif spent > 1.5 * MOVING_MS:
+            halvings = min(max(round(log2(spent / MOVING_MS)), 1), 3)  # far too slow is put right in few frames
+            self._moving = FINEST if level is None else max(min(level / 2**halvings, FINEST), self._floor)
         elif self._moving is not None and spent < MOVING_MS / 4:
             self._moving = min(2 * self._moving, FINEST)
+        coarser = level is not None and self._moving is not None and self._moving < level
+        self._before = (level, points, spent) if coarser else None
+        self._stay = max(0, self._stay - 1)
+        if self._stay == 0:
+            self._floor = COARSEST
         self.jump()
         self._idle = max(0, self._idle - 1)
         self._looked = self._looked + 1 if "occlusion" in stats else 0
