@@ -1,8 +1,13 @@
-"""Fixtures for all tests: the shared data where it is present, and a cache of the test run's own."""
+"""Fixtures for all tests: the shared data where it is present, a cache of the test run's own, a fresh seed, and one headless
+context."""
 
+import os
+import secrets
 from pathlib import Path
 
 import pytest
+
+from viewer.errors import DeviceError
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -23,3 +28,23 @@ def own_cache(tmp_path_factory):
     patch.setenv("POINTGLASS_CACHE", str(tmp_path_factory.mktemp("cache")))
     yield
     patch.undo()
+
+
+@pytest.fixture
+def seed() -> int:
+    """A new one each time; pytest shows the line of a test that fails, and POINTGLASS_SEED repeats it."""
+    value = int(os.environ.get("POINTGLASS_SEED") or secrets.randbits(31))
+    print(f"POINTGLASS_SEED={value}")
+    return value
+
+
+@pytest.fixture(scope="session")
+def context():
+    from viewer.render.context import create_context
+
+    try:
+        made = create_context()
+    except DeviceError as error:  # the set-up installs Mesa, so in CI this is a failure, not a skip
+        pytest.fail(str(error))
+    yield made
+    made.release()

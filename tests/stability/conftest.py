@@ -1,24 +1,12 @@
-"""Fresh random input for every run, with its seed shown on failure; one headless context for the frames."""
+"""Draws stress scenes, and fails with the claims that do not hold."""
 
-import os
-import secrets
 import sys
 from pathlib import Path
 
 import pytest
 import torch
 
-from viewer.errors import DeviceError
-
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gl"))  # the twin of a frame
-
-
-@pytest.fixture
-def seed() -> int:
-    """A new one each time; pytest shows the line of a test that fails, and POINTGLASS_SEED repeats it."""
-    value = int(os.environ.get("POINTGLASS_SEED") or secrets.randbits(31))
-    print(f"POINTGLASS_SEED={value}")
-    return value
 
 
 @pytest.fixture(autouse=True)
@@ -28,18 +16,6 @@ def one_thread():
     torch.set_num_threads(1)
     yield
     torch.set_num_threads(before)
-
-
-@pytest.fixture(scope="session")
-def context():
-    from viewer.render.context import create_context
-
-    try:
-        made = create_context()
-    except DeviceError as error:  # the set-up installs Mesa, so in CI this is a failure, not a skip
-        pytest.fail(str(error))
-    yield made
-    made.release()
 
 
 @pytest.fixture

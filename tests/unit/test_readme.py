@@ -128,7 +128,8 @@ def test_what_is_skipped_is_told_with_its_saving():
         "void": {"scans": ["/a/street.laz"], "rows": [
             {"group": "exact", "name": "x"},
             {"group": "void", "name": "y", "time": 1.43, "by_view": {"near": 1.1, "far": 1.8}}]},
-        "occlusion": {"rooms": 20, "points": 10**8, "points_drawn_share": 0.3, "all_time_share": 0.44, "wrong_worst": 0.00051,
+        "occlusion": {"machine": MACHINE, "rooms": 20,
+                      "points": 10**8, "points_drawn_share": 0.3, "all_time_share": 0.44, "wrong_worst": 0.00051,
                       "wrong_after_jump": 0.0001},
     }
     made = block("frames", files)

@@ -84,14 +84,22 @@ def _skipped(files: dict[str, dict]) -> list[str]:
         lines.append(f"- Hidden cells left out in flight: a walk through {found['rooms']} rooms of "
                      f"{found['points'] / 1e6:.0f} M points draws {found['points_drawn_share']:.0%} of the points in "
                      f"{found['all_time_share']:.0%} of the time; worst frame {found['wrong_worst']:.3%} of the pixels wrong, "
-                     f"after a jump {found['wrong_after_jump']:.3%}.")
+                     f"after a jump {found['wrong_after_jump']:.3%} ({_on(found)}).")
     return lines
+
+
+def _on(found: dict) -> str:
+    """The machine of a result, and whether it had other work."""
+    where = found["machine"]
+    busy = ", busy with other work" if (where.get("load") or 0) > where["cores"] + 1 else ""
+    return f"{where['cores']} core{'s' if where['cores'] > 1 else ''} of an {where['processor']}{busy}"
 
 
 def scale(files: dict[str, dict]) -> str:
     """Time and memory against size."""
     found = files["scale"]
-    lines = [f"A floor of rooms made on the spot, the camera in one of them, level of detail {found['lod']:g} points a pixel, "
+    lines = [f"On {_on(found)}: a floor of rooms made on the spot, the camera in one of them, level of detail "
+             f"{found['lod']:g} points a pixel, "
              f"{found['size'][0]}x{found['size'][1]}; p50 of whole frames.", "",
              "| series | points | rooms | raw, ms | filled, ms | opens in, s | points packed, MB | memory held, MB |",
              "|---|---|---|---|---|---|---|---|"]
@@ -140,8 +148,8 @@ def errors(files: dict[str, dict]) -> str:
     """Every approximation: time saved, error made."""
     found = files["error-demo"]
     best = {name for names in found["front"].values() for name in names}
-    lines = [f"{Path(found['scans'][0]).name}, {found['size'][0]}x{found['size'][1]}, eight named views; time as a share of "
-             "the exact frame's; bold: nothing else is both faster and nearer.", "",
+    lines = [f"{Path(found['scans'][0]).name}, {found['size'][0]}x{found['size'][1]}, {_on(found)}, eight named views; time "
+             "as a share of the exact frame's; bold: nothing else is both faster and nearer.", "",
              "| approximation | ms | time | PSNR, dB | largest | mask |", "|---|---|---|---|---|---|"]
     for row in found["rows"]:
         name = f"{row['group']}: {row['name']}"
