@@ -25,6 +25,7 @@ from viewer.paths import cache_dir
 from viewer.progress import progress
 
 MAGIC, VERSION = "pointglass grid", 4
+COLOURS = 2  # how colours are made: a grid in the cache made otherwise is made anew, a folder of convert stays as it is
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4")}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
@@ -39,7 +40,7 @@ class CacheError(InputError):
 
 def folder_of(files: list[Path], match: bool = True) -> Path:
     """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures."""
-    key = json.dumps([VERSION, _identity(files), match]).encode()
+    key = json.dumps([VERSION, COLOURS, _identity(files), match]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from viewer.cloud.exposure import Stations
+from viewer.cloud.exposure import Matching
 from viewer.cloud.source import Chunk, Source
 
 _RAMP = np.array([
@@ -81,17 +81,17 @@ class Colours:
     def __init__(self, sources: list[Source], *, match: bool = True):
         self._names = [source.path.name for source in sources]
         self._match = match
-        self.exposures: dict | None = None
+        self.matched: dict[str, dict | None] = {"exposures": None, "passes": None}
         self.forget()
 
     def forget(self) -> None:
         """Begins pass 1 anew."""
         self._files = [_File(name) for name in self._names]
-        self._stations = Stations()
+        self._matching = Matching()
         self._unlit: set[str] = set()
 
-    def add(self, source: int, chunk: Chunk) -> None:
-        """Takes note of a chunk of source number ``source``."""
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """Takes note of a chunk of source number ``source``.  first: the running number of its first point."""
         if len(chunk.xyz) == 0:
             return
         file = self._files[source]
@@ -104,7 +104,7 @@ class Colours:
             file.wide |= chunk.rgb.dtype == np.uint16
             file.look(chunk.rgb)
             if self._match:
-                self._stations.add(source, chunk)
+                self._matching.add(source, first, chunk)
         elif chunk.intensity is not None:
             file.intensity += np.bincount(chunk.intensity, minlength=65536)
 
@@ -114,7 +114,8 @@ class Colours:
         Returns meta["colour"] and the warnings a person should see.
         """
         warnings, kinds, bits = [], set(), 8
-        self.exposures = self._stations.solve([file.shift for file in self._files]) if self._match else None
+        if self._match:
+            self.matched = self._matching.solve([file.shift for file in self._files])
         for file in self._files:
             if len(file.colourless) < len(file.scans):
                 kinds.add("rgb")
@@ -152,13 +153,12 @@ class Colours:
         missing = sum(file.uncoloured * file.looked for file in self._files) if self._match else 0.0
         return {"source": source, "bits": bits, "note": note, "uncoloured": missing / max(looked, 1)}, warnings
 
-    def apply(self, source: int, chunk: Chunk) -> np.ndarray:
-        """(n, 3) uint8 colours of a chunk."""
+    def apply(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
+        """(n, 3) uint8 colours of a chunk.  first: as in ``add``."""
         file = self._files[source]
         scan = file.scans.get(int(np.max(chunk.scan)), _Scan()) if len(chunk.xyz) else _Scan()
         if scan.has_rgb and chunk.rgb is not None:
-            matched = self._stations.apply(source, chunk, file.shift)
-            colours = (chunk.rgb >> file.shift).astype(np.uint8) if matched is None else matched
+            colours = self._matching.apply(source, first, chunk, file.shift)
             if self._unlit:
                 highest = colours[:, 0] | colours[:, 1] | colours[:, 2]
                 if file.name in self._unlit:

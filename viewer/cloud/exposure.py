@@ -1,37 +1,43 @@
 """Scans of one place agree in brightness: their exposures are matched once, as the grid is built.
 
-Pass 1 keeps a thinned sample of every station's points; :mod:`model.exposure` finds the gains; pass 2 applies them.  A
-station is a scan of an E57, a point source of a LAS or LAZ file, or a file of several.  What was done is in
-``meta["exposures"]`` and in ``pointglass info``; ``--exposures as-scanned`` leaves every colour as the file has it.
+Pass 1 keeps a thinned sample of the points; :mod:`model.exposure` finds a gain for every station and :mod:`model.passes`, where
+runs of points still disagree, one for every run; pass 2 applies them.  A station is a scan of an E57, a point source of a
+LAS or LAZ file, or a file of several.  What was done is in ``meta["exposures"]`` and ``meta["passes"]`` and in ``pointglass
+info``; ``--exposures as-scanned`` leaves every colour as the file has it.
 """
 
 import numpy as np
 
+from model.exposure import exposures_of
+from model.passes import Passes, solve_passes
 from viewer.cloud.source import Chunk
 
 SAMPLE = 1_000_000
 MOST_STATIONS = 256
 LEAST_CHANGE = 0.004  # gains nearer to one are left at one: below a level of 255
+DARKEST = 16  # levels; below, runs are not compared: the rim of what was not photographed, and noise
 
 
-class Stations:
-    """Takes note of chunks (``add``), solves (``solve``), then gives each chunk's points their gains (``gains``)."""
+class Matching:
+    """Takes note of chunks (``add``), solves (``solve``), then gives each chunk's points their gains (``apply``)."""
 
     def __init__(self) -> None:
         self._number: dict[tuple[int, int, int], int] = {}
-        self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._parts: list[tuple[np.ndarray, ...]] = []
         self._held, self._share = 0, 1.0
         self._rng = np.random.default_rng(0)
         self._gains: np.ndarray | None = None
+        self._passes: Passes | None = None
 
-    def add(self, source: int, chunk: Chunk) -> None:
-        """Keeps a share of the chunk's points.  Chunks without colour count for nothing."""
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """Keeps a share of the chunk's points, ``first`` being the running number of its first.  Chunks without colour count
+        for nothing."""
         if chunk.rgb is None or isinstance(chunk.scan, np.ndarray) or len(chunk.xyz) == 0:
             return
         number = self._numbers(source, chunk)
         pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
         pick = pick[np.isfinite(chunk.xyz[pick]).all(axis=1)]
-        self._parts.append((chunk.xyz[pick], chunk.rgb[pick], number[pick]))
+        self._parts.append((chunk.xyz[pick], chunk.rgb[pick], number[pick], first + pick))
         self._held += len(pick)
         while self._held > 2 * SAMPLE:
             self._share /= 2
@@ -51,33 +57,47 @@ class Stations:
         keys = [(source, int(chunk.scan), int(i)) for i in ids]
         return np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)[index]
 
-    def solve(self, shifts: list[int]) -> dict | None:
+    def solve(self, shifts: list[int]) -> dict[str, dict | None]:
         """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.
 
-        Returns meta["exposures"]: stations, matched and the smallest and largest gain; None for a single station.
+        Returns meta["exposures"] - stations, matched and the smallest and largest gain; None for a single station - and
+        meta["passes"] - the variance left within voxels, and whether that was worth it; None without colours.
         """
-        stations, parts = len(self._number), self._parts
-        self._parts = []
-        if not 2 <= stations <= MOST_STATIONS:
-            return None
-        from model.exposure import exposures_of
-
+        parts, self._parts = self._parts, []
+        if not parts:
+            return {"exposures": None, "passes": None}
         source_of = {number: key[0] for key, number in self._number.items()}
-        shift = np.array([shifts[source_of[number]] for number in range(stations)], np.uint8)
-        xyz, rgb, number = (np.concatenate([part[k] for part in parts]) for k in range(3))
-        found = exposures_of(xyz, (rgb >> shift[number][:, None]).astype(np.uint8), number, sample=SAMPLE)
-        gains = np.ones((stations, 3))
+        shift = np.array([shifts[source_of[number]] for number in range(len(self._number))], np.uint8)
+        xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
+        del parts
+        rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
+        exposures = self._solve_stations(xyz, rgb, number) if 2 <= len(self._number) <= MOST_STATIONS else None
+        if self._gains is not None:
+            rgb = _multiplied(rgb, self._gains[number])
+        lit = np.flatnonzero(rgb.max(axis=1) >= DARKEST)
+        passes = solve_passes(xyz[lit], rgb[lit], at[lit])
+        self._passes = passes if passes.worth else None
+        return {"exposures": exposures, "passes": {"variance_left": passes.left, "applied": passes.worth}}
+
+    def _solve_stations(self, xyz: np.ndarray, rgb: np.ndarray, number: np.ndarray) -> dict:
+        found = exposures_of(xyz, rgb, number, sample=SAMPLE)
+        gains = np.ones((len(self._number), 3))
         gains[: len(found.gains)] = found.gains
         if np.abs(gains - 1).max() >= LEAST_CHANGE:
             self._gains = gains.astype(np.float32)
         return {
-            "stations": stations, "matched": int(found.matched.sum()), "applied": self._gains is not None,
+            "stations": len(self._number), "matched": int(found.matched.sum()), "applied": self._gains is not None,
             "smallest_gain": float(gains.min()), "largest_gain": float(gains.max()),
         }  # fmt: skip
 
-    def apply(self, source: int, chunk: Chunk, shift: int) -> np.ndarray | None:
-        """(n, 3) uint8 colours with the gains applied; None where there is nothing to apply."""
-        if self._gains is None or chunk.rgb is None:
-            return None
-        gains = self._gains[self._numbers(source, chunk)]
-        return np.clip(np.rint(chunk.rgb * gains * np.float32(1 / 257 if shift else 1)), 0, 255).astype(np.uint8)
+    def apply(self, source: int, first: int, chunk: Chunk, shift: int) -> np.ndarray:
+        """(n, 3) uint8 colours of a chunk, with the gains applied."""
+        assert chunk.rgb is not None
+        rgb = (chunk.rgb >> shift).astype(np.uint8)
+        if self._gains is not None:
+            rgb = _multiplied(chunk.rgb, self._gains[self._numbers(source, chunk)] * np.float32(1 / 257 if shift else 1))
+        return rgb if self._passes is None else self._passes.apply(rgb, first)
+
+
+def _multiplied(rgb: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(rgb * gains), 0, 255).astype(np.uint8)

@@ -82,7 +82,7 @@ def build_grid(
         _check_any(sources, survey)
         if colours is not None:
             meta["colour"], said = colours.decide(_heights(survey))
-            meta["exposures"] = colours.exposures
+            meta |= colours.matched
             meta["warnings"] += said
         clock.lap("count")
         points = allocate(survey.count)
@@ -166,7 +166,7 @@ def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Exe
     none, inverse, first = np.zeros(_BLOCK, np.uint16), 1 / layout.cell_size, 0
     for number, chunk in numbered_chunks(sources, "building the grid"):
         xyz = np.ascontiguousarray(chunk.xyz, np.float64)
-        rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, chunk), np.uint8)
+        rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
         scan = _scan_numbers(sources, number, chunk)
         for start in range(0, len(xyz), _BLOCK):
             size = min(_BLOCK, len(xyz) - start)

@@ -36,6 +36,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "crs": meta.get("crs"),
         "colour": meta.get("colour"),
         "exposures": meta.get("exposures"),
+        "passes": meta.get("passes"),
         "scans": meta.get("scans", []),
         "dropped": meta.get("dropped", {}),
         "warnings": meta.get("warnings", []),
@@ -72,6 +73,9 @@ def format_text(info: dict) -> str:
     ]
     if exposures := info.get("exposures"):
         rows.append(("exposure", _exposures(exposures)))
+    if (passes := info.get("passes")) and passes["applied"]:
+        gone = f"{1 - passes['variance_left']:.0%} of the variance between neighbours is gone"
+        rows.append(("passes", f"runs of points photographed apart were matched, {gone} (--exposures as-scanned leaves them)"))
     for scan in info["scans"]:
         place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
         rows.append(("scan", f"{scan['name']}: {scan['count']:,} points, {place}"))

@@ -44,7 +44,7 @@ def survey_points(
     """
     expected = sum(source.count or 0 for source in sources)
     while True:
-        histogram, kept, invalid = None, {}, 0
+        histogram, kept, invalid, first = None, {}, 0, 0
         if colours is not None:
             colours.forget()
         try:
@@ -60,7 +60,8 @@ def survey_points(
                     key = (number, chunk.scan)
                     kept[key] = kept.get(key, 0) + len(chunk.xyz) - sum(histogram.dropped) + lost
                 if colours is not None:
-                    colours.add(number, chunk)
+                    colours.add(number, first, chunk)
+                first += len(chunk.xyz)
         except OutOfReach as wider:
             cell_size = wider.cell_size
             continue

@@ -1,0 +1,154 @@
+"""Passes: a scanner goes over a place in runs, and a surface met by two runs should have one colour.
+
+Many scans are merged from sweeps that were photographed apart - under another exposure, with a lamp's gloss seen from
+another side - and nothing in the file says which point is whose.  Side by side in a wall they are salt and pepper.  But
+points are still written in the order they were measured: a block of consecutive points belongs to one run, and points of
+several blocks in one small voxel say how the blocks differ.  Every block gets a gain for each channel, found by alternating
+least squares with Huber's weights over voxels and blocks, and between the middles of blocks gains are interpolated.
+
+Nothing is done where blocks explain little of what is seen within voxels: a scan of one run, a file without order.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from model.data.spacing import median_spacing
+
+BLOCK = 64  # points of the sample: enough for a steady mean, short against a run
+VOXEL_SPACINGS = 3.0  # edge of a voxel: what is not told apart is hardly larger than a point
+LIFT = 8.0  # added to values before their logarithm: noise in the darks counts for little
+TOLERANCE = 0.1  # of log values: beyond it a point is an outlier to its voxel, an edge or a mixed pixel
+STAY = 4.0  # points that hold a block's gain at one
+SETTLE, LOOK_ITERATIONS, ITERATIONS = 3, 5, 10
+LOOK, LOOK_LEAST, LOOK_CELLS = 8, 100_000, 64
+"""One region in LOOK is looked at first, regions LOOK_CELLS to the longest side; a sample below LOOK_LEAST wholly."""
+WORTH = 0.7  # done where the variance within voxels falls to less than this: scans of one run keep 0.85 and more
+_AXIS_BITS = 21  # of a voxel's number; a scan so wide against its spacing wraps around, which does no harm
+
+
+@dataclass(frozen=True)
+class Passes:
+    """gains of a scan's runs.  at (K,) float64: places in the file, rising.  factors (K, 3) float64: of lifted colours there.
+    left: variance within voxels after, as a share of before; 1.0 where nothing could be told."""
+
+    at: np.ndarray
+    factors: np.ndarray
+    left: float
+
+    @property
+    def worth(self) -> bool:
+        """Whether the gains take away enough to be applied."""
+        return self.left < WORTH
+
+    def apply(self, rgb: np.ndarray, first: int) -> np.ndarray:
+        """(n, 3) uint8: colours rgb (n, 3) uint8 of n consecutive points from place ``first`` on.  Black stays black."""
+        changed = np.empty_like(rgb)
+        _apply(np.ascontiguousarray(rgb), first, self.at, self.factors, changed)
+        return changed
+
+
+def solve_passes(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> Passes:
+    """Gains of a sample of coloured points.
+
+    xyz: (N, 3) float64.  rgb: (N, 3) uint8, none black.  at: (N,) places in the file, in any order.
+    """
+    order = np.argsort(at, kind="stable")
+    xyz, rgb, at = xyz[order], rgb[order], at[order].astype(np.float64)
+    block, starts = np.arange(len(at)) // BLOCK, np.arange(0, len(at), BLOCK)
+    middles = np.add.reduceat(at, starts) / np.diff(starts, append=len(at)) if len(at) else np.zeros(0)
+    found = Passes(middles, np.ones((len(middles), 3)), 1.0)
+    if len(middles) < 2:
+        return found
+    some = _regions(xyz)
+    edge = VOXEL_SPACINGS * median_spacing(xyz[some])
+    for chosen, iterations in ((some, LOOK_ITERATIONS), (np.ones(len(at), bool), ITERATIONS)):
+        _, voxel = np.unique(_voxels(xyz[chosen], edge), return_inverse=True)
+        log, gains = np.log(rgb[chosen].astype(np.float32) + np.float32(LIFT)), np.zeros((len(middles), 3))
+        before, after = _alternate(log, voxel, block[chosen], int(voxel.max()) + 1, gains, iterations)
+        found = Passes(middles, np.exp(-gains), float(after / before) if before > 0 else 1.0)
+        if not found.worth:
+            break
+    return found
+
+
+def _regions(xyz: np.ndarray) -> np.ndarray:
+    """(N,) bool: the points of some regions, spread over the whole."""
+    if len(xyz) < LOOK_LEAST:
+        return np.ones(len(xyz), bool)
+    mixed = _voxels(xyz, float(np.ptp(xyz, axis=0).max()) / LOOK_CELLS or 1.0).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    some = (mixed >> np.uint64(40)) % np.uint64(LOOK) == 0
+    return some if np.count_nonzero(some) * 4 * LOOK > len(xyz) else np.ones(len(xyz), bool)
+
+
+def _voxels(xyz: np.ndarray, edge: float) -> np.ndarray:
+    """(N,) int64: the number of each point's voxel."""
+    key = np.zeros(len(xyz), np.int64)
+    for axis in range(3):
+        steps = np.floor((xyz[:, axis] - xyz[:, axis].min()) / edge)
+        key = (key << _AXIS_BITS) | np.fmod(steps, 1 << _AXIS_BITS).astype(np.int64)
+    return key
+
+
+@njit(nogil=True, cache=True)
+def _apply(rgb, first, at, factors, changed):
+    k, last = 0, len(at) - 1
+    for i in range(len(rgb)):
+        place = first + i
+        while k < last - 1 and at[k + 1] <= place:
+            k += 1
+        t = min(max((place - at[k]) / (at[k + 1] - at[k]), 0.0), 1.0)
+        lit = rgb[i, 0] | rgb[i, 1] | rgb[i, 2]
+        for c in range(3):
+            factor = factors[k, c] + t * (factors[k + 1, c] - factors[k, c])
+            value = np.rint((rgb[i, c] + LIFT) * factor - LIFT)
+            changed[i, c] = min(max(value, 1.0), 255.0) if lit else 0
+
+
+@njit(nogil=True, cache=True)
+def _alternate(log, voxel, block, voxels, gains, iterations):
+    """Alternates between voxels' means and blocks' log gains (K, 3), which are written; the variance before and after.
+
+    Only voxels that several blocks met count in the variance; it is Huber's: outliers weigh by their distance.
+    """
+    count, blocks = len(voxel), len(gains)
+    weight = np.ones(count, np.float32)
+    first, shared = np.full(voxels, -1, np.int64), np.zeros(voxels, np.bool_)
+    for i in range(count):
+        v = voxel[i]
+        if first[v] < 0:
+            first[v] = block[i]
+        elif first[v] != block[i]:
+            shared[v] = True
+    means, sums = np.zeros((voxels, 3)), np.zeros(voxels)
+    change, total = np.zeros((blocks, 3)), np.zeros(blocks)
+    rest = np.zeros(3)
+    before = after = 0.0
+    for iteration in range(-SETTLE, iterations + 1):  # means and weights settle before gains move, or those have their credit
+        means[:], sums[:], change[:], total[:], after = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(count):
+            sums[voxel[i]] += weight[i]
+            for c in range(3):
+                means[voxel[i], c] += weight[i] * (log[i, c] - gains[block[i], c])
+        for i in range(count):
+            v, b = voxel[i], block[i]
+            if not shared[v]:
+                continue
+            absolute = square = 0.0
+            for c in range(3):
+                rest[c] = log[i, c] - gains[b, c] - means[v, c] / sums[v]
+                absolute += abs(rest[c]) / 3
+                square += rest[c] * rest[c]
+            weight[i] = min(TOLERANCE / max(absolute, 1e-9), 1.0)
+            after += weight[i] * square
+            total[b] += weight[i]
+            for c in range(3):
+                change[b, c] += weight[i] * rest[c]
+        if iteration == 0:
+            before = after
+        if 0 <= iteration < iterations:
+            for b in range(blocks):
+                for c in range(3):
+                    gains[b, c] += change[b, c] / (total[b] + STAY)
+    return before, after
