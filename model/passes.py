@@ -16,15 +16,16 @@ from numba import njit
 
 from model.data.spacing import median_spacing
 
-BLOCK = 64  # points of the sample: enough for a steady mean, short against a run
+BLOCK = 32  # points of the sample: enough for a steady mean, short against a run
 VOXEL_SPACINGS = 3.0  # edge of a voxel: what is not told apart is hardly larger than a point
 LIFT = 8.0  # added to values before their logarithm: noise in the darks counts for little
 TOLERANCE = 0.1  # of log values: beyond it a point is an outlier to its voxel, an edge or a mixed pixel
 STAY = 4.0  # points that hold a block's gain at one
 SETTLE, LOOK_ITERATIONS, ITERATIONS = 3, 5, 10
-LOOK, LOOK_LEAST, LOOK_CELLS = 8, 100_000, 64
-"""One region in LOOK is looked at first, regions LOOK_CELLS to the longest side; a sample below LOOK_LEAST wholly."""
-WORTH = 0.7  # done where the variance within voxels falls to less than this: scans of one run keep 0.85 and more
+LOOK, LOOK_LEAST, LOOK_CELLS, LOOK_BLOCKS = 8, 100_000, 64, 4
+"""One region in LOOK is looked at first, regions LOOK_CELLS to the longest side, in blocks joined by LOOK_BLOCKS, whose many
+points leave little to chance; a sample below LOOK_LEAST wholly."""
+WORTH = 0.7  # done where the variance within voxels falls to less than this: scans of one run keep 0.87 and more
 _AXIS_BITS = 21  # of a voxel's number; a scan so wide against its spacing wraps around, which does no harm
 
 
@@ -58,19 +59,23 @@ def solve_passes(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> Passes:
     xyz, rgb, at = xyz[order], rgb[order], at[order].astype(np.float64)
     block, starts = np.arange(len(at)) // BLOCK, np.arange(0, len(at), BLOCK)
     middles = np.add.reduceat(at, starts) / np.diff(starts, append=len(at)) if len(at) else np.zeros(0)
-    found = Passes(middles, np.ones((len(middles), 3)), 1.0)
     if len(middles) < 2:
-        return found
+        return Passes(middles, np.ones((len(middles), 3)), 1.0)
     some = _regions(xyz)
     edge = VOXEL_SPACINGS * median_spacing(xyz[some])
-    for chosen, iterations in ((some, LOOK_ITERATIONS), (np.ones(len(at), bool), ITERATIONS)):
-        _, voxel = np.unique(_voxels(xyz[chosen], edge), return_inverse=True)
-        log, gains = np.log(rgb[chosen].astype(np.float32) + np.float32(LIFT)), np.zeros((len(middles), 3))
-        before, after = _alternate(log, voxel, block[chosen], int(voxel.max()) + 1, gains, iterations)
-        found = Passes(middles, np.exp(-gains), float(after / before) if before > 0 else 1.0)
-        if not found.worth:
-            break
-    return found
+    left, gains = _solve(xyz[some], rgb[some], block[some] // LOOK_BLOCKS, edge, LOOK_ITERATIONS)
+    if left >= WORTH:
+        return Passes(middles, np.ones((len(middles), 3)), left)
+    left, gains = _solve(xyz, rgb, block, edge, ITERATIONS)
+    return Passes(middles, np.exp(-gains), left)
+
+
+def _solve(xyz: np.ndarray, rgb: np.ndarray, block: np.ndarray, edge: float, iterations: int) -> tuple[float, np.ndarray]:
+    """The variance left, as a share, and log gains (K, 3) of blocks numbered 0..K-1."""
+    _, voxel = np.unique(_voxels(xyz, edge), return_inverse=True)
+    log, gains = np.log(rgb.astype(np.float32) + np.float32(LIFT)), np.zeros((int(block.max()) + 1, 3))
+    before, after = _alternate(log, voxel, block, int(voxel.max()) + 1, gains, iterations)
+    return float(after / before) if before > 0 else 1.0, gains
 
 
 def _regions(xyz: np.ndarray) -> np.ndarray:
