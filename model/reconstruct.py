@@ -14,12 +14,12 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from model.blend_cpu import CLOSED, Blender
 from model.engines import fold_normalisation
 from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
 PACKED_IN, PACKED_OUT = 8, 4
-CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
 VOID = 6  # channel of the packed input: 1 where nothing is to be shown
 _WORTHWHILE = 0.9  # share of the picture above which leaving out the void saves nothing
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
@@ -90,8 +90,11 @@ class Reconstructor:
         self.compact = isinstance(network, CompactUNet)
         self.network = fold_normalisation(network).to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.name = f"{path.stem} {digest(path)} {self.precision} on {device}"
+        self._blender: Blender | None = None
         if device == "cpu":
-            torch.set_num_threads(max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1))
+            threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+            torch.set_num_threads(threads)
+            self._blender = Blender(threads) if self.compact else None
 
     @torch.inference_mode()
     def __call__(self, packed: Tensor) -> Tensor:
@@ -113,7 +116,16 @@ class Reconstructor:
 
     def made(self, packed: Tensor) -> Tensor:
         """The whole picture, whatever is void; for a caller in inference mode."""
+        if self._blender is not None:
+            return self._made_on_cpu(packed, self._blender)
         made = torch.nan_to_num(self.network(self.channels(packed))[0].float().clamp_(0.0, 1.0), nan=0.0).permute(1, 2, 0)
         made = F.pad(made, (0, PACKED_OUT - made.shape[2]), value=1.0).half()
         made[..., 3] = torch.maximum(made[..., 3], packed[..., CLOSED].to(made.dtype))
         return made
+
+    def _made_on_cpu(self, packed: Tensor, blend: Blender) -> Tensor:
+        """The same, all but the convolutions in compiled loops."""
+        assert isinstance(self.network, CompactUNet)
+        x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].to(self.dtype, memory_format=torch.channels_last)
+        blocks = self.network.blocks(x)[0].permute(1, 2, 0).float().contiguous()
+        return torch.from_numpy(blend(packed.float().numpy(), blocks.numpy(), self.network.block)).half()

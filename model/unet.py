@@ -128,6 +128,10 @@ class CompactUNet(nn.Module):
         return torch.cat([out * (1.0 + light / _luma(out).clamp_min(DARK)), 1.0 + guide[:, -1:]], 1)
 
     def _trunk(self, x: Tensor) -> Tensor:
+        return F.pixel_shuffle(self.blocks(x), self.block)[..., : x.shape[-2], : x.shape[-1]]
+
+    def blocks(self, x: Tensor) -> Tensor:
+        """What the convolutions say of each block of pixels: (B, (1 + BLENDS + 1) * block**2, h, w)."""
         height, width = x.shape[-2:]
         padded = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
         h = F.relu(self.stem(F.pixel_unshuffle(padded, self.block)))
@@ -140,7 +144,7 @@ class CompactUNet(nn.Module):
         for level in range(len(skips) - 1, -1, -1):
             h = F.interpolate(self.grow[level](h), scale_factor=2, mode="nearest")
             h = self.up[level](F.relu(h + skips[level]))
-        return F.pixel_shuffle(self.head(h), self.block)[..., :height, :width]
+        return self.head(h)
 
 
 class PaperUNet(nn.Module):

@@ -1,0 +1,98 @@
+"""The compiled last part of the network against the same in torch, on random pictures of every awkward size."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import torch
+
+from model.blend_cpu import CLOSED, Blender, _tanh
+from model.reconstruct import PACKED_IN, Reconstructor
+from model.unet import BLENDS, CompactUNet, Size
+
+
+def _network(rng, block=2) -> CompactUNet:
+    """Small, with a head that says something."""
+    network = CompactUNet(Size((8, 16), 1, block))
+    torch.manual_seed(int(rng.integers(2**31)))
+    torch.nn.init.normal_(network.head.weight, std=0.2)
+    network.head.bias = torch.nn.Parameter(0.3 * torch.randn(network.head.out_channels))
+    return network.eval()
+
+
+def _packed(rng, height, width, mask="random") -> torch.Tensor:
+    packed = torch.from_numpy(rng.random((height, width, PACKED_IN), np.float32))
+    packed[..., 3] = {"random": (packed[..., 3] > 0.6).float(), "none": 0.0, "all": 1.0}[mask]
+    packed[..., CLOSED] = (packed[..., CLOSED] > 0.9).float()
+    if mask == "all":
+        packed[: height // 2, :, :3] = 0.0  # black, and nothing varies
+    return packed
+
+
+@torch.inference_mode()
+def _in_torch(network, packed) -> torch.Tensor:
+    x = packed[None].permute(0, 3, 1, 2)[:, :5].contiguous()
+    made = torch.nan_to_num(network(x)[0].clamp(0, 1), nan=0.0).permute(1, 2, 0)
+    made[..., 3] = torch.maximum(made[..., 3], packed[..., CLOSED])
+    return made
+
+
+@torch.inference_mode()
+def _compiled(network, packed, blender) -> torch.Tensor:
+    x = packed[None].permute(0, 3, 1, 2)[:, :5].contiguous()
+    blocks = network.blocks(x)[0].permute(1, 2, 0).contiguous()
+    return torch.from_numpy(blender(packed.numpy(), blocks.numpy(), network.block).copy())
+
+
+@pytest.mark.parametrize("mask", ["random", "none", "all"])
+@pytest.mark.parametrize("block", [1, 2, 4])
+def test_agrees_with_torch_at_any_size(seed, block, mask):
+    rng = np.random.default_rng(seed)
+    network, blender = _network(rng, block), Blender(2)
+    sizes = [(1, 1), (2, 3), (5, 40), (17, 7), tuple(rng.integers(16, 90, 2))]
+    spread = 0.0
+    for height, width in sizes:
+        packed = _packed(rng, int(height), int(width), mask)
+        plain, fast = _in_torch(network, packed), _compiled(network, packed, blender)
+        assert (plain - fast).abs().max() < 2e-5, (height, width)
+        spread = max(spread, float(fast[..., :3].std(unbiased=False)))
+    assert spread > 0.05
+
+
+def test_no_result_depends_on_threads_or_on_who_calls(seed):
+    rng = np.random.default_rng(seed)
+    network, packed = _network(rng), _packed(rng, 61, 83)
+    once = _compiled(network, packed, Blender(1))
+    for threads in (2, 3, 100):
+        assert torch.equal(_compiled(network, packed, Blender(threads)), once)
+    blender, other = Blender(2), _packed(rng, 33, 20)
+    with ThreadPoolExecutor(4) as pool:
+        made = list(pool.map(lambda i: _compiled(network, (packed, other)[i % 2], blender), range(12)))
+    assert all(torch.equal(m, made[i % 2]) for i, m in enumerate(made)) and torch.equal(made[0], once)
+
+
+def test_what_is_not_a_number_becomes_black_and_nothing_leaves_the_range(seed):
+    rng = np.random.default_rng(seed)
+    packed = _packed(rng, 40, 40)
+    packed[5, 5, 0], packed[20, 20, 2], packed[30, 9, 1] = float("nan"), float("inf"), -float("inf")
+    blocks = rng.normal(0.0, 0.5, (20, 20, 4 * (2 + BLENDS))).astype(np.float32)
+    blocks[3, 3, : 4 * (1 + BLENDS)] = np.nan
+    made = Blender(2)(packed.numpy(), blocks, 2)
+    assert np.isfinite(made).all() and made.min() >= 0 and made.max() <= 1
+    assert not made[6:8, 6:8, :3].any() and made[39, 39, :3].any()
+
+
+def test_rational_tanh_is_tanh():
+    x = np.concatenate([np.linspace(-12, 12, 100_001), [0.0, 1e-30, -1e-8, 1e30, -np.inf]]).astype(np.float32)
+    made = np.array([_tanh(v) for v in x])
+    assert np.abs(made - np.tanh(x.astype(np.float64))).max() < 5e-7
+
+
+@pytest.mark.parametrize("quality", ["fast", "balanced"])
+def test_shipped_networks_look_the_same_either_way(seed, quality):
+    rng = np.random.default_rng(seed)
+    network = Reconstructor(quality, filtered=True, device="cpu", precision="fp32")
+    packed = _packed(rng, 90, 122).half()
+    fast = network(packed).float()
+    network._blender = None
+    assert (network(packed).float() - fast).abs().max() <= 2**-10  # a rounding of half floats
