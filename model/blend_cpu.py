@@ -10,8 +10,8 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit
 
+from model.compiled import compiled
 from model.unet import BLENDS, CONTRAST_AT, DARK, FILLED_WEIGHT, LEAST_CONTRAST, LUMA, MEAN_BLOCK, SPARSE
 
 CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
@@ -20,7 +20,7 @@ _RED, _GREEN, _BLUE = LUMA
 _F = np.float32
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _weigh(packed, sums, out, first, last):
     """Rows of the sums to be blurred, from packed (H, W, 8) float32; out (3, H, W) begins as the picture."""
     for y in range(first, last):
@@ -33,7 +33,7 @@ def _weigh(packed, sums, out, first, last):
             sums[3, y, x], sums[4, y, x] = weight, weight * light * light
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _guide_row(blocks, block, channel, y, row):
     """One row of a channel of the network's blocks (h, w, channels * block**2), as pixels; row: (w * block,)."""
     base, line = channel * block * block + (y % block) * block, blocks[y // block]
@@ -42,7 +42,7 @@ def _guide_row(blocks, block, channel, y, row):
             row[u * block + j] = line[u, base + j]
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _blur_row(source, y, reach, line, row):
     """The 3x3 binomial blur at a dilation of one row of a plane (H, W), edges repeated; line: scratch, (W + 2 reach,)."""
     height, width = source.shape
@@ -55,7 +55,7 @@ def _blur_row(source, y, reach, line, row):
         row[x] = _F(0.25) * (left[x] + right[x]) + _F(0.5) * middle[x]
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _blend(sums, blurred, out, blocks, block, number, limit, density, first, last):
     """Blur ``number`` of the sums, and the picture blended towards it; at CONTRAST_AT also limit and density (H, W)."""
     planes = 5 if number <= CONTRAST_AT else 4
@@ -81,7 +81,7 @@ def _blend(sums, blurred, out, blocks, block, number, limit, density, first, las
                 density[y, x] = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _means(blocks, block, height, width, means, first, last):
     """Means of the first channel over squares of MEAN_BLOCK pixels, edges repeated; rows ``first`` to ``last`` of means."""
     row = np.empty(blocks.shape[1] * block, np.float32)
@@ -95,7 +95,7 @@ def _means(blocks, block, height, width, means, first, last):
             means[v, u] /= MEAN_BLOCK * MEAN_BLOCK
 
 
-@njit(nogil=True, cache=True, inline="always")
+@compiled(nogil=True, inline="always")
 def _tanh(x):
     """To 4e-7: Eigen's rational approximation, which loops of vector instructions can hold and a library's call cannot."""
     x = min(max(x, _F(-7.9)), _F(7.9))
@@ -107,12 +107,12 @@ def _tanh(x):
     return x * above / (below * s + _F(4.89352518554385e-03))
 
 
-@njit(nogil=True, cache=True, inline="always")
+@compiled(nogil=True, inline="always")
 def _unit(value):
     return min(max(value, _F(0.0)), _F(1.0)) if value == value else _F(0.0)  # NaN is not equal to itself
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _mean_row(means, y, column, row):
     """The means at one row of pixels, interpolated between the squares' middles; column: scratch, as wide as means."""
     place = max((y + 0.5) / MEAN_BLOCK - 0.5, 0.0)
@@ -126,7 +126,7 @@ def _mean_row(means, y, column, row):
         row[x] = column[u] + _F(place - u) * (column[min(u + 1, means.shape[1] - 1)] - column[u])
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _finish(packed, out, blocks, block, means, limit, density, made, first, last):
     """The correction of the light, and the coverage: made (H, W, 4) float32, 0..1, never NaN."""
     width = out.shape[2]

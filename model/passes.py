@@ -12,8 +12,8 @@ Nothing is done where blocks explain little of what is seen within voxels: a sca
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
+from model.compiled import compiled
 from model.data.spacing import median_spacing
 
 BLOCK = 32  # points of the sample: enough for a steady mean, short against a run
@@ -96,7 +96,7 @@ def _voxels(xyz: np.ndarray, edge: float) -> np.ndarray:
     return key
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _apply(rgb, first, at, factors, changed):
     k, last = 0, len(at) - 1
     for i in range(len(rgb)):
@@ -111,7 +111,7 @@ def _apply(rgb, first, at, factors, changed):
             changed[i, c] = min(max(value, 1.0), 255.0) if lit else 0
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _alternate(log, voxel, block, voxels, gains, iterations):
     """Alternates between voxels' means and blocks' log gains (K, 3), which are written; the variance before and after.
 

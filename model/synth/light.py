@@ -7,7 +7,8 @@ the irradiance / pi that `Lighting.irradiance` returns.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from model.compiled import compiled
 
 from .shapes import Shapes, nearest
 
@@ -36,7 +37,7 @@ class Lights:
         return (self.kind, self.position, self.side_u, self.side_v, self.radius, self.power, self.samples)
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _random(state):
     """One step of a 64-bit mixer: (new state, uniform in [0, 1))."""
     state = state + np.uint64(0x9E3779B97F4A7C15)
@@ -47,7 +48,7 @@ def _random(state):
     return state, float(x >> np.uint64(11)) * (1.0 / 9007199254740992.0)
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def light_points(
     points, normals, lit, ambient_samples, kind, position, side_u, side_v, radius, power, samples,
     s_kind, s_params, s_centre, s_rotation, s_casts, s_lows, s_highs, s_links,

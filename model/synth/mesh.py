@@ -6,7 +6,8 @@ stands upright.
 """
 
 import numpy as np
-from numba import njit
+
+from model.compiled import compiled
 
 from .panorama import Seen
 
@@ -78,7 +79,7 @@ def _hierarchy(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return order, np.array(boxes), np.array(links, np.int64)
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _enters(box, o, inverse, limit):
     """Where a ray enters a box, infinite where it does not before ``limit``."""
     near, far = 0.0, limit
@@ -93,7 +94,7 @@ def _enters(box, o, inverse, limit):
     return near if near <= far else np.inf
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _nearest(origins, rays, first, edge_u, edge_v, order, boxes, links):
     n = len(origins)
     ts, which, us, vs = np.full(n, np.inf), np.full(n, -1, np.int64), np.zeros(n), np.zeros(n)

@@ -16,7 +16,8 @@ QUAD      hx, hy, outline                    in z = 0; outline 0 rectangle, 1 el
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from model.compiled import compiled
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)
 EPSILON = 1e-6  # metres: hits nearer than this are the surface that the ray leaves
@@ -92,7 +93,7 @@ def make_shapes(kind, params, centre, rotation, casts=None) -> Shapes:
     return Shapes(kind, params, centre, rotation, casts, np.array(lows), np.array(highs), np.array(links, np.int64))
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz):
     """Where a ray enters and leaves the box |x| <= hx, ...: (near, far), near > far where it misses."""
     near, far = -np.inf, np.inf
@@ -107,7 +108,7 @@ def _box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz):
     return near, far
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _hit_tube(ox, oy, oz, dx, dy, dz, r0, r1, h, caps):
     """First t > EPSILON on the side of a cone frustum, and on its end discs where ``caps``; inf for none."""
     best = np.inf
@@ -132,7 +133,7 @@ def _hit_tube(ox, oy, oz, dx, dy, dz, r0, r1, h, caps):
     return best
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _hit_ellipsoid(ox, oy, oz, dx, dy, dz, rx, ry, rz):
     """First t > EPSILON on an ellipsoid; inf for none."""
     ox, oy, oz, dx, dy, dz = ox / rx, oy / ry, oz / rz, dx / rx, dy / ry, dz / rz
@@ -146,7 +147,7 @@ def _hit_ellipsoid(ox, oy, oz, dx, dy, dz, rx, ry, rz):
     return (-b + root) / a if (-b + root) / a > EPSILON else np.inf
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _hit_round(ox, oy, oz, dx, dy, dz, hx, hy, hz, r):
     """First t on a rounded box, by sphere tracing between the plain box's two faces; inf for none."""
     near, far = _box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz)
@@ -164,7 +165,7 @@ def _hit_round(ox, oy, oz, dx, dy, dz, hx, hy, hz, r):
     return np.inf
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _hit_quad(ox, oy, oz, dx, dy, dz, hx, hy, outline):
     """t where the ray passes through the outline in z = 0; inf for none."""
     if dz == 0.0 or -oz / dz <= EPSILON:
@@ -180,7 +181,7 @@ def _hit_quad(ox, oy, oz, dx, dy, dz, hx, hy, outline):
     return t if inside else np.inf
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
     """t of a world ray on primitive i; inf for none."""
     px, py, pz = px - centre[i, 0], py - centre[i, 1], pz - centre[i, 2]
@@ -217,7 +218,7 @@ def _hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
     return best
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def nearest(ox, oy, oz, dx, dy, dz, limit, shadow, kind, params, centre, rotation, casts, lows, highs, links):
     """(t, primitive) of the nearest hit before ``limit``, (limit, -1) for none.
 
@@ -254,7 +255,7 @@ def nearest(ox, oy, oz, dx, dy, dz, limit, shadow, kind, params, centre, rotatio
     return best, found
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def _surface(k, x, y, z, p0, p1, p2, p3):
     """Outward local normal and uv (metres) at a local surface point.
 
@@ -289,7 +290,7 @@ def _surface(k, x, y, z, p0, p1, p2, p3):
     return nx / length, ny / length, nz / length, angle * p0, z
 
 
-@njit(nogil=True, cache=True)
+@compiled(nogil=True)
 def trace_rays(origins, directions, kind, params, centre, rotation, casts, lows, highs, links):
     """The kernel of `Shapes.trace`."""
     n = len(origins)

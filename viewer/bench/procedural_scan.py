@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
+from model.compiled import compiled
 from viewer.cloud.grid import processors
-from viewer.cloud.kernels import _compiled
 from viewer.cloud.scene import Scene
 from viewer.cloud.source import Chunk, ScanInfo, Source
 from viewer.errors import InputError
@@ -172,7 +172,7 @@ def _furnish(rooms: int, columns: int, seed: int) -> tuple[np.ndarray, np.ndarra
     return np.ascontiguousarray(np.stack(parts, axis=1)), doors
 
 
-@_compiled(inline="always")
+@compiled(inline="always")
 def _mixed(a, b):
     """64 well-mixed bits of two numbers (splitmix64)."""
     z = np.uint64(a) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(b) * np.uint64(0xD1B54A32D192ED03) + np.uint64(0x632BE5AB)
@@ -181,13 +181,13 @@ def _mixed(a, b):
     return z ^ (z >> np.uint64(31))
 
 
-@_compiled(inline="always")
+@compiled(inline="always")
 def _part(bits, number):
     """0..1 from one of the four 16-bit parts of 64 bits."""
     return np.float64((bits >> np.uint64(16 * number)) & np.uint64(0xFFFF)) * (1.0 / 65536.0)
 
 
-@_compiled(inline="always")
+@compiled(inline="always")
 def _smooth(u, v, salt):
     """Value noise 0..1 that changes over one unit of u and v."""
     i, j = math.floor(u), math.floor(v)
@@ -199,7 +199,7 @@ def _smooth(u, v, salt):
     return p * (1 - t) + q * t
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def _scan_rays(station, room, skip, rays, first, seed, columns, boxes, doors, xyz, rgb):
     """Rays skip, skip + 1, ... of a station with ``rays`` in all; first: running number of the first of them.
 

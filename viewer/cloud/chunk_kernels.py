@@ -1,9 +1,9 @@
 """The compiled loop over a draw list that finds the chunks it touches; imported only where a scene outgrows its pool."""
 
-from viewer.cloud.kernels import _compiled
+from model.compiled import compiled
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def tally_chunks(first, count, shift, tally):
     """Adds the points of each run to the chunks they lie in.
 

@@ -8,7 +8,8 @@ cell size is a power of two.
 """
 
 import numpy as np
-from numba import njit
+
+from model.compiled import compiled
 
 GEOMETRIC = 16
 """Number of values the seeded geometric variable takes: 0..15."""
@@ -16,19 +17,7 @@ _SEED = np.uint64(0x706F696E74676C61)  # any constant would do; fixed, so that a
 _ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 2**n, by de Bruijn's sequence 0x09AF
 
 
-def _compiled(**options):
-    """njit, kept on disk between runs where numba finds a folder it can write to."""
-
-    def decorate(function):
-        try:
-            return njit(cache=True, **options)(function)
-        except RuntimeError:
-            return njit(**options)(function)
-
-    return decorate
-
-
-@_compiled(inline="always")
+@compiled(inline="always")
 def geometric(index):
     """Trailing zeros of a seeded hash (splitmix64) of a point's running number: 0 for half of all points, 1 for a
     quarter, ..., at most GEOMETRIC - 1."""
@@ -40,7 +29,7 @@ def geometric(index):
     return _ZEROS[(lowest * np.uint64(0x09AF) >> np.uint64(12)) & np.uint64(15)]
 
 
-@_compiled(inline="always")
+@compiled(inline="always")
 def _slot(table, x, y, z):
     """Where cell (x, y, z) is, or belongs, in an open-addressing table (2**k, 4) int32: x, y, z, number (-1: free)."""
     mask = np.uint64(table.shape[0] - 1)
@@ -52,7 +41,7 @@ def _slot(table, x, y, z):
     return slot
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def fill_table(table, cells):
     """Enters cells (C, 3) int32, all different, under their row numbers into an empty table."""
     for i in range(cells.shape[0]):
@@ -61,7 +50,7 @@ def fill_table(table, cells):
         table[slot, 3] = i
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, tally, bounds):
     """Counts points by cell and geometric value, entering new cells, until ``limit`` cells are exceeded.
 
@@ -102,7 +91,7 @@ def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, 
     return done
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words):
     """Packs a slice of points and names each one's bucket, layer * cells + cell.
 
@@ -150,7 +139,7 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
     return front, n - 1 - back
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def place_points(buckets, words, start, stop, stride, cursor, points):
     """Moves packed points start, start + stride, ... before ``stop`` to the next free place of their buckets."""
     for i in range(start, stop, stride):
@@ -160,7 +149,7 @@ def place_points(buckets, words, start, stop, stride, cursor, points):
             points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def neighbour_distances(xyz, queries, k, out):
     """Squared distance from each query (a row number of xyz) to its k-th nearest other point of xyz, by full search.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.cloud.kernels import _compiled
+from model.compiled import compiled
 
 if TYPE_CHECKING:
     from viewer.render.cull import DrawList
@@ -40,7 +40,7 @@ class PageMap:
         return PageMap(pages.slot_of_chunk, pages.slots_per_page, shift, len(pages.buffers), whole, overlap if whole else 0)
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def cut_runs(first, count, slot, group, groups, size, start, stop, chunks, per_page, shift, whole, overlap, columns, cursor,
              table):  # fmt: skip
     """Pieces of runs, sorted by page and group, in each by ascending point.

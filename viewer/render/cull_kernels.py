@@ -4,7 +4,7 @@ They write into arrays they are given, allocate nothing, and keep the order of e
 expressions gives the same bits.
 """
 
-from viewer.cloud.kernels import _compiled
+from model.compiled import compiled
 
 SLACK = 1e-8
 """Of a block's reach, by which its test errs towards looking at its cells: above the 1e-9 that each cell is given."""
@@ -12,7 +12,7 @@ ROUNDING = 1e-12
 """Of a coordinate: above what float64 loses between a block's test and that of its cells."""
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corner, lod, focal, cells, cell_view, need):
     """Cells that touch the frustum, by ascending row.  Returns how many.
 
@@ -87,7 +87,7 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corne
     return found
 
 
-@_compiled(nogil=True)
+@compiled(nogil=True)
 def list_runs(offsets, layers, total, cells, visible, lod, need, held, active, first, count, slot):
     """Runs of points of the visible cells, by ascending first: of each cell the fewest layers that hold ``need`` points.
 
