@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from viewer.bench import KINDS, errors, frames, scaling, versus, views
+from viewer.bench import KINDS, errors, frames, opponents, scaling, versus, views
 from viewer.bench.procedural_scan import PITCH, ProceduralScan, procedural_scene
 from viewer.bench.subject import Subject, described
 from viewer.camera import from_fov, look_at
@@ -251,11 +251,11 @@ def test_the_paper_gets_what_its_program_feeds_it():
 
     depth = torch.tensor([[2.0, torch.inf], [6.0, 3.0]])
     colour = torch.tensor([[[255, 0, 51, 255]] * 2] * 2, dtype=torch.uint8)
-    made = versus.paper_input(colour, depth, torch.tensor([[True, False], [False, True]]))
+    made = opponents.paper_input(colour, depth, torch.tensor([[True, False], [False, True]]))
     assert made.shape == (1, 5, 2, 2)
     assert torch.allclose(made[0, :3, 0, 0], torch.tensor([1.0, 0.0, 0.2]))
     assert made[0, 3].tolist() == [[1, 0], [0, 1]] and torch.allclose(made[0, 4], torch.tensor([[0.0, -1.0], [1.0, 0.25]]))
-    void = versus.paper_input(colour, torch.full((2, 2), torch.inf), torch.zeros(2, 2, dtype=torch.bool))
+    void = opponents.paper_input(colour, torch.full((2, 2), torch.inf), torch.zeros(2, 2, dtype=torch.bool))
     assert torch.isfinite(void).all() and (void[0, 4] == -1).all()
 
 
@@ -264,7 +264,7 @@ def test_the_papers_network_is_whole_and_its_picture_that_of_the_network():
 
     from model.unet import PaperUNet
 
-    network = versus.PaperNetwork((48, 32), "cpu", torch.float32, seed=4)
+    network = opponents.PaperNetwork((48, 32), "cpu", torch.float32, seed=4)
     assert network.parameters == 31_038_915
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(4)
@@ -276,7 +276,7 @@ def test_the_papers_network_is_whole_and_its_picture_that_of_the_network():
     network.load(colour, depth, mask)
     network.run()
     with torch.inference_mode():
-        expected = plain(versus.paper_input(*(torch.from_numpy(a) for a in (colour, depth, mask))))[0].clamp(0, 1)
+        expected = plain(opponents.paper_input(*(torch.from_numpy(a) for a in (colour, depth, mask))))[0].clamp(0, 1)
     gap = np.abs(network.picture.numpy().astype(int) - np.rint(expected.permute(1, 2, 0).numpy() * 255))
     assert gap.max() <= 1
 
@@ -299,9 +299,9 @@ def test_the_opponent_draws_every_point_and_the_same_picture(small):
         def run(self):
             pass
 
-    paper = versus.Published(context, scene, Network())  # type: ignore[arg-type]
+    paper = opponents.Published(context, scene, Network())  # type: ignore[arg-type]
     times = paper.frame(camera)
-    assert set(times) == {*versus.COUNTED, *versus.LEFT_OUT}
+    assert set(times) == {*opponents.COUNTED, *opponents.LEFT_OUT}
     assert paper._renderer.render(camera, paper.settings).stats["points_drawn"] == scene.count
     frame = renderer.render(camera, paper.settings, views=("raw", "filtered"))
     assert frame.stats["points_drawn"] < scene.count
@@ -376,9 +376,9 @@ def test_bench_scale(tmp_path):
 @pytest.mark.gl
 def test_bench_versus(tmp_path, monkeypatch, capsys):
     def absent():
-        raise versus.Open3DError("Open3D is not installed here")
+        raise opponents.Open3DError("Open3D is not installed here")
 
-    monkeypatch.setattr(versus, "Open3DPoints", absent)
+    monkeypatch.setattr(opponents, "Open3DPoints", absent)
     rates = []
     monkeypatch.setattr(versus, "matmul_rate", lambda *a: rates.append("matmul") or 1e12)
     monkeypatch.setattr(versus, "conv_rate", lambda *a: rates.append("convolution") or 1e12)
@@ -387,7 +387,7 @@ def test_bench_versus(tmp_path, monkeypatch, capsys):
     assert made["open3d"] == "Open3D is not installed here" and "Open3D is not installed here" in capsys.readouterr().out
     (held,) = made["runs"]
     assert set(held["contenders"]) == {"ours, balanced", "ours, fast", versus.PAPER}
-    assert set(held["contenders"][versus.PAPER]["milliseconds"]) == {*versus.COUNTED, *versus.LEFT_OUT, "total"}
+    assert set(held["contenders"][versus.PAPER]["milliseconds"]) == {*opponents.COUNTED, *opponents.LEFT_OUT, "total"}
     assert "31,038,915" in held["contenders"][versus.PAPER]["network"]
     assert held["ratios"]["ours, fast"][versus.PAPER] > 0 and held["fairness"]["needed"] == versus.FAIR
 

@@ -1,0 +1,220 @@
+"""Whom we are timed against: the paper's pipeline as published, and Open3D's window.  Each takes a camera and says how long.
+
+The paper's gets every benefit of the doubt.  All its points are drawn each frame, as its authors do, but by our compute
+rasteriser; its network runs with batch normalisation folded in, channels last, fp16 and as a CUDA graph on CUDA, in the
+fastest precision measured on a CPU.  Its weights are random: they decide a picture, not a run time.
+"""
+
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model.evaluation.open3d_points import POINT_SIZES, Open3DError, Open3DPoints
+from viewer.bench.matrix_rate import synchronise
+from viewer.settings import Settings
+
+if TYPE_CHECKING:
+    import moderngl
+    import torch
+
+    from viewer.camera import Camera
+    from viewer.cloud.scene import Scene
+    from viewer.render.cull import Culler, DrawList
+
+COUNTED = ("raster", "filter", "network")
+"""Stages in the paper's total."""
+LEFT_OUT = ("draw list", "hand over")
+"""Timed beside them: what only joins the parts here."""
+_FLATTER = 1e-9
+
+
+def paper_input(colour: "torch.Tensor", depth: "torch.Tensor", mask: "torch.Tensor") -> "torch.Tensor":
+    """What the published program feeds its network: RGB 0..1, keep-mask, and depth spread over this frame's own range, -1
+    where empty.
+
+    colour: (H, W, 4) uint8.  depth: (H, W) float32, +inf where empty.  mask: (H, W) bool.  Returns
+    (1, 5, H, W) float32.
+    """
+    import torch
+
+    known = torch.isfinite(depth)
+    near = depth.amin()
+    far = torch.where(known, depth, torch.full_like(depth, -torch.inf)).amax()
+    spread = torch.where(known, (depth - near) / (far - near).clamp_min(_FLATTER), torch.full_like(depth, -1.0))
+    return torch.cat([colour[..., :3].permute(2, 0, 1) / 255.0, mask.float()[None], spread[None]])[None]
+
+
+class PaperNetwork:
+    """The paper's network of 31 million parameters with random weights, on fixed buffers of one size.
+
+    ``load`` copies a frame in, ``run`` makes the picture (H, W, 3) uint8 on the device.
+    """
+
+    def __init__(self, size: tuple[int, int], device: str, dtype: "torch.dtype", seed: int = 1):
+        import torch
+
+        from model.engines import fold_normalisation
+        from model.unet import PaperUNet
+
+        width, height = size
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            network = PaperUNet()
+        self.parameters = sum(p.numel() for p in network.parameters())
+        network = fold_normalisation(network.eval())
+        self.device, self.dtype = device, dtype
+        self.network = network.to(device, dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.colour = torch.zeros(height, width, 4, dtype=torch.uint8, device=device)
+        self.depth = torch.ones(height, width, device=device)
+        self.mask = torch.zeros(height, width, dtype=torch.bool, device=device)
+        self._graph: Any = None
+        self.picture = torch.empty(0)
+        if device == "cuda":
+            torch.backends.cudnn.benchmark = True
+            self._capture()
+
+    def _capture(self) -> None:
+        import torch
+
+        aside = torch.cuda.Stream()
+        aside.wait_stream(torch.cuda.current_stream())
+        with torch.cuda.stream(aside):
+            for _ in range(3):
+                self._make()
+        torch.cuda.current_stream().wait_stream(aside)
+        graph = torch.cuda.CUDAGraph()
+        with torch.cuda.graph(graph):
+            self._make()
+        self._graph = graph
+
+    def _make(self) -> None:
+        import torch
+
+        with torch.inference_mode():
+            x = paper_input(self.colour, self.depth, self.mask).to(self.dtype, memory_format=torch.channels_last)
+            made = self.network(x)[0].float().clamp(0, 1)
+            self.picture = (made.permute(1, 2, 0) * 255.0 + 0.5).to(torch.uint8)
+
+    def load(self, colour: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> None:
+        """A frame's arrays, shapes and types as in :func:`paper_input`."""
+        import torch
+
+        for held, given in ((self.colour, colour), (self.depth, depth), (self.mask, mask)):
+            held.copy_(torch.from_numpy(given.copy()))
+        synchronise(self.device)
+
+    def run(self) -> None:
+        """Makes ``picture`` and waits for it."""
+        if self._graph is not None:
+            self._graph.replay()
+        else:
+            self._make()
+        synchronise(self.device)
+
+
+class EveryPoint:
+    """In a renderer's culler's place: draws every point of the scene, whatever the camera sees."""
+
+    def __init__(self, inner: "Culler"):
+        scene = inner.scene
+        self.scene, self._inner = scene, inner
+        self._corners = np.asarray(scene.cell_coords, np.float64) * scene.cell_size
+        count = np.diff(scene.offsets)
+        held = np.flatnonzero(count)
+        cells = len(scene.cell_coords)
+        self._runs = {
+            "first": np.asarray(scene.offsets[:-1])[held], "count": count[held], "slot": (held % cells).astype(np.int32),
+            "cells": np.arange(cells, dtype=np.int32), "points": scene.count,
+        }
+
+    def select(self, camera: "Camera", lod: float | None = None) -> "DrawList":
+        """The draw list of all points; ``lod`` is not heeded."""
+        scene = self.scene
+        view = np.zeros((len(self._corners), 4), np.float32)
+        view[:, :3] = (self._corners + (0.5 * scene.step + scene.origin - camera.position)) @ camera.view_rotation.T
+        axes = (camera.view_rotation * scene.step).astype(np.float32)
+        return replace(self._inner.select(camera), cell_view=view, axes=axes, **self._runs)
+
+
+class Published:
+    """The published pipeline on our passes: every point drawn, the published soft z-buffer and filter, its network."""
+
+    settings = Settings(view="filtered", filter="paper-code", soft_z="paper-code", raster="compute")
+
+    def __init__(self, context: "moderngl.Context", scene: "Scene", network: PaperNetwork):
+        from viewer.render.renderer import Renderer
+
+        self.network = network
+        self._renderer = Renderer(context, scene, device="cpu")  # of no use to it: torch is called here
+        self._renderer._culler = EveryPoint(self._renderer._culler)  # type: ignore[assignment]
+
+    def frame(self, camera: "Camera") -> dict[str, float]:
+        """Milliseconds by stage, COUNTED and LEFT_OUT."""
+        frame = self._renderer.render(camera, self.settings, views=("raw", "filtered"))
+        start = time.perf_counter()
+        self.network.load(frame.image("raw"), frame.depth(), frame.mask())
+        middle = time.perf_counter()
+        self.network.run()
+        end = time.perf_counter()
+        stages = frame.stats["stages"]
+        return {
+            "draw list": stages["cull"], "raster": stages["raster"], "filter": stages["filter"],
+            "hand over": (middle - start) * 1e3, "network": (end - middle) * 1e3,
+        }
+
+    def release(self) -> None:
+        self._renderer.release()
+
+
+def fastest_precision(device: str, size: tuple[int, int]) -> tuple[str, dict[str, float]]:
+    """The precision the paper's network runs fastest in, by running it on a small picture: its name, and milliseconds of
+    all tried.  On CUDA fp16, as published."""
+    from model.reconstruct import PRECISIONS
+
+    if device == "cuda":
+        return "fp16", {}
+    small = min(size[0], 192), min(size[1], 144)
+    tried: dict[str, float] = {}
+    for name in ("fp32", "bf16"):
+        network = PaperNetwork(small, device, PRECISIONS[name])
+        network.run()
+        start = time.perf_counter()
+        network.run()
+        tried[name] = (time.perf_counter() - start) * 1e3
+    return min(tried, key=lambda name: tried[name]), tried
+
+
+class Open3DContender:
+    """Open3D's window in its own process.  ``reason``: why it does not draw, None while it does."""
+
+    name = f"Open3D, {POINT_SIZES[0]:g} px points"
+
+    def __init__(self, scene: "Scene"):
+        from viewer.cloud.scene import unpack
+
+        self.reason: str | None = None
+        self._xyz = self._rgb = np.empty(0)
+        try:
+            self._renderer = Open3DPoints()
+            self._xyz, self._rgb = unpack(scene)[:2]
+        except Open3DError as error:
+            self.reason = str(error)
+
+    def frame(self, camera: "Camera") -> dict[str, float] | None:
+        """Milliseconds by point size, once the points are uploaded; None where it cannot draw."""
+        if self.reason is not None:
+            return None
+        seen = ((self._xyz - camera.position) @ camera.view_rotation.T).astype(np.float32)
+        try:
+            spent = self._renderer.draw(seen, self._rgb, (camera.width, camera.height), camera.fy)[1]
+        except Open3DError as error:
+            self.reason = str(error)
+            return None
+        times = {f"{size:g} px points": value for size, value in zip(POINT_SIZES, spent, strict=True)}
+        return times | {"total": spent[0]}
+
+    def close(self) -> None:
+        if self.reason is None:
+            self._renderer.close()
