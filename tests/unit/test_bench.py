@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from viewer.bench import KINDS, errors, frames, opponents, scaling, versus, views
+from viewer.bench import KINDS, approximations, errors, frames, opponents, scaling, versus, views
 from viewer.bench.procedural_scan import PITCH, ProceduralScan, procedural_scene
 from viewer.bench.subject import Subject, described
 from viewer.camera import from_fov, look_at
@@ -445,17 +445,17 @@ def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
 
     _, scene = small
     context = create_context()
-    renderer, camera = errors.BenchRenderer(context, scene, device="cpu"), views.named_views(scene, SIZE)[1]
-    plain = renderer.render(camera, errors.EXACT).image("filled").copy()
+    renderer, camera = approximations.BenchRenderer(context, scene, device="cpu"), views.named_views(scene, SIZE)[1]
+    plain = renderer.render(camera, approximations.EXACT).image("filled").copy()
     renderer.soft = 1 / 4
-    other = renderer.render(camera, errors.EXACT).image("filled").copy()
+    other = renderer.render(camera, approximations.EXACT).image("filled").copy()
     patch = pytest.MonkeyPatch()
     patch.setattr("model.project.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
     try:
-        twin = twin64.twin_frame(scene, camera, errors.EXACT, 1.0)[0].astype(int)
+        twin = twin64.twin_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     finally:
         patch.undo()
-    usual = twin64.twin_frame(scene, camera, errors.EXACT, 1.0)[0].astype(int)
+    usual = twin64.twin_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     gap = {(a, b): (np.abs(made[..., :3] - truth) > 1).mean()  # more than rounding
            for a, made in (("1/4", other), ("usual", plain)) for b, truth in (("1/4", twin), ("usual", usual))}
     assert gap["1/4", "1/4"] < 0.01 and gap["usual", "usual"] < 0.01, gap

@@ -1,0 +1,125 @@
+"""Every approximation that ``bench error`` judges, as a table, and what draws the frames of it.
+
+Exact: every point, 16-bit positions, the filter's own levels, full resolution, the network in fp32.  Most approximations are
+settings; those that no setting offers are a scene of coarser positions, a renderer that is told its tolerance or given its
+network, and a network that is run over void too.
+"""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from model.project import SOFT_RELATIVE, SoftZ
+from viewer.camera import Camera
+from viewer.render.renderer import Renderer
+from viewer.settings import Settings
+
+if TYPE_CHECKING:
+    from model.reconstruct import Reconstructor
+    from viewer.cloud.scene import Scene
+    from viewer.render.neural import NeuralStage
+
+EXACT = Settings(view="filled", precision="fp32")
+TOLERANCES = (1 / 512, 1 / 256, 1 / 64, 1 / 32)
+"""Of depth; the exact frame's is SOFT_RELATIVE."""
+
+
+@dataclass(frozen=True)
+class Approximation:
+    """One row.  view: what it is judged on.  settings: changed from EXACT.  scale: of the picture's sides, enlarged again to
+    be compared.  bits: of a packed coordinate.  soft: tolerance of the soft z-buffer, relative to depth.  int8: of the
+    network.  whole: the network runs over void too.  against: quality of the exact frame's network."""
+
+    group: str
+    name: str
+    view: str = "filled"
+    settings: Settings = EXACT
+    scale: float = 1.0
+    bits: int = 16
+    soft: float | None = None
+    int8: bool = False
+    whole: bool = False
+    against: str = EXACT.quality
+
+
+def approximations(qualities: list[str], precisions: list[str]) -> list[Approximation]:
+    """The table.  qualities: with weights; the first is the exact frame's.  precisions: that run here, int8 among them."""
+    first = qualities[0]
+    network = replace(EXACT, view="neural", quality=first)
+    table = [
+        *(Approximation("level of detail", f"{p:g} points a pixel", settings=replace(EXACT, lod=p)) for p in (0.5, 1, 2, 4, 8)),
+        *(Approximation("packing", f"{bits} bits", bits=bits) for bits in range(10, 16)),
+        *(Approximation("filter", f"{n} levels", settings=replace(EXACT, filter_levels=n)) for n in (1, 2, 3, 4, 6, 8)),
+        *(Approximation("filter", name, settings=replace(EXACT, filter=name)) for name in ("paper-code", "npbg++", "off")),
+        *(Approximation("soft depth", f"1/{1 / r:.0f} of depth", soft=r) for r in TOLERANCES if r != SOFT_RELATIVE),
+        *(Approximation("soft depth", name, settings=replace(EXACT, soft_z=name)) for name in ("paper-code", "paper-text")),
+        *(Approximation("internal resolution", f"{s:.0%} of each side", view="neural", settings=network, scale=s)
+          for s in (0.75, 0.5)),
+        *(Approximation("precision", p, view="neural", int8=p == "int8",
+                        settings=network if p == "int8" else replace(network, precision=p)) for p in precisions),
+        *(Approximation("network", q, view="neural", settings=replace(network, quality=q)) for q in qualities[1:]),
+        Approximation("network", "none: filled", view="neural", settings=replace(EXACT, view="filled")),
+        Approximation("void", "made by the network too", view="neural", settings=network, whole=True),
+    ]
+    return [replace(row, against=first) for row in table]
+
+
+class Whole:
+    """A network that is run over the whole picture, whatever is void."""
+
+    def __init__(self, network: "Reconstructor"):
+        self.network = network
+
+    def __getattr__(self, name: str):
+        return getattr(self.network, name)
+
+    def __call__(self, packed):
+        import torch
+
+        with torch.inference_mode():
+            return self.network.made(packed)
+
+
+class BenchRenderer(Renderer):
+    """A renderer with two things that no setting offers.  soft: tolerance relative to depth, None = the settings' own.
+    network: in place of the settings' own on the CPU, or None."""
+
+    soft: float | None = None
+    network: "Reconstructor | Whole | None" = None
+
+    def _soft_z(self, settings: Settings) -> SoftZ:
+        usual = super()._soft_z(settings)
+        return usual if self.soft is None else replace(usual, relative=self.soft)
+
+    def _neural_for(self, settings: Settings) -> "NeuralStage":
+        from viewer.render.neural import load_network
+
+        stage = super()._neural_for(settings)
+        quality, filtered, weights, precision, _ = stage.key
+        stage.network = self.network or load_network(quality, filtered, weights, precision, stage.device)  # type: ignore[assignment]
+        return stage
+
+    def network_input(self, camera: Camera, settings: Settings):
+        """(H, W, 8) half: what the network is given for a camera."""
+        import torch
+
+        from model.reconstruct import PACKED_IN
+
+        self.render(camera, settings, views=("neural",))
+        assert self._neural is not None
+        packed = np.frombuffer(self._neural.bridge.input.read(), np.float16).copy()
+        return torch.from_numpy(packed).reshape(camera.height, camera.width, PACKED_IN)
+
+
+def coarser(scene: "Scene", bits: int) -> "Scene":
+    """The scene with each coordinate rounded to ``bits`` bits: the middle of a larger step."""
+    if bits == 16:
+        return scene
+    drop = 16 - bits
+    low, middle = (1 << drop) - 1, 1 << (drop - 1)
+    points = np.array(scene.points)
+    both = ~np.uint32(low | low << 16)
+    points[:, 0] = points[:, 0] & both | np.uint32(middle | middle << 16)
+    points[:, 1] = points[:, 1] & ~np.uint32(low) | np.uint32(middle)
+    return replace(scene, points=points)
