@@ -19,7 +19,7 @@ from PIL import Image
 from torch import Tensor, nn
 
 from model.data.pairs import Projected, project_scan, raster_of, scan_spacing
-from model.data.photos import PhotoPlace
+from model.data.photo_place import PhotoPlace
 from model.data.truth import DataError, MemoryPicture, Scan, TruePicture, TruePlace
 from model.depth_filter import keep_mask
 from model.losses import SqueezeDistance

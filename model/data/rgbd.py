@@ -19,7 +19,9 @@ from PIL import Image
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation, Slerp
 
-from model.data.photos import Lens, Photograph, PhotoPlace, check_pictures
+from model.data.lens import Lens
+from model.data.photo_place import PhotoPlace
+from model.data.photos import Photograph, check_pictures
 from model.data.truth import DataError, Scan
 
 HELD_OUT = 8  # every so manieth frame is a true picture

@@ -16,7 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from model.data.photos import Lens, Photograph, PhotoPlace, check_pictures
+from model.data.lens import Lens
+from model.data.photo_place import PhotoPlace
+from model.data.photos import Photograph, check_pictures
 from model.data.truth import DataError, Scan
 
 SPLITS = {"train": "nvs_sem_train", "val": "nvs_sem_val", "test": "nvs_test"}

@@ -16,8 +16,10 @@ import torch
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from model.data.lens import Lens
 from model.data.pairs import build, place_pairs, project_scan, raster_of
-from model.data.photos import BRIGHTNESS, CONTRAST, Lens, Photograph, PhotoPlace
+from model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
+from model.data.photos import Photograph
 from model.data.rgbd import load_rgbd
 from model.data.scannetpp import load_scannetpp, scenes
 from model.data.truth import DataError, MemoryPicture, Scan

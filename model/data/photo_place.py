@@ -1,0 +1,201 @@
+"""Photographs of a scanned place as truth, by the paper's recipe for pairs that fit to the pixel.
+
+A photograph is true only where the scan has something, and registered poses are never exact.  So the paper (Vanherck et al.
+2025, "Training Data Generation") takes from the projected scan nothing but depth and which pixels are hit, and colours the
+points in front with the photograph itself: :meth:`PhotoPlace.photographed`.  Points behind keep the scan's colours, which is
+the paper's recipe for unfiltered input, and changes nothing where the filter takes them away.
+
+World frame: the scan's, metres.  Camera frames are OpenGL's.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import torch
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from model.data.pairs import Projected, project_scan, raster_of, scan_spacing
+from model.data.truth import DataError, Scan, TruePicture
+from model.depth_filter import keep_mask
+from model.project import SoftZ
+
+BRIGHTNESS, CONTRAST, SETS = 20.0, 0.2, (2, 5)
+"""The paper's augmentation: 2 to 5 sets of brightness +-20 (of 255) and contrast x0.8 to x1.2, as if from as many stations."""
+CLOSING = 1.5  # point spacings: smaller gaps between projected points are covered
+LARGEST_CLOSING = 12  # pixels
+
+
+@dataclass(frozen=True)
+class Tones:
+    """Brightness (S,) added and contrast (S,) multiplied, one of each a station."""
+
+    brightness: np.ndarray
+    contrast: np.ndarray
+
+    def apply(self, rgb: np.ndarray, station: np.ndarray) -> np.ndarray:
+        """(N, 3) uint8 colours as the stations (N,) would have taken them."""
+        changed = rgb * self.contrast[station, None] + self.brightness[station, None]
+        return np.clip(np.rint(changed), 0, 255).astype(np.uint8)
+
+
+class PhotoPlace:
+    """A TruePlace of one scan and photographs of it.
+
+    scan: the scan, or how to get it (then only the place used last holds its own).  Pictures are known where the whole scan,
+    gaps between its points closed, has something and the photograph itself is usable; nothing is learned elsewhere.
+    """
+
+    _latest: ClassVar["tuple[PhotoPlace, Scan] | None"] = None
+
+    def __init__(self, name: str, scan: Scan | Callable[[], Scan], photographs: Sequence[TruePicture]):
+        self.name = name
+        self._scan = scan
+        self.views: Sequence[TruePicture] = [CoveredPicture(self, photograph) for photograph in photographs]
+
+    def unspoiled(self) -> Scan:
+        """The scan as it was taken."""
+        if isinstance(self._scan, Scan):
+            return self._scan
+        if PhotoPlace._latest is None or PhotoPlace._latest[0] is not self:
+            PhotoPlace._latest = None
+            PhotoPlace._latest = (self, self._scan())
+        return PhotoPlace._latest[1]
+
+    @cached_property
+    def spacing(self) -> float:
+        """Median spacing of the whole scan, metres."""
+        return scan_spacing(self.unspoiled())
+
+    def scan(self, seed: int) -> Scan:
+        """The scan in the tones of its stations; a scan that is one station's is divided among invented ones, each point
+        more likely to the nearer, so that they meet and mix as merged scans do."""
+        scan = self.unspoiled()
+        if not len(scan.xyz):
+            raise DataError(f"{self.name}: its scan holds no points")
+        tones, own = self._tones(seed)
+        station = scan.station if own else _invented(scan.xyz, len(tones.contrast), np.random.default_rng([seed, 3]))
+        return replace(scan, rgb=tones.apply(scan.rgb, station), station=station)
+
+    def _tones(self, seed: int) -> tuple[Tones, bool]:
+        """Tones of each station, whose means are no change at all: a brightness that nothing in the scan could tell would
+        otherwise be judged.  Also whether the stations are the scan's own."""
+        rng = np.random.default_rng([seed, 2])
+        stations = int(self.unspoiled().station.max(initial=0)) + 1
+        count = stations if stations > 1 else int(rng.integers(SETS[0], SETS[1] + 1))
+        brightness, contrast = rng.uniform(-BRIGHTNESS, BRIGHTNESS, count), 1 + rng.uniform(-CONTRAST, CONTRAST, count)
+        return Tones(brightness - brightness.mean(), contrast / contrast.mean()), stations > 1
+
+    def photographed(self, seen: Projected, view: TruePicture, seed: int, *, toned: bool = True) -> Projected:
+        """The projected points of ``scan(seed)``, those in front coloured by the photograph, in their station's tones.
+
+        seen: all points of the scan in this view (perhaps in a picture a whole number of times smaller).  toned: False where
+        the stations' exposures have been matched.  In front is what the depth filter keeps of all points; the others, and
+        those on unusable pixels, keep the scan's colours.
+        """
+        camera = seen.camera
+        reduce = view.width // camera.width
+        raster = raster_of(seen, torch.ones(len(seen.z), dtype=torch.bool), self.spacing)
+        soft = SoftZ.preset("auto", self.spacing, 1.0)
+        farthest = torch.maximum(raster.depth * (1 + soft.relative), raster.depth + soft.absolute)
+        usable = view.photograph.known() if isinstance(view, CoveredPicture) else view.known()
+        front = keep_mask(raster.depth)
+        if usable is not None:
+            front &= torch.from_numpy(_blocks(usable, reduce).min((1, 3)))
+        chosen = front.flatten()[seen.index] & (seen.z <= farthest.flatten()[seen.index])
+        photo = np.rint(_blocks(view.rgb(), reduce).mean((1, 3))).astype(np.uint8).reshape(-1, 3)
+        tones, _ = self._tones(seed)
+        rgb = seen.rgb.clone()
+        colours = photo[seen.index[chosen].numpy()]
+        rgb[chosen] = torch.from_numpy(tones.apply(colours, seen.station[chosen].numpy()) if toned else colours)
+        return replace(seen, rgb=rgb)
+
+    def covered(self, view: TruePicture) -> np.ndarray:
+        """(H, W) bool: pixels where the whole scan has something, gaps between its points closed."""
+        seen = project_scan(self.unspoiled(), view)
+        hit = np.zeros(view.width * view.height, bool)
+        hit[seen.index.numpy()] = True
+        apart = view.fl * self.spacing / float(seen.z.median()) if len(seen.z) else 1.0
+        return _closed(hit.reshape(view.height, view.width), int(np.clip(np.ceil(CLOSING * apart), 1, LARGEST_CLOSING)))
+
+
+class CoveredPicture:
+    """A photograph of a place, known only where the place's scan covers it."""
+
+    def __init__(self, place: PhotoPlace, photograph: TruePicture):
+        self.photograph = photograph
+        self._place = place
+        self._known: np.ndarray | None = None  # packed bits: there may be hundreds
+
+    @property
+    def width(self) -> int:
+        return self.photograph.width
+
+    @property
+    def height(self) -> int:
+        return self.photograph.height
+
+    @property
+    def fl(self) -> float:
+        return self.photograph.fl
+
+    @property
+    def cx(self) -> float:
+        return self.photograph.cx
+
+    @property
+    def cy(self) -> float:
+        return self.photograph.cy
+
+    @property
+    def camera_to_world(self) -> np.ndarray:
+        return self.photograph.camera_to_world
+
+    def rgb(self) -> np.ndarray:
+        """(H, W, 3) uint8, sRGB."""
+        return self.photograph.rgb()
+
+    def depth(self) -> np.ndarray | None:
+        """(H, W) float32 metres or None."""
+        return self.photograph.depth()
+
+    def coverage(self) -> np.ndarray | None:
+        """(H, W) float32 or None."""
+        return self.photograph.coverage()
+
+    def known(self) -> np.ndarray:
+        """(H, W) bool."""
+        if self._known is None:
+            usable = self.photograph.known()
+            covered = self._place.covered(self.photograph)
+            self._known = np.packbits(covered if usable is None else covered & usable)
+        shape = self.photograph.height, self.photograph.width
+        return np.unpackbits(self._known, count=shape[0] * shape[1]).astype(bool).reshape(shape)
+
+
+def _blocks(picture: np.ndarray, side: int) -> np.ndarray:
+    """(H, W, ...) -> (H / side, side, W / side, side, ...)."""
+    h, w = picture.shape[0] // side, picture.shape[1] // side
+    return picture[: h * side, : w * side].reshape(h, side, w, side, *picture.shape[2:])
+
+
+def _closed(hit: np.ndarray, radius: int) -> np.ndarray:
+    """Gaps of up to twice the radius closed; what lies beyond the picture opens none."""
+    side = 2 * radius + 1
+    return minimum_filter(maximum_filter(hit, side, mode="constant", cval=0), side, mode="constant", cval=1)
+
+
+def _invented(xyz: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(N,) uint8: a station for every point, of ``count`` that stand at random points; chances fall with distance squared."""
+    centres = xyz[rng.choice(len(xyz), count)]
+    softening = 1e-3 * float(np.ptp(xyz, axis=0).max()) ** 2 + 1e-12
+    best = np.full(len(xyz), -np.inf, np.float32)
+    station = np.zeros(len(xyz), np.uint8)
+    for number, centre in enumerate(centres):
+        score = -np.log(((xyz - centre) ** 2).sum(1) + softening).astype(np.float32)
+        score += rng.gumbel(size=len(xyz)).astype(np.float32)
+        better = score > best
+        best[better], station[better] = score[better], number
+    return station
