@@ -1,0 +1,88 @@
+"""One RGB-D frame: a photograph with a depth picture, and the points that it holds.
+
+Depth is z-depth, metres, +inf where there is none.  World frame: the pose's, metres; the camera frame is OpenGL's.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+from scipy.ndimage import map_coordinates
+
+from model.data.lens import Lens
+from model.data.photos import Photograph
+
+FARTHEST = 65.0  # metres: 65535 mm is how several formats write "no depth"
+JUMP = 0.05  # of depth, to a neighbour: beyond it a depth pixel mixes two surfaces
+MILLIMETRE = 1 / 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Frame(Photograph):
+    """A photograph with a depth picture.  unit: metres of one step of it.  depth_lens: the depth camera's own pinhole, at the
+    same pose; None where the depth picture shares the photograph's lens, at whatever size."""
+
+    depth_path: Path = Path()
+    unit: float = MILLIMETRE
+    depth_lens: Lens | None = None
+
+    def stored_depth(self) -> np.ndarray:
+        """(h, w) float32 metres as stored, +inf where there is none."""
+        raw = np.load(self.depth_path) if self.depth_path.suffix == ".npy" else np.asarray(Image.open(self.depth_path))
+        metres = raw.astype(np.float32) * np.float32(self.unit)
+        return np.where(np.isfinite(metres) & (metres > 0) & (metres < FARTHEST), metres, np.float32(np.inf))
+
+    def _stored_at(self, stored: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """What the depth picture holds on rays (x, y, 1), OpenCV axes: between its pixels in inverse depth, in which a plane
+        is affine; +inf outside it and where any of the pixels used has none."""
+        h, w = stored.shape
+        lens = self.depth_lens or self.lens
+        u, v = lens.pixel(x, y)
+        u, v = u * (w / lens.width), v * (h / lens.height)
+        inside = (u >= 0) & (u < w) & (v >= 0) & (v < h)
+        where = np.stack([np.where(inside, v, 0.5) - 0.5, np.where(inside, u, 0.5) - 0.5])
+        inverse = map_coordinates(1.0 / stored, where, order=1, mode="nearest")
+        share = map_coordinates(np.isfinite(stored).astype(np.float32), where, order=1, mode="nearest")
+        good = inside & (share > 0.999)
+        return np.where(good, share / np.where(good, inverse, 1.0), np.inf).astype(np.float32)
+
+    def depth(self) -> np.ndarray:
+        """(H, W) float32 metres along the axis, +inf where there is none."""
+        j, i = np.mgrid[0 : self.height, 0 : self.width] + 0.5
+        return self._stored_at(_without_jumps(self.stored_depth()), (i - self.cx) / self.fl, (j - self.cy) / self.fl)
+
+    def points(self, step: int) -> tuple[np.ndarray, np.ndarray]:
+        """Every ``step``-th depth pixel in each direction: xyz (N, 3) float64 world, rgb (N, 3) uint8."""
+        stored = self.stored_depth()
+        h, w = stored.shape
+        j, i = np.mgrid[step // 2 : h : step, step // 2 : w : step] + 0.5
+        if self.depth_lens is not None:
+            lens = self.depth_lens
+            x, y = (i * lens.width / w - lens.cx) / lens.fx, (j * lens.height / h - lens.cy) / lens.fy
+        else:
+            x, y = (i * self.width / w - self.cx) / self.fl, (j * self.height / h - self.cy) / self.fl
+        z = self._stored_at(_without_jumps(stored), x, y)
+        u, v = x * self.fl + self.cx, y * self.fl + self.cy
+        seen = np.isfinite(z) & (u >= 0) & (u < self.width) & (v >= 0) & (v < self.height)
+        usable = self.known()
+        if usable is not None:
+            seen &= usable[np.clip(v, 0, self.height - 1).astype(int), np.clip(u, 0, self.width - 1).astype(int)]
+        x, y, z, u, v = x[seen], y[seen], z[seen].astype(np.float64), u[seen].astype(int), v[seen].astype(int)
+        local = np.stack([x * z, -y * z, -z], 1)
+        return local @ self.camera_to_world[:3, :3].T + self.camera_to_world[:3, 3], self.rgb()[v, u]
+
+
+def _without_jumps(depth: np.ndarray) -> np.ndarray:
+    """+inf where a neighbour of a pixel is much nearer or farther: such a pixel lies on neither surface."""
+    jump = np.zeros(depth.shape, bool)
+    known = np.where(np.isfinite(depth), depth, np.nan)
+    for axis in (0, 1):
+        first = [slice(None)] * 2
+        second = [slice(None)] * 2
+        first[axis], second[axis] = slice(None, -1), slice(1, None)
+        a, b = known[tuple(first)], known[tuple(second)]
+        apart = np.abs(a - b) > JUMP * np.fmin(a, b)  # False beside unknown depth
+        jump[tuple(first)] |= apart
+        jump[tuple(second)] |= apart
+    return np.where(jump, np.float32(np.inf), depth)
