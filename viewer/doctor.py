@@ -1,7 +1,7 @@
 """``pointglass doctor``: what works on this machine, what is used, what to do about the rest.
 
-Drivers can take a process down, so whatever touches one is a probe in a process of its own: a crash is an answer.
-Times and sizes are shown in units a person reads; the dict holds the same text and is JSON-able.
+Drivers can take a process down, so whatever touches one is a probe in a process of its own (:mod:`viewer.doctor_probes`): a
+crash is an answer.  Times and sizes are shown in units a person reads; the dict holds the same text and is JSON-able.
 """
 
 import json
@@ -11,33 +11,23 @@ import subprocess
 import sys
 import tempfile
 import textwrap
-from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import viewer
-from viewer.errors import PointglassError
+from viewer.doctor_probes import GB, PROBES, item
 from viewer.paths import cache_dir
 
-if TYPE_CHECKING:
-    import moderngl
-
-    from viewer.render.shader import Programs
-
-STATUSES = ("ok", "warn", "fail", "skipped")
 LIBRARIES = (
     "numpy", "moderngl", "glfw", "imgui-bundle", "torch", "numba", "laspy", "lazrs", "pye57", "open3d", "scipy",
     "safetensors", "pillow", "platformdirs",
 )  # fmt: skip
 OPTIONAL = ("cuda-core", "cuda-bindings")
 _SECONDS = 120  # a probe that takes longer hangs
-_GB = 1e9
-_WORDS = 4096
 
 
 def examine() -> dict:
-    """{"version", "pictures": bool, "items": [{"name", "status", "value", "remedy"}]}; status as in STATUSES."""
+    """{"version", "pictures": bool, "items": [{"name", "status", "value", "remedy"}]}; status as in doctor_probes.STATUSES."""
     running = {name: _start(name) for name in PROBES}  # side by side: each waits for libraries to load
     items = [_memory(), _processor(), _cache(), _libraries()]
     found = [item for name, process in running.items() for item in _finish(name, process)]
@@ -53,209 +43,28 @@ def exit_code(report: dict) -> int:
 
 def format_text(report: dict, width: int = 110) -> str:
     """The report for a person, in aligned columns."""
-    names = max(len(item["name"]) for item in report["items"])
+    names = max(len(entry["name"]) for entry in report["items"])
     indent = " " * (names + 11)
     lines = [f"pointglass {report['version']}"]
-    for item in report["items"]:
-        head = f"{item['status']:<7}  {item['name']:<{names}}  "
-        lines += textwrap.wrap(item["value"], width, initial_indent=head, subsequent_indent=indent)
-        if item["remedy"]:
+    for entry in report["items"]:
+        head = f"{entry['status']:<7}  {entry['name']:<{names}}  "
+        lines += textwrap.wrap(entry["value"], width, initial_indent=head, subsequent_indent=indent)
+        if entry["remedy"]:
             lines += textwrap.wrap(
-                item["remedy"], width, initial_indent=f"{indent}-> ", subsequent_indent=f"{indent}   "
+                entry["remedy"], width, initial_indent=f"{indent}-> ", subsequent_indent=f"{indent}   "
             )
     verdict = "pictures can be made" if report["pictures"] else "no pictures can be made: no usable OpenGL"
     return "\n".join([*lines, "", verdict]) + "\n"
 
 
-def item(name: str, status: str, value: str, remedy: str = "") -> dict:
-    """One line of the report."""
-    return {"name": name, "status": status, "value": value, "remedy": remedy}
-
-
 # -- probes, each run in a process of its own -----------------------------------------------------------------------
-
-
-def _probe_opengl() -> list[dict]:
-    from viewer.render.context import create_context, describe_device
-
-    remedy = "install the GPU's driver, or Mesa's software one: apt install libegl1 libgl1-mesa-dri"
-    try:
-        context = create_context()
-    except PointglassError as error:
-        return [item("OpenGL", "fail", str(error), remedy)]
-    device = describe_device(context)
-    what = f"{device.renderer}, OpenGL {device.version} through EGL"
-    try:
-        passed = compute_works(context)
-        problem = "the self-test's compute pass gave wrong numbers"
-    except Exception as error:
-        passed, problem = False, f"the self-test failed: {' '.join(str(error).split())}"
-    limits = (
-        f"pictures up to {device.texture_limit} pixels a side, {device.storage_limit / 2**20:.0f} MiB a storage "
-        f"buffer, {context.info['GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS']} threads a work group"
-    )
-    if not passed:
-        status, value, todo = "fail", f"{what}; {problem}", "update the graphics driver, or use Mesa's software one"
-    elif device.software:
-        status, value = "warn", f"{what}; runs on the processor; self-test passed"
-        todo = "pictures are right but slow; if this machine has a GPU, install its driver"
-    else:
-        status, value, todo = "ok", f"{what}; self-test passed", ""
-    return [item("OpenGL", status, value, todo), item("limits", "ok", limits)]
-
-
-def _probe_window() -> list[dict]:
-    names = [name for name in ("WAYLAND_DISPLAY", "DISPLAY") if os.environ.get(name)]
-    if sys.platform.startswith("linux") and not names:
-        return [item(
-            "window", "skipped", "neither DISPLAY nor WAYLAND_DISPLAY is set: no window here",
-            "`pointglass render` needs none; over ssh, use ssh -X, a remote desktop, or xvfb-run",
-        )]  # fmt: skip
-    where = ", ".join(f"{name}={os.environ[name]}" for name in names) or sys.platform
-    import imgui_bundle  # isort: skip  # noqa: F401  (brings the library that glfw then loads)
-    import glfw  # isort: skip
-
-    problems: list[str] = []
-    glfw.set_error_callback(lambda code, text: problems.append(os.fsdecode(text)))
-    if not glfw.init():
-        return [item("window", "fail", f"no window system answers on {where}: {_last(problems)}",
-                     "check the display, or use `pointglass render`")]  # fmt: skip
-    glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 4)
-    glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
-    glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
-    glfw.window_hint(glfw.VISIBLE, False)
-    window = glfw.create_window(64, 64, "pointglass doctor", None, None)
-    if not window:
-        glfw.terminate()
-        return [item("window", "fail", f"{where}: a window with OpenGL 4.3 could not be made: {_last(problems)}",
-                     "install the GPU's driver; macOS stops at OpenGL 4.1")]  # fmt: skip
-    glfw.make_context_current(window)
-    from viewer.render.context import create_context, describe_device
-
-    try:
-        device = describe_device(create_context(headless=False))
-        found = item("window", "ok", f"{where}; OpenGL {device.version} on {device.renderer}")
-    except PointglassError as error:
-        found = item("window", "fail", str(error), "install the GPU's driver")
-    glfw.terminate()
-    return [found]
-
-
-def _probe_network() -> list[dict]:
-    import torch
-
-    from model.reconstruct import cuda_problem, fast_precision
-    from model.weights import shipped, weights_dir
-
-    problem = cuda_problem()
-    precision = fast_precision("cpu")
-    cpu = "bf16, which this processor multiplies in hardware" if precision == "bf16" else "fp32; no bf16 in hardware"
-    if problem is None:
-        used, count = torch.cuda.current_device(), torch.cuda.device_count()
-        properties = torch.cuda.get_device_properties(used)
-        which = f" (device {used} of {count})" if count > 1 else ""
-        value = f"{properties.name}{which}, {properties.total_memory / _GB:.0f} GB, CUDA {torch.version.cuda}, network in fp16"
-        cuda = item("CUDA", "ok", value)
-    else:
-        todo = "the network runs on the processor; with an NVIDIA GPU, install its driver and a CUDA build of torch"
-        cuda = item("CUDA", "skipped", problem, todo)
-    names = shipped()
-    weights = (
-        item("weights", "ok", ", ".join(names))
-        if names
-        else item("weights", "warn", f"none in {weights_dir()}: no neural view", "train some with `pointglass train`")
-    )
-    return [item("torch", "ok", f"{torch.__version__}; on the processor {cpu}"), cuda, weights]
-
-
-def _probe_interop() -> list[dict]:
-    from model.reconstruct import cuda_problem
-
-    if problem := cuda_problem():
-        return [item("interop", "skipped", f"OpenGL to CUDA: {problem}; frames are copied through memory")]
-    from viewer.render.context import create_context
-    from viewer.render.shader import Programs
-
-    try:
-        context = create_context()
-    except PointglassError as error:
-        return [item("interop", "warn", str(error), "frames are copied through memory, which is right but slower")]
-    return [interop_item(Programs(context))]
-
-
-def interop_item(programs: "Programs") -> dict:
-    """Whether OpenGL's buffers can be mapped into CUDA, by each library that could; the first that works is used.
-
-    Making a bridge runs the test: a pattern written by OpenGL, changed by torch, read by OpenGL.
-    """
-    from viewer.render.cuda_bridge import MAPPERS, CudaBridge
-
-    found: dict[str, str | None] = {}
-    for name in MAPPERS:
-        try:
-            CudaBridge(programs, (64, 48), (name,)).release()
-            found[name] = None
-        except PointglassError as error:
-            found[name] = str(error)
-    works = [name for name, problem in found.items() if problem is None]
-    broken = [problem for problem in found.values() if problem is not None]
-    where = _gl_cuda_device()
-    if not works:
-        return item("interop", "warn", "; ".join(broken) + where, "frames are copied through memory, which is right but slower")
-    value = f"OpenGL buffers are mapped into CUDA by {works[0]}, nothing is copied; self-test passed{where}"
-    if broken:
-        return item("interop", "ok", f"{value}; not by the other: {'; '.join(broken)}")
-    return item("interop", "ok", f"{value}; {' and '.join(works[1:])} would do too" if works[1:] else value)
-
-
-def _gl_cuda_device() -> str:
-    """Which EGL device is torch's CUDA device, where there is a choice."""
-    from viewer.render.egl import cuda_numbers, current_cuda_number, matching_device
-
-    numbers = cuda_numbers()
-    if len(numbers) < 2:
-        return ""
-    chosen = matching_device()
-    return f"; CUDA device {current_cuda_number()} is " + (
-        "none that EGL knows for certain" if chosen is None else f"EGL device {chosen} of {len(numbers)}"
-    )
-
-
-PROBES: dict[str, Callable[[], list[dict]]] = {
-    "OpenGL": _probe_opengl,
-    "window": _probe_window,
-    "network": _probe_network,
-    "interop": _probe_interop,
-}
-
-
-def compute_works(context: "moderngl.Context") -> bool:
-    """Mixes random words in a compute pass and compares each with NumPy's."""
-    import numpy as np
-
-    from viewer.render.self_test import run_self_test
-    from viewer.render.shader import Programs
-
-    programs = Programs(context)
-    words = np.random.default_rng(0).integers(0, 2**32, _WORDS, np.uint32)
-    source, target = context.buffer(words.tobytes()), context.buffer(reserve=words.nbytes)
-    run_self_test(programs, 0, source, target, _WORDS)
-    made = np.frombuffer(target.read(), np.uint32)
-    index = np.arange(_WORDS, dtype=np.uint32)
-    for owned in (source, target, programs):
-        owned.release()
-    return bool(np.array_equal(made, words * np.uint32(1664525) + (index ^ np.uint32(1013904223))))
-
-
-def _last(problems: list[str]) -> str:
-    return problems[-1] if problems else "no reason given"
 
 
 def _start(name: str) -> subprocess.Popen:
     above = str(Path(viewer.__file__).resolve().parents[1])
     path = os.pathsep.join(filter(None, [above, os.environ.get("PYTHONPATH")]))
     return subprocess.Popen(
-        [sys.executable, "-m", "viewer.doctor", name], env=os.environ | {"PYTHONPATH": path},
+        [sys.executable, "-m", "viewer.doctor_probes", name], env=os.environ | {"PYTHONPATH": path},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace",
     )  # fmt: skip
 
@@ -286,8 +95,8 @@ def _memory() -> dict:
         total, free = sizes["MemTotal"], sizes["MemAvailable"]
     except (OSError, KeyError, ValueError):
         return item("memory", "skipped", "this system does not say how much memory there is")
-    value = f"{total / _GB:.1f} GB, {free / _GB:.1f} GB of it available"
-    if free < 2 * _GB:
+    value = f"{total / GB:.1f} GB, {free / GB:.1f} GB of it available"
+    if free < 2 * GB:
         return item("memory", "warn", value, "close other programs; large scans want 2 GB or more")
     return item("memory", "ok", value)
 
@@ -309,8 +118,8 @@ def _cache() -> dict:
     except OSError as error:
         return item("cache", "fail", f"{folder}: cannot be written ({error.strerror}): scans cannot be kept", todo)
     free = shutil.disk_usage(there).free
-    value = f"{folder}: writable, {free / _GB:.1f} GB free"
-    return item("cache", "ok", value) if free > 2 * _GB else item("cache", "warn", value, todo)
+    value = f"{folder}: writable, {free / GB:.1f} GB free"
+    return item("cache", "ok", value) if free > 2 * GB else item("cache", "warn", value, todo)
 
 
 def _libraries() -> dict:
@@ -325,7 +134,3 @@ def _libraries() -> dict:
     if missing:
         return item("libraries", "fail", f"{value}; missing: {', '.join(missing)}", "install pointglass again")
     return item("libraries", "ok", value)
-
-
-if __name__ == "__main__":
-    print(json.dumps(PROBES[sys.argv[1]]()))

@@ -9,7 +9,7 @@ import torch
 from fake_cuda import Driver, RecordingContext, Status, core_module, install, runtime_module
 
 from model.reconstruct import PACKED_IN, PACKED_OUT
-from viewer.doctor import interop_item
+from viewer.doctor_probes import interop_item
 from viewer.errors import DeviceError
 from viewer.render.bridge import ReadBackBridge, make_bridge, works
 from viewer.render.cuda_bridge import MAPPERS, CudaBridge

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from viewer import doctor
+from viewer import doctor, doctor_probes
 
 
 @pytest.mark.gl
@@ -17,7 +17,7 @@ def test_examination_is_complete_and_readable(monkeypatch):
     items = {item["name"]: item for item in report["items"]}
     assert {"OpenGL", "limits", "window", "torch", "CUDA", "weights", "interop", "memory", "processor", "cache",
             "libraries"} == set(items)  # fmt: skip
-    assert all(item["status"] in doctor.STATUSES and item["value"] for item in items.values())
+    assert all(item["status"] in doctor_probes.STATUSES and item["value"] for item in items.values())
     assert all(item["remedy"] for item in items.values() if item["status"] in ("warn", "fail"))
     assert "self-test passed" in items["OpenGL"]["value"]
     assert items["window"]["status"] == "skipped" and "DISPLAY" in items["window"]["value"]
@@ -35,7 +35,7 @@ def test_a_crashed_probe_is_an_answer():
 
 
 def test_no_opengl_is_exit_code_3():
-    report = {"version": "0", "pictures": False, "items": [doctor.item("OpenGL", "fail", "none", "install one")]}
+    report = {"version": "0", "pictures": False, "items": [doctor_probes.item("OpenGL", "fail", "none", "install one")]}
     assert doctor.exit_code(report) == 3
     assert "no usable OpenGL" in doctor.format_text(report) and "-> install one" in doctor.format_text(report)
 
