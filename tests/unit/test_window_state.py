@@ -55,8 +55,8 @@ def stats(**stages):
 
 
 def finish(made):
-    while made.network_load is not None:
-        made.network_load.join(5.0)
+    while made.choice.network_load is not None:
+        made.choice.network_load.join(5.0)
         made.poll()
 
 
@@ -152,7 +152,7 @@ def test_a_still_session_needs_one_picture():
     made.drew(made.plan, stats())
     clock.now += 5
     assert not made.advance() and not made.needs_picture and made.next_change() is None
-    made.held.add("forward")
+    made.flight.held.add("forward")
     made.advance()
     clock.now += 0.1
     assert made.advance() and made.needs_picture
@@ -161,14 +161,14 @@ def test_a_still_session_needs_one_picture():
 def test_neural_waits_for_its_network_and_shows_what_was_asked():
     gate = threading.Event()
     made, _ = session(loader=lambda settings: gate.wait(5) and None)
-    made.show("neural")
-    assert made.settings.view == "filled" and made.shown_settings.view == "neural"
+    made.choice.show("neural")
+    assert made.choice.settings.view == "filled" and made.choice.shown_settings.view == "neural"
     gate.set()
     finish(made)
-    assert made.settings.view == "neural" and made.dirty
-    made.show("raw")
-    made.show("neural")
-    assert made.settings.view == "neural" and made.network_load is None, "a network is loaded once"
+    assert made.choice.settings.view == "neural" and made.picture.dirty
+    made.choice.show("raw")
+    made.choice.show("neural")
+    assert made.choice.settings.view == "neural" and made.choice.network_load is None, "a network is loaded once"
 
 
 def test_missing_weights_say_so_and_change_nothing():
@@ -177,40 +177,40 @@ def test_missing_weights_say_so_and_change_nothing():
 
     made, _ = session(loader=none, settings=Settings(view="neural"))
     finish(made)
-    assert made.message is not None and "best" in made.message.text
-    assert made.shown_settings.view == "filled"
-    made.request(replace(made.settings, quality="best"))
+    assert made.notices.message is not None and "best" in made.notices.message.text
+    assert made.choice.shown_settings.view == "filled"
+    made.choice.request(replace(made.choice.settings, quality="best"))
     finish(made)
-    assert made.shown_settings.quality == "balanced"
+    assert made.choice.shown_settings.quality == "balanced"
 
 
 def test_a_slow_network_flies_filled_and_repaints_at_rest():
     made, clock = session()
-    made.show("neural")
+    made.choice.show("neural")
     finish(made)
     made.drew(made.plan, stats(network=900.0))
     clock.now += 1
-    made.held.add("forward")
+    made.flight.held.add("forward")
     made.advance()
     clock.now += 0.1
     made.advance()
     assert made.plan.views == ("filled",)
     made.drew(made.plan, stats())
     assert "filled while moving" in made.approximations
-    made.held.clear()
+    made.flight.held.clear()
     for _ in range(200):
         clock.now += 1 / 60
         made.advance()
     assert made.plan.views == ("neural",) and made.needs_picture
-    made.pace.keep_up = False
-    made.held.add("forward")
+    made.picture.pace.keep_up = False
+    made.flight.held.add("forward")
     assert made.plan.views == ("neural",)
 
 
 def fly(made, clock, raster, *, frames=40, occlusion=None):
     """Moves for some frames whose raster stage takes ``raster(level)`` milliseconds; returns the levels drawn with."""
     levels = []
-    made.held.add("forward")
+    made.flight.held.add("forward")
     for _ in range(frames):
         clock.now += 0.05
         made.advance()
@@ -218,8 +218,8 @@ def fly(made, clock, raster, *, frames=40, occlusion=None):
         assert plan.moving
         levels.append(plan.level)
         made.drew(plan, stats(raster=raster(plan.level)) | ({} if occlusion is None else {"occlusion": occlusion}))
-    made.held.clear()
-    while made.fly.moving:
+    made.flight.held.clear()
+    while made.flight.state.moving:
         clock.now += 0.05
         made.advance()
         made.drew(made.plan, stats(raster=raster(made.plan.level)))
@@ -258,7 +258,7 @@ def test_points_a_pixel_settle_while_moving_and_all_come_back_at_rest(per_point)
 
 def test_points_are_not_left_out_where_that_saves_nothing():
     made, clock = session()
-    made.held.add("forward")
+    made.flight.held.add("forward")
     levels = []
     for _ in range(30):  # 90 ms whatever is drawn, as where the picture's size decides
         clock.now += 0.05
@@ -273,18 +273,18 @@ def test_points_are_not_left_out_where_that_saves_nothing():
 def test_at_rest_a_picture_that_would_take_too_long_is_not_begun():
     made, clock = session()
     cost = lambda level: 1e6 if level is None else 100.0 * level  # noqa: E731
-    made.pace.begin(10**9)
+    made.picture.pace.begin(10**9)
     assert made.plan.level == 1.0, "a huge scene begins coarse"
     fly(made, clock, cost)
     levels = rest(made, clock, cost)
     assert None not in levels and max(map(cost, levels)) <= 2000.0 < 4 * cost(levels[-1])
-    made.pace.keep_up = False
+    made.picture.pace.keep_up = False
     assert made.plan.level is None, "unless that is asked for"
 
 
 def test_points_that_do_not_grow_in_number_are_all_there_are():
     made, clock = session()
-    made.pace.begin(10**9)
+    made.picture.pace.begin(10**9)
     levels = rest(made, clock, lambda level: 50.0, points=lambda level: min(level or 1e9, 10.0))
     assert levels == [1.0, 4.0, 16.0, 64.0, None]
 
@@ -300,33 +300,33 @@ def test_hidden_cells_are_looked_for_only_where_it_pays_and_never_left_out_at_re
     made, clock = session()
     made.drew(made.plan, stats())
     fly(made, clock, lambda level: 10.0, frames=5, occlusion={"points_hidden": 9})
-    made.held.add("forward")
+    made.flight.held.add("forward")
     assert made.plan.hides
     made.drew(made.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 9}})
-    made.held.clear()
+    made.flight.held.clear()
     assert made.next_change() is not None
     clock.now += 1.0
     assert made.needs_picture and not made.plan.hides
     made.drew(made.plan, stats())
     clock.now += 1.0
-    made.held.add("forward")
+    made.flight.held.add("forward")
     for hides in (True, False):  # the first frame of a flight knows of nothing that hides
         clock.now += 0.05
         made.advance()
         made.drew(made.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 0}})
         assert made.plan.hides == hides
     fly(made, clock, lambda level: 10.0, frames=100)
-    made.held.add("forward")
+    made.flight.held.add("forward")
     assert made.plan.hides, "tried again later"
 
 
 def test_comparison_never_shows_the_same_view_twice_at_first():
     made, _ = session()
     for view in ("raw", "filtered", "filled"):
-        made.show(view)
-        made.compare(True)
-        assert made.sides[0] == "raw" and made.sides[1] != "raw"
-        made.compare(False)
+        made.choice.show(view)
+        made.choice.compare(True)
+        assert made.choice.sides[0] == "raw" and made.choice.sides[1] != "raw"
+        made.choice.compare(False)
 
 
 def test_what_is_odd_about_a_scan_is_said():
@@ -335,7 +335,7 @@ def test_what_is_odd_about_a_scan_is_said():
     scene.meta["colour"] = {"source": "intensity", "note": "no colour in the file; showing intensity"}
     scene.meta["warnings"].append("3 points without coordinates left out")
     made.accept(Loaded(scene, survey(scene)))
-    assert [toast.text for toast in made.toasts] == [
+    assert [toast.text for toast in made.notices.toasts] == [
         "no colour in the file; showing intensity", "3 points without coordinates left out",
     ]  # fmt: skip
 
@@ -350,21 +350,21 @@ def test_a_cancelled_load_leaves_the_scene():
                 meter.update(1)
 
     made, _ = session()
-    scene, made._open_scene = made.scene, endless
-    made.open([Path("x.laz")])
-    work = made.load
+    scene, made.loads.open_scene = made.scene, endless
+    made.loads.open([Path("x.laz")])
+    work = made.loads.current
     assert started.wait(5) and work is not None
     made.escape()
-    assert made.load is None and work.join(5) and made.poll() is None
-    assert made.scene is scene and made.message is None
+    assert made.loads.current is None and work.join(5) and made.poll() is None
+    assert made.scene is scene and made.notices.message is None
 
 
 def test_a_failed_picture_goes_back_to_the_last_good_settings_and_then_stops():
     made, _ = session()
     made.drew(made.plan, stats())
-    made.request(replace(made.settings, raster="points"))
+    made.choice.request(replace(made.choice.settings, raster="points"))
     made.failed("no")
-    assert made.settings.raster == "auto" and made.needs_picture
+    assert made.choice.settings.raster == "auto" and made.needs_picture
     for _ in range(4):
         made.failed("no")
     assert not made.needs_picture, "a broken device must not be asked for ever"

@@ -48,7 +48,7 @@ class Driver:
         self.glfw = glfw
         self.session = self.app.session
         self.release = threading.Event()
-        self.session._open_scene = self._open
+        self.session.loads.open_scene = self._open
         self.session.panel = False  # at this size it would cover half of the picture
 
     def _open(self, paths):
@@ -98,11 +98,11 @@ class Driver:
 
     def canvas(self) -> np.ndarray:
         self.settle()
-        return self.app.canvas.read()
+        return self.app.painter.canvas.read()
 
     def bare(self) -> np.ndarray:
         """The picture alone, at rest: the interface hidden."""
-        self.until(lambda: not (self.session.moving or self.session.needs_picture))
+        self.until(lambda: not (self.session.flight.moving or self.session.needs_picture))
         shown, self.session.interface = self.session.interface, False
         try:
             return self.canvas()
@@ -113,9 +113,9 @@ class Driver:
         from viewer.window.present import composite
 
         session = self.session
-        frame = self.app.renderer.render(session.camera, session.settings)
-        image = composite(frame.image(session.settings.view))
-        session.dirty = True
+        frame = self.app.painter.renderer.render(session.camera, session.choice.settings)
+        image = composite(frame.image(session.choice.settings.view))
+        session.picture.dirty = True
         return image
 
 
@@ -127,15 +127,15 @@ def check_empty_start_page_invites(d: Driver) -> None:
 
 def check_dropped_scan_opens(d: Driver) -> None:
     d.drop(d.folder / "room1")
-    d.until(lambda: d.session.load is None)
-    assert d.session.scene is not None and d.session.message is None
+    d.until(lambda: d.session.loads.current is None)
+    assert d.session.scene is not None and d.session.notices.message is None
     assert d.session.scene.count == 50_000
     assert d.bare().std() > 5
 
 
 def check_window_shows_what_render_makes(d: Driver) -> None:
     for view in ("raw", "filtered", "filled"):
-        d.session.show(view)
+        d.session.choice.show(view)
         assert np.array_equal(d.bare(), d.rendered()), view
 
 
@@ -143,7 +143,7 @@ def check_digits_choose_views(d: Driver) -> None:
     seen = []
     for key, view in (("1", "raw"), ("2", "filtered"), ("3", "filled")):
         d.key(key)
-        assert d.session.settings.view == view
+        assert d.session.choice.settings.view == view
         seen.append(d.bare())
     assert not np.array_equal(seen[0], seen[2]) and (seen[0] == seen[1]).mean() < 1.0
 
@@ -160,7 +160,7 @@ def check_held_keys_fly(d: Driver) -> None:
         sign = {"W": -1, "S": 1, "A": -1, "D": 1, "E": 1, "Q": -1}[key]
         assert along * sign > 0.9 * np.linalg.norm(moved), key
         assert not np.array_equal(before, d.bare()), key
-        d.until(lambda: not d.session.fly.moving)
+        d.until(lambda: not d.session.flight.state.moving)
 
 
 def check_modifiers_change_the_pace(d: Driver) -> None:
@@ -172,11 +172,11 @@ def check_modifiers_change_the_pace(d: Driver) -> None:
         d.key("W", "down")
         start = time.monotonic()
         d.until(lambda start=start: time.monotonic() - start > 0.8)
-        speeds[modifier] = np.linalg.norm(d.session.fly.velocity)
+        speeds[modifier] = np.linalg.norm(d.session.flight.state.velocity)
         d.key("W", "up")
         if modifier:
             d.key(modifier, "up")
-        d.until(lambda: not d.session.fly.moving)
+        d.until(lambda: not d.session.flight.state.moving)
     d.key("HOME")
     assert speeds["LEFT_ALT"] * 3 < speeds[None] < speeds["LEFT_SHIFT"] / 3, speeds
 
@@ -184,12 +184,12 @@ def check_modifiers_change_the_pace(d: Driver) -> None:
 def check_still_camera_draws_nothing(d: Driver) -> None:
     d.settle(8)
     made = []
-    original = d.app.renderer.render
-    d.app.renderer.render = lambda *a, **k: made.append(1) or original(*a, **k)
+    original = d.app.painter.renderer.render
+    d.app.painter.renderer.render = lambda *a, **k: made.append(1) or original(*a, **k)
     d.settle(10)
-    d.app.renderer.render = original
+    d.app.painter.renderer.render = original
     assert not made
-    d.session.toasts = []
+    d.session.notices.toasts = []
     d.settle(8)
     start, spent = time.monotonic(), time.process_time()
     while time.monotonic() - start < 1.5:
@@ -199,11 +199,11 @@ def check_still_camera_draws_nothing(d: Driver) -> None:
 
 def check_wheel_changes_speed_and_shows_it(d: Driver) -> None:
     d.point(320, 350)
-    before = d.session.fly.speed
+    before = d.session.flight.state.speed
     d.app.hands.on_scroll(d.app.window, 0.0, 2.0)
     d.settle()
-    assert d.session.fly.speed > 1.4 * before
-    assert any(toast.text.startswith("Speed") for toast in d.session.toasts)
+    assert d.session.flight.state.speed > 1.4 * before
+    assert any(toast.text.startswith("Speed") for toast in d.session.notices.toasts)
     d.app.hands.on_scroll(d.app.window, 0.0, -2.0)
 
 
@@ -243,13 +243,13 @@ def check_split_compares_and_its_handle_drags(d: Driver) -> None:
     raw = d.bare()
     d.key("3")
     d.key("V")
-    assert d.session.split and d.session.sides == ("raw", "filled")
+    assert d.session.choice.split and d.session.choice.sides == ("raw", "filled")
     half = d.bare()
     assert np.array_equal(half[:, :320], raw[:, :320]) and np.array_equal(half[:, 320:], filled[:, 320:])
     d.point(320, 300)
     assert d.app.hands.over_handle
     d.button(d.glfw.PRESS)
-    assert d.session.dragging_handle and not d.session.looking
+    assert d.session.dragging_handle and not d.session.flight.looking
     d.point(200, 300)
     d.button(d.glfw.RELEASE)
     moved = d.bare()
@@ -264,12 +264,12 @@ def check_screenshot_is_the_picture(d: Driver) -> None:
     before = set(d.folder.glob("*.png"))
     d.key("F12")
     (path,) = set(d.folder.glob("*.png")) - before
-    assert any(str(path) in toast.text for toast in d.session.toasts)
+    assert any(str(path) in toast.text for toast in d.session.notices.toasts)
     image = np.asarray(Image.open(path))
     assert np.array_equal(image, d.rendered())
     session = d.session
     np.savez(
-        d.folder / "shot.npz", image=image, matrix=session.camera.camera_to_world, view=session.settings.view
+        d.folder / "shot.npz", image=image, matrix=session.camera.camera_to_world, view=session.choice.settings.view
     )  # drawn again through EGL when the window is gone
     path.unlink()
 
@@ -301,13 +301,13 @@ def check_help_lists_every_control(d: Driver) -> None:
 
 
 def check_interface_hides(d: Driver) -> None:
-    d.session.toasts = []
+    d.session.notices.toasts = []
     shown = d.canvas()
     d.key("F10")
     hidden = d.canvas()
     assert not np.array_equal(shown, hidden) and np.array_equal(hidden, d.rendered())
     d.key("F10")
-    d.session.toasts = []
+    d.session.notices.toasts = []
     assert d.session.interface
 
 
@@ -316,16 +316,16 @@ def check_bad_file_gives_a_dialog_and_the_scene_stays(d: Driver) -> None:
     bad.write_bytes(b"ply\nformat ascii 1.0\nelement vertex many\nend_header\n")
     scene, picture = d.session.scene, d.bare()
     d.drop(bad)
-    d.until(lambda: d.session.load is None)
-    assert d.session.message is not None and "broken.ply" in d.session.message.text
-    assert "\n" not in d.session.message.text and d.session.scene is scene
+    d.until(lambda: d.session.loads.current is None)
+    assert d.session.notices.message is not None and "broken.ply" in d.session.notices.message.text
+    assert "\n" not in d.session.notices.message.text and d.session.scene is scene
     assert not np.array_equal(picture, d.canvas())
     d.key("ESCAPE")
-    assert d.session.message is None and np.array_equal(picture, d.bare())
+    assert d.session.notices.message is None and np.array_equal(picture, d.bare())
     d.drop(d.folder / "missing.laz")
-    d.until(lambda: d.session.message is not None)
+    d.until(lambda: d.session.notices.message is not None)
     d.key("ENTER")
-    assert d.session.message is None and d.session.scene is scene
+    assert d.session.notices.message is None and d.session.scene is scene
 
 
 def check_missing_weights_give_a_dialog_and_the_setting_reverts(d: Driver) -> None:
@@ -334,12 +334,12 @@ def check_missing_weights_give_a_dialog_and_the_setting_reverts(d: Driver) -> No
     def none(settings):
         raise InputError("no weights are shipped for quality 'paper'")
 
-    d.session._load_network, original = none, d.session._load_network
-    d.session.request(replace(d.session.settings, quality="paper"))
-    d.until(lambda: d.session.network_load is None)
-    d.session._load_network = original
-    assert "no weights" in d.session.message.text
-    assert d.session.shown_settings.quality == "balanced" and d.session.settings.quality == "balanced"
+    d.session.choice.load_network, original = none, d.session.choice.load_network
+    d.session.choice.request(replace(d.session.choice.settings, quality="paper"))
+    d.until(lambda: d.session.choice.network_load is None)
+    d.session.choice.load_network = original
+    assert "no weights" in d.session.notices.message.text
+    assert d.session.choice.shown_settings.quality == "balanced" and d.session.choice.settings.quality == "balanced"
     d.key("ESCAPE")
 
 
@@ -347,13 +347,13 @@ def check_load_can_be_cancelled(d: Driver) -> None:
     scene = d.session.scene
     for cancel in (lambda: d.key("ESCAPE"), d.session.cancel_load):
         d.drop(d.folder / "slow.ply")
-        d.until(lambda: d.session.load.done > 3)
-        assert d.session.load.label == "Reading slow.ply"
-        work = d.session.load
+        d.until(lambda: d.session.loads.current.done > 3)
+        assert d.session.loads.current.label == "Reading slow.ply"
+        work = d.session.loads.current
         cancel()
-        assert d.session.load is None and work.join(5.0)
+        assert d.session.loads.current is None and work.join(5.0)
         d.settle()
-        assert d.session.scene is scene and d.session.message is None
+        assert d.session.scene is scene and d.session.notices.message is None
 
 
 def check_second_drop_replaces_the_scene(d: Driver) -> None:
@@ -361,7 +361,7 @@ def check_second_drop_replaces_the_scene(d: Driver) -> None:
     d.drop(d.folder / "slow.ply")
     d.settle()
     d.drop(d.folder / "room2", d.folder / "room3")
-    d.until(lambda: d.session.load is None)
+    d.until(lambda: d.session.loads.current is None)
     assert d.session.scene.meta["sources"] == ["room2"]
     assert not np.array_equal(picture, d.bare()) and np.array_equal(d.bare(), d.rendered())
 
@@ -369,18 +369,18 @@ def check_second_drop_replaces_the_scene(d: Driver) -> None:
 def check_failed_picture_falls_back(d: Driver) -> None:
     from viewer.errors import DeviceError
 
-    original, before = d.app.renderer.render, d.session.settings
+    original, before = d.app.painter.renderer.render, d.session.choice.settings
 
     def render(camera, settings, views=None, history=None, **how):
         if settings.soft_z == "paper-code":
             raise DeviceError("a shader does not compile")
         return original(camera, settings, views, history, **how)
 
-    d.app.renderer.render = render
-    d.session.request(replace(before, soft_z="paper-code"))
+    d.app.painter.renderer.render = render
+    d.session.choice.request(replace(before, soft_z="paper-code"))
     d.settle()
-    d.app.renderer.render = original
-    assert "does not compile" in d.session.message.text and d.session.settings == before
+    d.app.painter.renderer.render = original
+    assert "does not compile" in d.session.notices.message.text and d.session.choice.settings == before
     d.key("ESCAPE")
     assert np.array_equal(d.bare(), d.rendered())
 
@@ -415,7 +415,7 @@ def check_real_key_press(d: Driver) -> None:
         d.until(lambda: np.linalg.norm(d.session.camera.position - start) > 0.05, 5.0)
     finally:
         subprocess.run(["xdotool", "keyup", "w"], check=True, timeout=10)
-    d.until(lambda: not d.session.fly.moving, 5.0)
+    d.until(lambda: not d.session.flight.state.moving, 5.0)
 
 
 def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
@@ -431,22 +431,22 @@ def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
     assert d.session.panel
     before = d.canvas()
     click(363, 64)  # the first of the four views
-    assert d.session.settings.view == "raw" and not np.array_equal(before, d.canvas())
+    assert d.session.choice.settings.view == "raw" and not np.array_equal(before, d.canvas())
     assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the panel looks around"
     d.session.panel = False
 
 
 def check_neural_view_where_there_are_weights(d: Driver) -> None:
     d.key("4")
-    assert d.session.shown_settings.view == "neural"
-    d.until(lambda: d.session.network_load is None, 60.0)
-    if d.session.message is not None:
-        assert "weights" in d.session.message.text and d.session.shown_settings.view == "filled"
+    assert d.session.choice.shown_settings.view == "neural"
+    d.until(lambda: d.session.choice.network_load is None, 60.0)
+    if d.session.notices.message is not None:
+        assert "weights" in d.session.notices.message.text and d.session.choice.shown_settings.view == "filled"
         return
     d.until(lambda: not d.session.needs_picture)
-    assert d.session.stats["network"] and np.array_equal(d.bare(), d.rendered())
+    assert d.session.picture.stats["network"] and np.array_equal(d.bare(), d.rendered())
     d.key("V")
-    assert d.session.sides == ("raw", "neural") and d.bare().std() > 5
+    assert d.session.choice.sides == ("raw", "neural") and d.bare().std() > 5
     d.key("V")
     d.key("3")
 
@@ -457,7 +457,7 @@ def check_a_flight_leaves_out_what_is_hidden_and_ends_exact(d: Driver) -> None:
     usual, occlusion.WORTH = occlusion.WORTH, 0.0  # this room is so light that looking for what is hidden would not pay
     d.key("3")
     d.key("W", "down")
-    d.until(lambda: d.session.moving and "hidden cells skipped" in d.session.approximations)
+    d.until(lambda: d.session.flight.moving and "hidden cells skipped" in d.session.approximations)
     d.key("W", "up")
     occlusion.WORTH = usual
     assert np.array_equal(d.bare(), d.rendered()) and not d.session.approximations
@@ -505,7 +505,7 @@ def main(folder: Path) -> None:
     driver = Driver(folder)
     for name, check in CHECKS.items():
         attempt(name, lambda check=check: check(driver))
-        driver.session.message, driver.session.help, driver.session.interface = None, False, True
+        driver.session.notices.message, driver.session.help, driver.session.interface = None, False, True
     driver.app.close()
     attempt(HEADLESS, lambda: check_headless(folder))
 

@@ -7,26 +7,22 @@ the framebuffer's size.
 
 import ctypes
 import os
-from collections import deque
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import DeviceError, PointglassError
-from viewer.render.occlusion import Occlusion
+from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
-from viewer.window import capture
 from viewer.window.hands import Hands
-from viewer.window.present import Canvas, composite, split_column
+from viewer.window.keeping import Keeper
+from viewer.window.loading import Loaded
+from viewer.window.painter import Painter
 from viewer.window.session import Session
 
 if TYPE_CHECKING:
     import moderngl
-
-    from viewer.render.renderer import Renderer
 
 SIZE = (1280, 720)
 _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
@@ -44,7 +40,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     app = App(settings, cache=cache, match=match, memory=memory)
     try:
         if paths:
-            app.session.open(paths)
+            app.session.loads.open(paths)
         while not app.closing:
             app.step()
     finally:
@@ -53,7 +49,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
 
 
 class App:
-    """Owns the window, the interface and the renderer of the scene shown.
+    """Owns the window, the interface and the painter.
 
     size: of the window, logical pixels.  folder: where captures go.  scale: of the interface; None: the screen's own.
     """
@@ -64,7 +60,7 @@ class App:
         import glfw  # isort: skip
 
         self.glfw, self.imgui = glfw, imgui
-        self._folder, self._scale, self._memory = folder or Path.cwd(), scale, memory
+        self._scale = scale
         self.window = _make_window(glfw, size)
         self.address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
         try:
@@ -77,25 +73,20 @@ class App:
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
             open_scene=lambda files: _open_scene(files, cache, match),
         )
-        self.renderer: Renderer | None = None
-        self._frame = None
-        self._shown: tuple[str, ...] = ()
-        self._seen = Occlusion()
-        self._problem: str | None = None
+        self.painter = Painter(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
+        self._keeper = Keeper(self.session, self.painter, folder or Path.cwd())
         self._settle = _SETTLE
         self._awake_until = 0.0
-        self._intervals: deque[float] = deque(maxlen=20)
-        self._last_picture = 0.0
         self._actions = {
             "home": self.session.go_home,
             "frame": self.session.frame_scene,
-            "view_raw": lambda: self.session.show("raw"),
-            "view_filtered": lambda: self.session.show("filtered"),
-            "view_filled": lambda: self.session.show("filled"),
-            "view_neural": lambda: self.session.show("neural"),
-            "split": lambda: self.session.compare(not self.session.split),
-            "screenshot": self.screenshot,
-            "record": self.record,
+            "view_raw": lambda: self.session.choice.show("raw"),
+            "view_filtered": lambda: self.session.choice.show("filtered"),
+            "view_filled": lambda: self.session.choice.show("filled"),
+            "view_neural": lambda: self.session.choice.show("neural"),
+            "split": lambda: self.session.choice.compare(not self.session.choice.split),
+            "screenshot": self._keeper.screenshot,
+            "record": self._keeper.record,
             "help": lambda: setattr(self.session, "help", not self.session.help),
             "interface": lambda: setattr(self.session, "interface", not self.session.interface),
             "escape": self.escape,
@@ -104,15 +95,12 @@ class App:
 
     def _start_graphics(self) -> None:
         from viewer.render.context import create_context
-        from viewer.render.shader import Programs
         from viewer.window.theme import Theme
 
         glfw, imgui = self.glfw, self.imgui
         glfw.make_context_current(self.window)
         glfw.swap_interval(1)
         self.context: moderngl.Context = create_context(headless=False)
-        self._programs = Programs(self.context)
-        self.canvas: Canvas | None = None
         imgui.create_context()
         io = imgui.get_io()
         io.set_ini_filename("")
@@ -143,7 +131,7 @@ class App:
 
     def escape(self) -> None:
         """Lets go of the pointer, or closes one thing."""
-        if self.session.looking or self.session.dragging_handle:
+        if self.session.flight.looking or self.session.dragging_handle:
             self.hands.release_pointer()
         else:
             self.session.escape()
@@ -157,19 +145,20 @@ class App:
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
-        self._note_arrivals()
+        self.painter.note_arrivals()
         change = session.next_change()
-        stirring = session.load is not None or session.network_load is not None or perf_counter() < self._awake_until
+        loading = session.loads.current is not None or session.choice.network_load is not None
+        stirring = loading or perf_counter() < self._awake_until
         busy = session.needs_picture or self._settle > 0 or change == 0.0
         if wait and (not busy or min(session.size) == 0):
             glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
         else:
             glfw.poll_events()
-        self._note_arrivals()
-        message = session.message
+        self.painter.note_arrivals()
+        message = session.notices.message
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
-        if session.message is not message:
+        if session.notices.message is not message:
             self.linger()
         if session.advance():
             self.wake()
@@ -178,83 +167,23 @@ class App:
         if min(session.size) == 0:
             return
         if session.needs_picture:
-            self._make_picture()
+            self.painter.paint()
             self._settle = max(self._settle, 1)
         if self._settle > 0 or not wait:
             self._settle = max(0, self._settle - 1)
             self._draw()
             glfw.swap_buffers(self.window)
 
-    def _note_arrivals(self) -> None:
-        """Points of a scene larger than memory have come: the picture can have them."""
-        if self.renderer is not None and self.renderer.pages.arrived:
-            self.session.dirty = True
-
-    def _upload(self, loaded) -> None:
-        """Puts a loaded scene on the GPU; where that fails the scene before it stays."""
-        from viewer.render.renderer import Renderer
-
+    def _upload(self, loaded: Loaded) -> None:
         self.wake()
-        try:
-            renderer = Renderer(self.context, loaded.scene, memory=self._memory, wake=self.glfw.post_empty_event)
-        except (PointglassError, MemoryError) as error:
-            self.session.say("This scan cannot be shown", str(error) or "not enough memory for its points")
-            return
-        if self.renderer is not None:
-            self.renderer.release()
-        self.renderer, self._frame, self._shown, self._problem = renderer, None, (), None
-        self.session.accept(loaded)
-        self._intervals.clear()
-        self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
-
-    def _make_picture(self) -> None:
-        session, renderer = self.session, self.renderer
-        if renderer is None:
-            return
-        plan = session.plan
-        try:
-            self._frame = renderer.render(
-                session.camera, replace(session.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
-                self._seen if plan.hides else None, streaming=True,
-            )  # fmt: skip
-        except PointglassError as error:
-            self._frame = None
-            session.failed(str(error))
-            return
-        self._shown = plan.views
-        now = perf_counter()
-        if now - self._last_picture < 1.0:
-            self._intervals.append(now - self._last_picture)
-        else:
-            self._intervals.clear()
-        self._last_picture = now
-        session.drew(plan, self._frame.stats)
-        if (problem := renderer.pages.problem) != self._problem:
-            self._problem = problem
-            if problem:
-                session.say("A part of this scan cannot be read", problem)
-
-    @property
-    def frame_rate(self) -> float | None:
-        """Pictures a second while something moves; None at rest."""
-        if not self._intervals or not self.session.moving:
-            return None
-        return len(self._intervals) / max(sum(self._intervals), 1e-9)
+        if self.painter.upload(loaded):
+            self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
 
     def _draw(self) -> None:
         """The picture and the interface on the canvas, and that to the screen."""
-        session = self.session
-        if self.canvas is None or self.canvas.size != session.size:
-            if self.canvas is not None:
-                self.canvas.release()
-            self.canvas = Canvas(self.context, self._programs, session.size)
-        sides = [self._frame.textures[view] for view in self._shown] if self._frame is not None else []
-        if len(sides) == 2:
-            self.canvas.show(sides[0], sides[1], split_column(session.split_at, session.size[0]))
-        else:
-            self.canvas.show(sides[0] if sides else None)
+        canvas = self.painter.show()
         self._interface()
-        self.canvas.to_screen()
+        canvas.to_screen()
 
     def _interface(self) -> None:
         from viewer.window import dialogs, hud, panels
@@ -270,7 +199,7 @@ class App:
             hud.draw_start(session, look)
             hud.draw_handle(session, look, hovered=over)
             if not session.help:  # which covers the middle, and at small sizes everything
-                hud.draw_hud(session, look, fps=self.frame_rate)
+                hud.draw_hud(session, look, fps=self.painter.frame_rate)
                 panels.draw_panel(session, look)
             hud.draw_recording(session, look)
             hud.draw_toasts(session, look)
@@ -280,63 +209,12 @@ class App:
         imgui.render()
         imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
-    # -- captures ----------------------------------------------------------------------------------------------------
-
-    def picture(self) -> np.ndarray | None:
-        """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene."""
-        session = self.session
-        if self.renderer is None or min(session.size) == 0:
-            return None
-        plan, sides = session.full_plan, session.sides
-        frame = self.renderer.render(session.camera, session.settings, tuple(dict.fromkeys(sides)))
-        self._frame, self._shown = frame, sides
-        session.drew(plan, frame.stats)
-        image = composite(frame.image(sides[0]))
-        if len(sides) == 2:
-            column = split_column(session.split_at, session.size[0])
-            image[:, column:] = composite(frame.image(sides[1]))[:, column:]
-        return image
-
-    def screenshot(self) -> Path | None:
-        """Saves the picture as PNG and says where."""
-        try:
-            image = self.picture()
-            if image is None:
-                return None
-            path = capture.stamped("pointglass", ".png", self._folder)
-            capture.save_png(path, image)
-        except PointglassError as error:
-            self.session.say("No screenshot was saved", str(error))
-            return None
-        self.session.toast(f"Saved {path}")
-        return path
-
-    def record(self) -> Path | None:
-        """Starts recording frame times, or stops and saves them."""
-        session = self.session
-        if session.recording is None:
-            session.recording = capture.FrameTimes()
-            session.toast("Recording frame times; F9 stops")
-            return None
-        times, session.recording = session.recording, None
-        path = capture.stamped("pointglass-frames", ".csv", self._folder)
-        try:
-            times.save(path)
-        except PointglassError as error:
-            session.say("The frame times were not saved", str(error))
-            return None
-        session.toast(f"Saved {len(times)} frames to {path}")
-        return path
-
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""
         if self.session.recording is not None:
-            self.record()
+            self._keeper.record()
         self.session.close()
-        for owned in (self.renderer, self.canvas, self._programs):
-            if owned is not None:
-                owned.release()
-        self.renderer = self.canvas = None
+        self.painter.release()
         imgui = self.imgui
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()

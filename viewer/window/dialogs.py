@@ -39,8 +39,8 @@ def _button(label: str, look: Theme, *, primary: bool) -> bool:
 
 
 def draw_message(session: Session, look: Theme) -> None:
-    """The dialog of ``session.message``; its button, Enter and Esc close it."""
-    message, is_open = session.message, imgui.is_popup_open("message")
+    """The dialog of ``session.notices.message``; its button, Enter and Esc close it."""
+    message, is_open = session.notices.message, imgui.is_popup_open("message")
     if message is None and not is_open:
         return
     if not is_open:
@@ -63,7 +63,7 @@ def draw_message(session: Session, look: Theme) -> None:
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + width - look.px(110))
     enter = imgui.is_key_pressed(imgui.Key.enter) or imgui.is_key_pressed(imgui.Key.keypad_enter)
     if _button("OK", look, primary=True) or enter:
-        session.message = None
+        session.notices.message = None
         imgui.close_current_popup()
     imgui.end_popup()
 
@@ -114,7 +114,7 @@ def _group(group: str, look: Theme, key_name: Callable[[Control], str]) -> None:
 
 def draw_load(session: Session, look: Theme) -> None:
     """The load under way: what it does, how far it is, a way to stop it."""
-    work = session.load
+    work = session.loads.current
     if work is None:
         return
     px = look.px
@@ -134,5 +134,4 @@ def draw_load(session: Session, look: Theme) -> None:
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x + width - px(110))
     if _button("Cancel", look, primary=False):
         session.cancel_load()
-        session.toast("Loading cancelled")
     imgui.end()

@@ -4,27 +4,44 @@ Pointer positions are logical pixels from the window's top left; the session cou
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from viewer.window.controls import Control, by_key
+from viewer.window.session import Session
 
 if TYPE_CHECKING:
-    from viewer.window.app import App
+    from viewer.window.theme import Theme
 
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
+
+
+class Host(Protocol):
+    """What the callbacks need of whoever owns the window.  window: GLFW's handle.  address: the same as a number."""
+
+    glfw: Any
+    imgui: Any
+    window: Any
+    address: int
+    session: Session
+    theme: "Theme"
+
+    def wake(self) -> None: ...
+    def linger(self) -> None: ...
+    def act(self, action: str) -> None: ...
+    def interface_scale(self) -> float: ...
 
 
 class Hands:
     """The callbacks of one window.  pointer: where the pointer is."""
 
-    def __init__(self, app: "App"):
-        self._app = app
+    def __init__(self, host: Host):
+        self._host = host
         self.pointer = (0.0, 0.0)
-        self._by_key = {getattr(app.glfw, f"KEY_{key}"): control for key, control in by_key().items()}
+        self._by_key = {getattr(host.glfw, f"KEY_{key}"): control for key, control in by_key().items()}
         self._connect()
 
     def _connect(self) -> None:
-        glfw, window = self._app.glfw, self._app.window
+        glfw, window = self._host.glfw, self._host.window
         glfw.set_key_callback(window, self.on_key)
         glfw.set_char_callback(window, self.on_char)
         glfw.set_cursor_pos_callback(window, self.on_pointer)
@@ -34,101 +51,101 @@ class Hands:
         glfw.set_drop_callback(window, self.on_drop)
         glfw.set_window_focus_callback(window, self.on_focus)
         glfw.set_framebuffer_size_callback(window, self.on_resize)
-        glfw.set_window_content_scale_callback(window, lambda *_: self._app.theme.rescale(self._app.interface_scale()))
-        glfw.set_window_refresh_callback(window, lambda _: self._app.wake())
+        glfw.set_window_content_scale_callback(window, lambda *_: self._host.theme.rescale(self._host.interface_scale()))
+        glfw.set_window_refresh_callback(window, lambda _: self._host.wake())
 
     def on_key(self, _window, key: int, scancode: int, action: int, mods: int) -> None:
-        glfw, imgui = self._app.glfw, self._app.imgui
-        self._app.wake()
-        imgui.backends.glfw_key_callback(self._app.address, key, scancode, action, mods)
+        glfw, imgui = self._host.glfw, self._host.imgui
+        self._host.wake()
+        imgui.backends.glfw_key_callback(self._host.address, key, scancode, action, mods)
         control = self._by_key.get(key)
         if control is None:
             return
         if control.kind in ("hold", "modifier"):
             if action == glfw.RELEASE:
-                self._app.session.held.discard(control.action)
+                self._host.session.flight.held.discard(control.action)
             elif action == glfw.PRESS and not imgui.get_io().want_text_input and not mods & glfw.MOD_CONTROL:
-                self._app.session.held.add(control.action)
+                self._host.session.flight.held.add(control.action)
         elif action == glfw.PRESS and not imgui.get_io().want_text_input:
-            self._app.act(control.action)
+            self._host.act(control.action)
 
     def on_char(self, _window, character: int) -> None:
-        self._app.imgui.backends.glfw_char_callback(self._app.address, character)
+        self._host.imgui.backends.glfw_char_callback(self._host.address, character)
 
     def on_enter(self, _window, entered: int) -> None:
-        self._app.wake()
-        self._app.imgui.backends.glfw_cursor_enter_callback(self._app.address, entered)
+        self._host.wake()
+        self._host.imgui.backends.glfw_cursor_enter_callback(self._host.address, entered)
 
     def on_pointer(self, _window, x: float, y: float) -> None:
-        self._app.imgui.backends.glfw_cursor_pos_callback(self._app.address, x, y)
+        self._host.imgui.backends.glfw_cursor_pos_callback(self._host.address, x, y)
         dx, dy = x - self.pointer[0], y - self.pointer[1]
         self.pointer = (x, y)
-        self._app.wake()
-        if self._app.imgui.get_io().want_capture_mouse:
-            self._app.linger()
-        if self._app.session.dragging_handle:
-            self._app.session.move_split(x * self._density())
-        elif self._app.session.looking:
-            self._app.session.look(dx, dy)
+        self._host.wake()
+        if self._host.imgui.get_io().want_capture_mouse:
+            self._host.linger()
+        if self._host.session.dragging_handle:
+            self._host.session.move_split(x * self._density())
+        elif self._host.session.flight.looking:
+            self._host.session.flight.look(dx, dy)
 
     def on_button(self, _window, button: int, action: int, mods: int) -> None:
-        glfw, session = self._app.glfw, self._app.session
-        self._app.wake()
-        self._app.imgui.backends.glfw_mouse_button_callback(self._app.address, button, action, mods)
+        glfw, session = self._host.glfw, self._host.session
+        self._host.wake()
+        self._host.imgui.backends.glfw_mouse_button_callback(self._host.address, button, action, mods)
         if button not in (glfw.MOUSE_BUTTON_LEFT, glfw.MOUSE_BUTTON_RIGHT):
             return
         if action == glfw.RELEASE:
             self.release_pointer()
-        elif not self._app.imgui.get_io().want_capture_mouse and session.scene is not None:
+        elif not self._host.imgui.get_io().want_capture_mouse and session.scene is not None:
             if button == glfw.MOUSE_BUTTON_LEFT and self.over_handle:
                 session.dragging_handle = True
             else:
-                session.looking = True
-                glfw.set_input_mode(self._app.window, glfw.CURSOR, glfw.CURSOR_DISABLED)
+                session.flight.looking = True
+                glfw.set_input_mode(self._host.window, glfw.CURSOR, glfw.CURSOR_DISABLED)
 
     def release_pointer(self) -> None:
-        if self._app.session.looking:
-            self._app.glfw.set_input_mode(self._app.window, self._app.glfw.CURSOR, self._app.glfw.CURSOR_NORMAL)
-            self.pointer = self._app.glfw.get_cursor_pos(self._app.window)
-        self._app.session.looking = self._app.session.dragging_handle = False
+        if self._host.session.flight.looking:
+            self._host.glfw.set_input_mode(self._host.window, self._host.glfw.CURSOR, self._host.glfw.CURSOR_NORMAL)
+            self.pointer = self._host.glfw.get_cursor_pos(self._host.window)
+        self._host.session.flight.looking = self._host.session.dragging_handle = False
 
     @property
     def over_handle(self) -> bool:
         """Whether the pointer is on the line of a comparison."""
-        session = self._app.session
-        at = session.split_at * session.size[0] / self._density()
-        return session.split and abs(self.pointer[0] - at) <= _GRIP * self._app.theme.scale
+        session = self._host.session
+        at = session.choice.split_at * session.size[0] / self._density()
+        return session.choice.split and abs(self.pointer[0] - at) <= _GRIP * self._host.theme.scale
 
     def on_scroll(self, _window, dx: float, dy: float) -> None:
-        self._app.wake()
-        self._app.imgui.backends.glfw_scroll_callback(self._app.address, dx, dy)
-        if not self._app.imgui.get_io().want_capture_mouse:
-            self._app.session.wheel(dy)
+        self._host.wake()
+        self._host.imgui.backends.glfw_scroll_callback(self._host.address, dx, dy)
+        if not self._host.imgui.get_io().want_capture_mouse:
+            self._host.session.wheel(dy)
 
     def on_drop(self, _window, paths: list[str]) -> None:
-        self._app.wake()
+        self._host.wake()
         if paths:
-            self._app.session.open([Path(path) for path in paths])
+            self._host.session.loads.open([Path(path) for path in paths])
 
     def on_focus(self, _window, focused: int) -> None:
-        self._app.wake()
-        self._app.imgui.backends.glfw_window_focus_callback(self._app.address, focused)
+        self._host.wake()
+        self._host.imgui.backends.glfw_window_focus_callback(self._host.address, focused)
         if not focused:
             self.release_pointer()
-            self._app.session.let_go()
+            self._host.session.let_go()
 
     def on_resize(self, _window, width: int, height: int) -> None:
-        self._app.wake()
-        self._app.session.resize((width, height))
+        self._host.wake()
+        self._host.session.resize((width, height))
 
     def _density(self) -> float:
         """Framebuffer pixels per logical pixel."""
-        width = self._app.glfw.get_window_size(self._app.window)[0]
-        return self._app.session.size[0] / width if width else 1.0
+        width = self._host.glfw.get_window_size(self._host.window)[0]
+        return self._host.session.size[0] / width if width else 1.0
 
     def key_name(self, control: Control) -> str:
         """What this keyboard prints on a letter's key; the table's name otherwise."""
         if len(control.name) != 1 or not control.name.isalpha():
             return control.name
-        key = getattr(self._app.glfw, f"KEY_{control.keys[0]}")
-        return (self._app.glfw.get_key_name(key, 0) or control.name).upper()
+        key = getattr(self._host.glfw, f"KEY_{control.keys[0]}")
+        return (self._host.glfw.get_key_name(key, 0) or control.name).upper()

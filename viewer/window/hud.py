@@ -27,7 +27,7 @@ def count_text(number: int) -> str:
 
 def draw_hud(session: Session, look: Theme, *, fps: float | None) -> None:
     """Top left.  fps: frames a second while something moves, None at rest."""
-    stats = session.stats
+    stats = session.picture.stats
     if session.scene is None or stats is None:
         return
     px = look.px
@@ -110,10 +110,10 @@ def _short(renderer: str) -> str:
 
 def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
     """The line between two views, its grip, and what is on either side."""
-    if not session.split or session.scene is None:
+    if not session.choice.split or session.scene is None:
         return
     px, draw, size = look.px, imgui.get_background_draw_list(), imgui.get_io().display_size
-    x, middle = round(session.split_at * size.x), size.y / 2
+    x, middle = round(session.choice.split_at * size.x), size.y / 2
     active = hovered or session.dragging_handle
     line = theme.ACCENT if active else theme.TEXT
     draw.add_rect_filled(ImVec2(x - px(2), 0), ImVec2(x + px(2), size.y), packed(theme.PANEL, 0.45))
@@ -139,8 +139,8 @@ def draw_toasts(session: Session, look: Theme) -> None:
     """Bottom centre, the latest lowest; above the labels of a comparison."""
     size, px = imgui.get_io().display_size, look.px
     bottom = size.y - px(MARGIN + 46)
-    lines = [toast.text for toast in session.toasts]
-    if session.network_load is not None:
+    lines = [toast.text for toast in session.notices.toasts]
+    if session.choice.network_load is not None:
         lines.append("Loading the network…")
     for number, text in enumerate(reversed(lines)):
         imgui.set_next_window_pos(ImVec2(size.x / 2, bottom), 0, ImVec2(0.5, 1.0))
@@ -172,7 +172,7 @@ def draw_recording(session: Session, look: Theme) -> None:
 
 def draw_start(session: Session, look: Theme) -> None:
     """The empty start page."""
-    if session.scene is not None or session.load is not None:
+    if session.scene is not None or session.loads.current is not None:
         return
     size, px, draw = imgui.get_io().display_size, look.px, imgui.get_background_draw_list()
     half = ImVec2(min(px(260), 0.42 * size.x), min(px(110), 0.36 * size.y))

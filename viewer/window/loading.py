@@ -1,11 +1,14 @@
 """What is loaded off the main thread, a scan or a network, and what a person should be told about it."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from viewer.settings import Settings
-from viewer.window.start import Survey
+from viewer.window.notices import Notices
+from viewer.window.start import Survey, survey
+from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
     from viewer.cloud.scene import Scene
@@ -50,3 +53,51 @@ def load_network(settings: Settings) -> None:
         raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
     device = "cpu" if settings.device == "cpu" or problem else "cuda"
     neural.load_network(settings.quality, settings.filter != "off", settings.weights, settings.precision, device)
+
+
+class ScanLoads:
+    """The load of scans under way, one at a time, and those given up that still clean up after themselves.
+
+    current: the load under way, else None.  open_scene, wake: what it depends on, replaceable in tests.
+    """
+
+    def __init__(self, notices: Notices, open_scene: "Callable[[list[Path]], Scene]", wake: Callable[[], None]):
+        self._notices, self._wake = notices, wake
+        self.open_scene = open_scene
+        self.current: Worker | None = None
+        self._abandoned: list[Worker] = []
+
+    def open(self, paths: Sequence[Path]) -> None:
+        """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then."""
+        self.cancel()
+        files = list(paths)
+
+        def work() -> Loaded:
+            scene = self.open_scene(files)
+            return Loaded(scene, survey(scene))
+
+        names = files[0].name if len(files) == 1 else f"{len(files)} files"
+        self.current = Worker(work, f"Opening {names}", self._wake)
+
+    def cancel(self) -> None:
+        """Stops the load under way; the scene stays."""
+        if self.current is not None:
+            self.current.cancel()
+            self._abandoned.append(self.current)
+            self.current = None
+
+    def poll(self) -> Loaded | None:
+        """A scene that has been loaded since the last call, or None.  An error becomes a dialog."""
+        self._abandoned = [work for work in self._abandoned if not work.finished]
+        if self.current is None or not self.current.finished:
+            return None
+        work, self.current = self.current, None
+        if work.error is not None:
+            self._notices.say("This scan cannot be opened", work.error)
+        return work.result if not work.cancelled else None
+
+    def close(self) -> None:
+        """Stops the load, and waits until what was being written is gone."""
+        self.cancel()
+        for work in self._abandoned:
+            work.join(15.0)

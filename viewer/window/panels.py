@@ -28,7 +28,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     flags = (OVERLAY & ~imgui.WindowFlags_.no_scrollbar) | imgui.WindowFlags_.always_auto_resize
     imgui.begin("panel", None, flags)
     imgui.push_font(look.regular, theme.FONT_SIZE - 1)
-    old = session.shown_settings
+    old = session.choice.shown_settings
     _heading("View", look)
     imgui.same_line(px(WIDTH - 16) - imgui.calc_text_size("hide").x - 2 * imgui.get_style().frame_padding.x)
     imgui.push_style_color(imgui.Col_.button, (0, 0, 0, 0))
@@ -79,9 +79,9 @@ def draw_panel(session: Session, look: Theme) -> None:
     new = _choice(new, "precision", "precision", look)
     new = _choice(new, "device", "device", look)
     _label("flying", "where it is slow: fewer points and the filled view while moving, all of it at rest", look)
-    changed, quick = imgui.checkbox("keep up while moving", session.pace.keep_up)
+    changed, quick = imgui.checkbox("keep up while moving", session.picture.pace.keep_up)
     if changed:
-        session.pace.keep_up, session.dirty = quick, True
+        session.picture.pace.keep_up, session.picture.dirty = quick, True
     imgui.dummy(ImVec2(0, px(2)))
     imgui.begin_disabled(new == Settings(view=new.view))
     if imgui.button("Back to defaults", ImVec2(-1, 0)):
@@ -90,7 +90,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     imgui.pop_font()
     imgui.end()
     if new != old:
-        session.request(new)
+        session.choice.request(new)
 
 
 def _folded(session: Session, look: Theme) -> None:
@@ -160,15 +160,15 @@ def _views(settings: Settings, look: Theme) -> Settings:
 
 def _compare(session: Session, look: Theme) -> None:
     _label("compare", "two views side by side; V switches it", look)
-    changed, on = imgui.checkbox("with", session.split)
+    changed, on = imgui.checkbox("with", session.choice.split)
     if changed:
-        session.compare(on)
+        session.choice.compare(on)
     imgui.same_line()
     imgui.set_next_item_width(-1)
-    imgui.begin_disabled(not session.split)
-    chosen = _combo("##left side", session.left, VIEWS, look)
-    if chosen != session.left:
-        session.choose_left(chosen)
+    imgui.begin_disabled(not session.choice.split)
+    chosen = _combo("##left side", session.choice.left, VIEWS, look)
+    if chosen != session.choice.left:
+        session.choice.choose_left(chosen)
     imgui.end_disabled()
 
 
@@ -182,9 +182,9 @@ def _choice(settings: Settings, name: str, label: str, look: Theme) -> Settings:
 
 def _own_weights(settings: Settings, session: Session, look: Theme) -> Settings:
     """A row that chooses among a person's own weights, where there are any."""
-    if not session.own_weights and settings.weights is None:
+    if not session.choice.own_weights and settings.weights is None:
         return settings
-    names = {str(path): name for name, path in session.own_weights.items()}
+    names = {str(path): name for name, path in session.choice.own_weights.items()}
     if settings.weights is not None:
         names.setdefault(settings.weights, settings.weights.rpartition("/")[2])
     table = {_SHIPPED: "the weights that came with pointglass", **{name: path for path, name in names.items()}}

@@ -1,0 +1,112 @@
+"""Where the camera is, and how held keys, the mouse and time move it.  The steps themselves are ``navigation``'s.
+
+Frame: file coordinates, world up = +z.  Speeds are file units a second; the clock counts seconds.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from viewer.window.navigation import FlyState, Motion, changed_speed, step
+from viewer.window.start import Survey, overview
+
+REST = 0.25
+"""Seconds without a change of camera that count as rest."""
+_LONGEST_STEP = 0.5  # seconds: a stall must not throw the camera through the wall
+_WAYS = {"forward", "back", "left", "right", "up", "down"}
+
+
+class Flight:
+    """One camera through one scene after another; before the first there is nowhere to fly.
+
+    state: position, direction, speed.  home: where the visit began.  held: actions of the keys held down.
+    looking: whether the mouse turns the camera.
+    """
+
+    def __init__(self, clock: Callable[[], float]):
+        self._clock = clock
+        self._seen: Survey | None = None
+        self.state = self.home = FlyState(np.zeros(3))
+        self.held: set[str] = set()
+        self.looking = False
+        self._look = [0.0, 0.0]
+        self._moved = clock()
+        self._time: float | None = None
+
+    def begin(self, state: FlyState, seen: Survey) -> None:
+        """Visits another scene, from ``state`` on."""
+        self._seen, self.state, self.home = seen, state, state
+        self._moved = self._clock() - REST
+
+    @property
+    def moving(self) -> bool:
+        """Whether the camera moves now or did a moment ago."""
+        return self.state.moving or self._keys_move() or self._clock() - self._moved < REST
+
+    @property
+    def under_way(self) -> bool:
+        """Whether time alone, or a movement of the mouse not yet followed, changes the picture."""
+        return self._keys_move() or self.state.moving or any(self._look)
+
+    @property
+    def rest_in(self) -> float:
+        """Seconds until the camera counts as at rest, if nothing moves it; below zero where it does already."""
+        return self._moved + REST - self._clock()
+
+    def _keys_move(self) -> bool:
+        return bool(self.held & _WAYS)
+
+    def advance(self) -> bool:
+        """Lets time pass since the last call.  Returns whether the camera is elsewhere or looks elsewhere."""
+        now = self._clock()
+        dt = 0.0 if self._time is None else min(now - self._time, _LONGEST_STEP)
+        moves, before = self.under_way, self.state
+        self._time = now if moves else None
+        if moves and self._seen is not None:
+            held = self.held
+            motion = Motion(
+                forward=("forward" in held) - ("back" in held), right=("right" in held) - ("left" in held),
+                up=("up" in held) - ("down" in held), fast="fast" in held, slow="slow" in held,
+                look=(self._look[0], self._look[1]),
+            )  # fmt: skip
+            self.state = step(before, motion, dt)
+        self._look = [0.0, 0.0]
+        changed = _place(before) != _place(self.state)
+        if changed:
+            self._moved = now
+        return changed
+
+    def look(self, dx: float, dy: float) -> None:
+        """The mouse moved by logical pixels while looking."""
+        self._look[0] += dx
+        self._look[1] += dy
+
+    def change_speed(self, notches: float) -> None:
+        """The wheel turned: faster or slower, within what the scene's size makes sensible."""
+        if self._seen is not None:
+            self.state = changed_speed(self.state, notches, self._seen.limits)
+
+    def go(self, state: FlyState) -> None:
+        """Puts the camera somewhere else at once, keeping the flying speed."""
+        self.state = replace(state, speed=self.state.speed, velocity=np.zeros(3))
+        self._moved = self._clock() - REST
+
+    def go_home(self) -> None:
+        """Back to where the visit began, at the speed it began with."""
+        self.state = self.home
+        self.go(self.home)
+
+    def step_back(self, aspect: float) -> None:
+        """Looks the same way from where everything is in view.  aspect: width over height."""
+        if self._seen is not None:
+            self.go(overview(self._seen, aspect, self.state.forward, self.state.speed))
+
+    def let_go(self) -> None:
+        """Forgets every key and button held."""
+        self.held.clear()
+        self.looking = False
+
+
+def _place(state: FlyState) -> tuple:
+    return (*state.position.tolist(), state.yaw, state.pitch)

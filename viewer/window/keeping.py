@@ -1,0 +1,46 @@
+"""What F12 and F9 do: a picture or frame times saved, and a person told where, or why not."""
+
+from pathlib import Path
+
+from viewer.errors import PointglassError
+from viewer.window import capture
+from viewer.window.painter import Painter
+from viewer.window.session import Session
+
+
+class Keeper:
+    """Saves what a session shows into ``folder``."""
+
+    def __init__(self, session: Session, painter: Painter, folder: Path):
+        self._session, self._painter, self._folder = session, painter, folder
+
+    def screenshot(self) -> Path | None:
+        """Saves the picture as PNG and says where."""
+        try:
+            image = self._painter.full_picture()
+            if image is None:
+                return None
+            path = capture.stamped("pointglass", ".png", self._folder)
+            capture.save_png(path, image)
+        except PointglassError as error:
+            self._session.notices.say("No screenshot was saved", str(error))
+            return None
+        self._session.notices.toast(f"Saved {path}")
+        return path
+
+    def record(self) -> Path | None:
+        """Starts recording frame times, or stops and saves them."""
+        session = self._session
+        if session.recording is None:
+            session.recording = capture.FrameTimes()
+            session.notices.toast("Recording frame times; F9 stops")
+            return None
+        times, session.recording = session.recording, None
+        path = capture.stamped("pointglass-frames", ".csv", self._folder)
+        try:
+            times.save(path)
+        except PointglassError as error:
+            session.notices.say("The frame times were not saved", str(error))
+            return None
+        session.notices.toast(f"Saved {len(times)} frames to {path}")
+        return path

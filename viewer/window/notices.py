@@ -1,0 +1,49 @@
+"""What a person is told: a message that stays until it is closed, and toasts that go by themselves.
+
+No window: ``dialogs`` and ``hud`` draw what is here.  Times are seconds on the session's clock.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+TOAST_SECONDS = 4.0
+
+
+@dataclass(frozen=True)
+class Message:
+    """A dialog: something a person has to read."""
+
+    title: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Toast:
+    """A line that goes by itself.  until: on the session's clock."""
+
+    text: str
+    until: float
+
+
+class Notices:
+    """message: the dialog that is open, else None.  toasts: three at most, the latest last."""
+
+    def __init__(self, clock: Callable[[], float]):
+        self._clock = clock
+        self.message: Message | None = None
+        self.toasts: list[Toast] = []
+
+    def say(self, title: str, text: str) -> None:
+        """Opens a dialog."""
+        self.message = Message(title, text)
+
+    def toast(self, text: str, *, seconds: float = TOAST_SECONDS, instead_of: str | None = None) -> None:
+        """Shows a line for a moment.  instead_of: toasts that begin so go at once."""
+        kept = [toast for toast in self.toasts if instead_of is None or not toast.text.startswith(instead_of)]
+        self.toasts = [*kept[-2:], Toast(text, self._clock() + seconds)]
+
+    def expire(self) -> bool:
+        """Forgets the toasts whose time is over.  Returns whether there were any."""
+        now, before = self._clock(), len(self.toasts)
+        self.toasts = [toast for toast in self.toasts if toast.until > now]
+        return len(self.toasts) != before

@@ -1,0 +1,140 @@
+"""From plan to canvas: the renderer of the scene shown, the last picture it made, and the canvas that is laid on.
+
+Owns GL objects and knows no window: what to draw is the session's, and what is drawn over it the interface's.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.errors import PointglassError
+from viewer.render.occlusion import Occlusion
+from viewer.settings import Memory
+from viewer.window.loading import Loaded
+from viewer.window.present import Canvas, composite, split_column
+from viewer.window.session import Session
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.render.renderer import Renderer
+
+
+class Painter:
+    """Makes the pictures that a session plans, and tells it what came of them.
+
+    renderer: of the scene shown, None at first.  canvas: what the window shows, None until something was shown.
+    memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
+    """
+
+    def __init__(self, context: "moderngl.Context", session: Session, *, memory: Memory, wake: Callable[[], None]):
+        from viewer.render.shader import Programs
+
+        self._context, self._session, self._memory, self._wake = context, session, memory, wake
+        self._programs = Programs(context)
+        self.renderer: Renderer | None = None
+        self.canvas: Canvas | None = None
+        self._frame = None
+        self._shown: tuple[str, ...] = ()
+        self._seen = Occlusion()
+        self._problem: str | None = None
+        self._intervals: deque[float] = deque(maxlen=20)
+        self._last_picture = 0.0
+
+    def upload(self, loaded: Loaded) -> bool:
+        """Puts a loaded scene on the GPU.  False where that fails; the scene before it stays and a message says why."""
+        from viewer.render.renderer import Renderer
+
+        try:
+            renderer = Renderer(self._context, loaded.scene, memory=self._memory, wake=self._wake)
+        except (PointglassError, MemoryError) as error:
+            self._session.notices.say("This scan cannot be shown", str(error) or "not enough memory for its points")
+            return False
+        if self.renderer is not None:
+            self.renderer.release()
+        self.renderer, self._frame, self._shown, self._problem = renderer, None, (), None
+        self._session.accept(loaded)
+        self._intervals.clear()
+        return True
+
+    def note_arrivals(self) -> None:
+        """Points of a scene larger than memory have come: the picture can have them."""
+        if self.renderer is not None and self.renderer.pages.arrived:
+            self._session.picture.dirty = True
+
+    def paint(self) -> None:
+        """Makes the picture that the session plans now."""
+        session, renderer = self._session, self.renderer
+        if renderer is None:
+            return
+        plan = session.plan
+        try:
+            self._frame = renderer.render(
+                session.camera, replace(session.choice.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
+                self._seen if plan.hides else None, streaming=True,
+            )  # fmt: skip
+        except PointglassError as error:
+            self._frame = None
+            session.failed(str(error))
+            return
+        self._shown = plan.views
+        now = perf_counter()
+        if now - self._last_picture < 1.0:
+            self._intervals.append(now - self._last_picture)
+        else:
+            self._intervals.clear()
+        self._last_picture = now
+        session.drew(plan, self._frame.stats)
+        if (problem := renderer.pages.problem) != self._problem:
+            self._problem = problem
+            if problem:
+                session.notices.say("A part of this scan cannot be read", problem)
+
+    @property
+    def frame_rate(self) -> float | None:
+        """Pictures a second while something moves; None at rest."""
+        if not self._intervals or not self._session.flight.moving:
+            return None
+        return len(self._intervals) / max(sum(self._intervals), 1e-9)
+
+    def show(self) -> Canvas:
+        """The last picture, or the background where there is none, on a canvas of the framebuffer's size."""
+        size, split_at = self._session.size, self._session.choice.split_at
+        if self.canvas is None or self.canvas.size != size:
+            if self.canvas is not None:
+                self.canvas.release()
+            self.canvas = Canvas(self._context, self._programs, size)
+        sides = [self._frame.textures[view] for view in self._shown] if self._frame is not None else []
+        if len(sides) == 2:
+            self.canvas.show(sides[0], sides[1], split_column(split_at, size[0]))
+        else:
+            self.canvas.show(sides[0] if sides else None)
+        return self.canvas
+
+    def full_picture(self) -> np.ndarray | None:
+        """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene.
+
+        Raises PointglassError where it cannot be made.
+        """
+        session = self._session
+        if self.renderer is None or min(session.size) == 0:
+            return None
+        plan, sides = session.full_plan, session.choice.sides
+        frame = self.renderer.render(session.camera, session.choice.settings, tuple(dict.fromkeys(sides)))
+        self._frame, self._shown = frame, sides
+        session.drew(plan, frame.stats)
+        image = composite(frame.image(sides[0]))
+        if len(sides) == 2:
+            column = split_column(session.choice.split_at, session.size[0])
+            image[:, column:] = composite(frame.image(sides[1]))[:, column:]
+        return image
+
+    def release(self) -> None:
+        for owned in (self.renderer, self.canvas, self._programs):
+            if owned is not None:
+                owned.release()
+        self.renderer = self.canvas = None
