@@ -1,5 +1,5 @@
-"""Fixtures for all tests: the shared data where it is present, a cache of the test run's own, a fresh seed, and one headless
-context."""
+"""Fixtures for all tests: the shared data where it is present, a cache of the test run's own, a fresh seed, one thread of
+torch's, and one headless context."""
 
 import os
 import secrets
@@ -36,6 +36,20 @@ def seed() -> int:
     value = int(os.environ.get("POINTGLASS_SEED") or secrets.randbits(31))
     print(f"POINTGLASS_SEED={value}")
     return value
+
+
+@pytest.fixture
+def one_thread():
+    """For tests of small pictures, which gain nothing from more, and lose much where other work fills the cores.
+
+    Around each test: some of what is tested sets the number itself.
+    """
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 @pytest.fixture(scope="session")

@@ -4,18 +4,13 @@ import sys
 from pathlib import Path
 
 import pytest
-import torch
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gl"))  # the twin of a frame
 
 
 @pytest.fixture(autouse=True)
-def one_thread():
-    """Small pictures gain nothing from more, and lose much where other work fills the cores."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+def all_on_one_thread(one_thread):
+    """Every test of this folder draws small pictures."""
 
 
 @pytest.fixture

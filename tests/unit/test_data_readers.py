@@ -31,13 +31,7 @@ from model.weights import save_weights
 SIZE = np.array([4.0, 3.0, 2.5])
 OPENCV = np.diag((1.0, -1.0, -1.0, 1.0))
 
-
-@pytest.fixture(autouse=True)
-def one_thread():
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 def colour_at(xyz):

@@ -38,14 +38,7 @@ from model.weights import WeightsError, load_weights, weights_dir
 
 ROOT = Path(__file__).resolve().parents[2]
 
-
-@pytest.fixture(scope="module", autouse=True)
-def one_thread():
-    """Small pictures gain nothing from more, and lose much where other work fills the cores."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    yield
-    torch.set_num_threads(before)
+pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.fixture(scope="module")
