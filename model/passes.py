@@ -6,7 +6,9 @@ points are still written in the order they were measured: a block of consecutive
 several blocks in one small voxel say how the blocks differ.  Every block gets a gain for each channel, found by alternating
 least squares with Huber's weights over voxels and blocks, and between the middles of blocks gains are interpolated.
 
-Nothing is done where blocks explain little of what is seen within voxels: a scan of one run, a file without order.
+Blocks are as long as the runs allow, since short ones begin to follow what is printed on the walls: whole stations merged
+without a name take thousands of points, single sweeps a few dozen.  Nothing is done where blocks explain little of what is
+seen within voxels: a scan of one run, a file without order.
 """
 
 from dataclasses import dataclass
@@ -16,22 +18,22 @@ import numpy as np
 from model.compiled import compiled
 from model.data.spacing import median_spacing
 
-BLOCK = 32  # points of the sample: enough for a steady mean, short against a run
+BLOCKS = (8192, 2048, 512, 128, 32)  # points of the sample in a block, to choose from
+FINER = 1.15  # shorter blocks are taken where each step leaves so much less of the variance
 VOXEL_SPACINGS = 3.0  # edge of a voxel: what is not told apart is hardly larger than a point
 LIFT = 8.0  # added to values before their logarithm: noise in the darks counts for little
 TOLERANCE = 0.1  # of log values: beyond it a point is an outlier to its voxel, an edge or a mixed pixel
 STAY = 4.0  # points that hold a block's gain at one
 SETTLE, LOOK_ITERATIONS, ITERATIONS = 3, 5, 10
-LOOK, LOOK_LEAST, LOOK_CELLS, LOOK_BLOCKS = 8, 100_000, 64, 4
-"""One region in LOOK is looked at first, regions LOOK_CELLS to the longest side, in blocks joined by LOOK_BLOCKS, whose many
-points leave little to chance; a sample below LOOK_LEAST wholly."""
+LOOK, LOOK_LEAST, LOOK_CELLS = 8, 100_000, 64
+"""One region in LOOK is looked at first, regions LOOK_CELLS to the longest side; a sample below LOOK_LEAST wholly."""
 WORTH = 0.7  # done where the variance within voxels falls to less than this: scans of one run keep 0.87 and more
 _AXIS_BITS = 21  # of a voxel's number; a scan so wide against its spacing wraps around, which does no harm
 
 
 @dataclass(frozen=True)
 class Passes:
-    """gains of a scan's runs.  at (K,) float64: places in the file, rising.  factors (K, 3) float64: of lifted colours there.
+    """Gains of a scan's runs.  at (K,) float64: places in the file, rising.  factors (K, 3) float64: of lifted colours there.
     left: variance within voxels after, as a share of before; 1.0 where nothing could be told."""
 
     at: np.ndarray
@@ -57,25 +59,35 @@ def solve_passes(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> Passes:
     """
     order = np.argsort(at, kind="stable")
     xyz, rgb, at = xyz[order], rgb[order], at[order].astype(np.float64)
-    block, starts = np.arange(len(at)) // BLOCK, np.arange(0, len(at), BLOCK)
-    middles = np.add.reduceat(at, starts) / np.diff(starts, append=len(at)) if len(at) else np.zeros(0)
-    if len(middles) < 2:
-        return Passes(middles, np.ones((len(middles), 3)), 1.0)
+    nothing = np.zeros(1), np.ones((1, 3))
+    if len(at) <= BLOCKS[-1]:
+        return Passes(*nothing, 1.0)
     some = _regions(xyz)
     edge = VOXEL_SPACINGS * median_spacing(xyz[some])
-    left, gains = _solve(xyz[some], rgb[some], block[some] // LOOK_BLOCKS, edge, LOOK_ITERATIONS)
-    if left >= WORTH:
-        return Passes(middles, np.ones((len(middles), 3)), left)
-    left, gains = _solve(xyz, rgb, block, edge, ITERATIONS)
-    return Passes(middles, np.exp(-gains), left)
+    place = np.flatnonzero(some)
+    look = _Sample(xyz[some], rgb[some], edge)
+    left, _ = look.solve(place // BLOCKS[-1], LOOK_ITERATIONS)
+    if left >= WORTH:  # no longer blocks explain more
+        return Passes(*nothing, left)
+    left = [look.solve(place // block, LOOK_ITERATIONS)[0] for block in BLOCKS[:-1]] + [left]
+    block = BLOCKS[int(np.argmin(np.array(left) * FINER ** np.arange(len(BLOCKS))))]
+    share, gains = _Sample(xyz, rgb, edge).solve(np.arange(len(at)) // block, ITERATIONS)
+    starts = np.arange(0, len(at), block)
+    return Passes(np.add.reduceat(at, starts) / np.diff(starts, append=len(at)), np.exp(-gains), share)
 
 
-def _solve(xyz: np.ndarray, rgb: np.ndarray, block: np.ndarray, edge: float, iterations: int) -> tuple[float, np.ndarray]:
-    """The variance left, as a share, and log gains (K, 3) of blocks numbered 0..K-1."""
-    _, voxel = np.unique(_voxels(xyz, edge), return_inverse=True)
-    log, gains = np.log(rgb.astype(np.float32) + np.float32(LIFT)), np.zeros((int(block.max()) + 1, 3))
-    before, after = _alternate(log, voxel, block, int(voxel.max()) + 1, gains, iterations)
-    return float(after / before) if before > 0 else 1.0, gains
+class _Sample:
+    """Points with their voxels, to be explained by blocks of one length or another."""
+
+    def __init__(self, xyz: np.ndarray, rgb: np.ndarray, edge: float):
+        _, self._voxel = np.unique(_voxels(xyz, edge), return_inverse=True)
+        self._log = np.log(rgb.astype(np.float32) + np.float32(LIFT))
+
+    def solve(self, block: np.ndarray, iterations: int) -> tuple[float, np.ndarray]:
+        """The variance left within voxels, as a share, and log gains (K, 3) of blocks (N,) numbered 0..K-1."""
+        gains = np.zeros((int(block.max(initial=0)) + 1, 3))
+        before, after = _alternate(self._log, self._voxel, block, int(self._voxel.max(initial=0)) + 1, gains, iterations)
+        return float(after / before) if before > 0 else 1.0, gains
 
 
 def _regions(xyz: np.ndarray) -> np.ndarray:
@@ -103,10 +115,12 @@ def _apply(rgb, first, at, factors, changed):
         place = first + i
         while k < last - 1 and at[k + 1] <= place:
             k += 1
-        t = min(max((place - at[k]) / (at[k + 1] - at[k]), 0.0), 1.0)
+        after = min(k + 1, last)
+        gap = at[after] - at[k]
+        t = min(max((place - at[k]) / gap, 0.0), 1.0) if gap > 0.0 else 0.0
         lit = rgb[i, 0] | rgb[i, 1] | rgb[i, 2]
         for c in range(3):
-            factor = factors[k, c] + t * (factors[k + 1, c] - factors[k, c])
+            factor = factors[k, c] + t * (factors[after, c] - factors[k, c])
             value = np.rint((rgb[i, c] + LIFT) * factor - LIFT)
             changed[i, c] = min(max(value, 1.0), 255.0) if lit else 0
 

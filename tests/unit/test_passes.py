@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from cloud_files import write_las, write_ply
 
-from model.passes import BLOCK, ITERATIONS, LIFT, SETTLE, STAY, TOLERANCE, _alternate, _apply, solve_passes
+from model.passes import BLOCKS, ITERATIONS, LIFT, SETTLE, STAY, TOLERANCE, _alternate, _apply, solve_passes
 from viewer.cloud import open_scene, unpack
 from viewer.cloud.info import facts, format_text
 
 
-def _swept(rng, *, runs=40, length=3_000, spread=0.25, noise=1.5):
+def _swept(rng, *, runs=40, length=3_000, apart=1.2, spread=0.25, noise=1.5):
     """A printed floor swept by runs, each over its own patch with its own gains: xyz, true colours, colours, run."""
     xyz, run = [], np.repeat(np.arange(runs), length)
     for _ in range(runs):
-        low = rng.uniform(0, 1.2, 2)
+        low = rng.uniform(0, apart, 2)
         flat = low + rng.uniform(0, 0.8, (length, 2))
         xyz.append(np.column_stack([flat[np.argsort(flat[:, 0])], 0.0005 * rng.normal(size=length)]))
     xyz = np.concatenate(xyz)
@@ -45,6 +45,19 @@ def test_gains_of_runs_are_undone_and_print_stays_sharp(seed, scale):
     assert contrast[0] == pytest.approx(contrast[1], rel=0.08), "the checks are as strong as they were"
 
 
+def test_blocks_are_as_long_as_the_runs_allow(seed):
+    """Short ones would follow the print: what whole stations differ by is told by long ones."""
+    rng = np.random.default_rng(seed)
+    lengths = []
+    for runs, length in ((3, 60_000), (60, 3_000), (1500, 120)):
+        xyz, true, rgb, _ = _swept(rng, runs=runs, length=length, apart=0.2)  # all runs meet
+        found = solve_passes(xyz, rgb, np.arange(len(xyz)))
+        assert found.worth
+        lengths.append(len(xyz) / len(found.at))
+        assert _between(found.apply(rgb, 0), true) < 0.6 * _between(rgb, true)
+    assert lengths[0] > 1000 and lengths[0] >= lengths[1] > lengths[2]
+
+
 def test_one_run_equal_runs_and_no_order_keep_every_colour(seed):
     rng = np.random.default_rng(seed)
     xyz, _, alike, run = _swept(rng, spread=0.0)
@@ -59,7 +72,7 @@ def test_one_run_equal_runs_and_no_order_keep_every_colour(seed):
     assert not solve_passes(xyz, stripes, np.arange(len(xyz))).worth, "print along the lines of a scan is print"
 
 
-@pytest.mark.parametrize("count", [0, 1, BLOCK, BLOCK + 1, 500])
+@pytest.mark.parametrize("count", [0, 1, BLOCKS[-1], BLOCKS[-1] + 1, 500])
 def test_few_points_in_one_place(count):
     found = solve_passes(np.zeros((count, 3)), np.full((count, 3), 7, np.uint8), np.arange(count))
     assert not found.worth
