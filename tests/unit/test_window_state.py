@@ -334,9 +334,11 @@ def test_what_is_odd_about_a_scan_is_said():
     scene = room()
     scene.meta["colour"] = {"source": "intensity", "note": "no colour in the file; showing intensity"}
     scene.meta["warnings"].append("3 points without coordinates left out")
+    scene.meta["exposures"], scene.meta["passes"] = {"applied": False}, {"applied": True}
     made.accept(Loaded(scene, survey(scene)))
     assert [toast.text for toast in made.notices.toasts] == [
         "no colour in the file; showing intensity", "3 points without coordinates left out",
+        "brightness matched between runs of points; --exposures as-scanned leaves it",
     ]  # fmt: skip
 
 

@@ -23,10 +23,14 @@ class Loaded:
 
 
 def notes(meta: dict) -> list[str]:
-    """What a person should know about a scan: the reader's warnings, and where its colours are from if not from it."""
+    """What a person should know about a scan: the reader's warnings, and what its colours are where not as scanned."""
     told, colour = list(meta.get("warnings", [])), meta.get("colour") or {}
     if colour.get("source", "rgb") != "rgb" and not any("colour" in note for note in told):
         told.insert(0, str(colour.get("note") or f"coloured by {colour['source']}"))
+    kinds = {"exposures": "stations", "passes": "runs of points"}
+    matched = [name for key, name in kinds.items() if (meta.get(key) or {}).get("applied")]
+    if matched:
+        told.append(f"brightness matched between {' and '.join(matched)}; --exposures as-scanned leaves it")
     return told
 
 
