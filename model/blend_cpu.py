@@ -10,6 +10,8 @@ import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import torch
+from torch import Tensor
 
 from model.compiled import compiled
 from model.unet import BLENDS, CONTRAST_AT, DARK, FILLED_WEIGHT, LEAST_CONTRAST, LUMA, MEAN_BLOCK, SPARSE
@@ -156,26 +158,30 @@ class Blender:
         self._lock = threading.Lock()
         self._room = np.empty(0, np.float32)
 
-    def __call__(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> np.ndarray:
-        """(H, W, 4) float32, RGB and coverage 0..1, overwritten by the next call.
+    def __call__(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> Tensor:
+        """(H, W, 4) half, RGB and coverage 0..1.
 
         packed: (H, W, 8) float32 as in model.reconstruct.  blocks: (h, w, (2 + BLENDS) * block**2) float32, the network's head
         before its blocks become pixels, at least as large as the picture.
         """
+        with self._lock:  # until the result is the caller's own: the next call overwrites what is here
+            return torch.from_numpy(self.made(packed, blocks, block)).half()
+
+    def made(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> np.ndarray:
+        """The same in float32, overwritten by the next call, and for one thread at a time."""
         height, width = packed.shape[:2]
-        with self._lock:
-            planes = self._planes(2 * _PLANES + 3 + 2 + 4, height * width)
-            sums, blurred = (planes[i : i + _PLANES].reshape(_PLANES, height, width) for i in (0, _PLANES))
-            out, limit, density = (planes[i:j].reshape(-1, height, width) for i, j in ((10, 13), (13, 14), (14, 15)))
-            made = planes[15:19].reshape(height, width, 4)
-            means = np.empty((-(-height // MEAN_BLOCK), -(-width // MEAN_BLOCK)), np.float32)
-            self._rows(height, _weigh, packed, sums, out)
-            for number in range(BLENDS):
-                self._rows(height, _blend, sums, blurred, out, blocks, block, number, limit[0], density[0])
-                sums, blurred = blurred, sums
-            self._rows(len(means), _means, blocks, block, height, width, means)
-            self._rows(height, _finish, packed, out, blocks, block, means, limit[0], density[0], made)
-            return made
+        planes = self._planes(2 * _PLANES + 3 + 2 + 4, height * width)
+        sums, blurred = (planes[i : i + _PLANES].reshape(_PLANES, height, width) for i in (0, _PLANES))
+        out, limit, density = (planes[i:j].reshape(-1, height, width) for i, j in ((10, 13), (13, 14), (14, 15)))
+        made = planes[15:19].reshape(height, width, 4)
+        means = np.empty((-(-height // MEAN_BLOCK), -(-width // MEAN_BLOCK)), np.float32)
+        self._rows(height, _weigh, packed, sums, out)
+        for number in range(BLENDS):
+            self._rows(height, _blend, sums, blurred, out, blocks, block, number, limit[0], density[0])
+            sums, blurred = blurred, sums
+        self._rows(len(means), _means, blocks, block, height, width, means)
+        self._rows(height, _finish, packed, out, blocks, block, means, limit[0], density[0], made)
+        return made
 
     def _planes(self, count: int, pixels: int) -> np.ndarray:
         if len(self._room) < count * pixels:

@@ -128,4 +128,4 @@ class Reconstructor:
         assert isinstance(self.network, CompactUNet)
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].to(self.dtype, memory_format=torch.channels_last)
         blocks = self.network.blocks(x)[0].permute(1, 2, 0).float().contiguous()
-        return torch.from_numpy(blend(packed.float().numpy(), blocks.numpy(), self.network.block)).half()
+        return blend(packed.float().numpy(), blocks.numpy(), self.network.block)
