@@ -1,4 +1,5 @@
-// The draw list of the compute rasteriser: one workgroup a batch, all points of a batch in one cell.
+// The draw list of the compute rasteriser: one workgroup a batch, all points of a batch in one cell; LANES invocations share
+// them out.
 // APPENDED: the list that occlusion_append.comp made of one page, as long as its command says.
 
 layout(std430, binding = POINTS_BINDING) readonly buffer Points { uint points[]; };
@@ -12,15 +13,14 @@ uniform uint batch_count;
 #endif
 uniform uint first_batch;
 
-// The point this invocation draws; false where there is none.
-bool batch_point(out uint index, out vec3 cell) {
+// The batch of this workgroup and the view position of its cell's first step; false where there is none.
+bool batch_here(out uvec4 batch, out vec3 cell) {
     uint number = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
 #ifdef APPENDED
     uint batch_count = commands[page].w;
 #endif
     if (number >= batch_count) return false;
-    uvec4 batch = batches[first_batch + number];
-    index = batch.x + gl_LocalInvocationID.x;
+    batch = batches[first_batch + number];
     cell = cells[batch.z].xyz;
-    return gl_LocalInvocationID.x < batch.y;
+    return true;
 }

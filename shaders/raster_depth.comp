@@ -2,16 +2,19 @@
 #include "common_project.glsl"
 #include "common_batches.glsl"
 
-layout(local_size_x = BATCH) in;
+layout(local_size_x = LANES) in;
 layout(std430, binding = KEYS_BINDING) buffer Keys { uint keys[]; };
 
 void main() {
-    uint index;
+    uvec4 batch;
     vec3 cell;
-    if (!batch_point(index, cell)) return;
-    Projected p = project(uvec2(points[3u * index], points[3u * index + 1u]), cell);
-    if (!p.inside) return;
-    uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
-    uint key = ~floatBitsToUint(p.z);
-    if (keys[pixel] < key) atomicMax(keys[pixel], key);  // the plain look first saves most atomics
+    if (!batch_here(batch, cell)) return;
+    for (uint i = gl_LocalInvocationID.x; i < batch.y; i += LANES) {
+        uint index = batch.x + i;
+        Projected p = project(uvec2(points[3u * index], points[3u * index + 1u]), cell);
+        if (!p.inside) continue;
+        uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
+        uint key = ~floatBitsToUint(p.z);
+        if (keys[pixel] < key) atomicMax(keys[pixel], key);  // the plain look first saves most atomics
+    }
 }

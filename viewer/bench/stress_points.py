@@ -10,7 +10,7 @@ from model.light import TO_LINEAR, TO_SRGB
 from viewer.bench.stress_frames import Stand, arrays_of, different, row
 from viewer.bench.stress_scenes import axis_camera, direction, placed, view_inside, walls
 from viewer.cloud import scene_from_arrays
-from viewer.render.raster import RASTERISERS
+from viewer.render.renderer import RASTERISERS
 from viewer.settings import FILTERS, Settings
 
 if TYPE_CHECKING:

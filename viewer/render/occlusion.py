@@ -3,8 +3,8 @@
 1. The depth of the cells seen in the last frame.  2. From it, by the depth filter's own passes, the depth behind which a
 point would show nowhere: neither in front, nor through a gap, since the filter would take it away there.  3. Each other
 cell's box against a pyramid of that; cells that could show are drawn too.  4. The pyramid again, with all that was drawn:
-what is seen now is drawn first next time.  What comes into view is thus drawn in the frame that it does; a first frame and
-a jump draw all that could be seen.
+what is seen now is drawn first next time.  What comes into view is thus drawn in the frame that it does.  Where little is
+known, in a first frame and after a jump, the nearest cells are drawn first.
 
 A strict test against the depth alone would hide nothing, since 1x1 points leave gaps everywhere; and a plain closing of
 gaps hides what the filter lets through.  So it is for pictures behind the filter, and the filter that says what hides.
@@ -38,6 +38,8 @@ TEXELS = 8
 """A cell is tested against at most so many texels a side."""
 REACH = 4
 """Pixels by which a cell's rectangle grows: what shows nowhere may still sway the filter's verdict on what is beside it."""
+NEAREST = 0.25
+"""Share of the points, those of the nearest cells, that are drawn first where less than half as much is known."""
 _LEVELS = 16
 _CELLS_A_GROUP = 64
 
@@ -71,7 +73,7 @@ class Occlusion:
         self._pending, self._count = None, 0
 
     def recall(self, scene: "Scene", draw: "DrawList", hider: "HiddenCells") -> np.ndarray:
-        """(V,) uint8: 1 for each cell of the draw list that was seen in the last frame; valid until the next call."""
+        """(V,) uint8: 1 for each cell of the draw list to be drawn first; valid until the next call."""
         cells = len(scene.cell_coords)
         if scene is not self._scene:
             self.forget()
@@ -86,7 +88,18 @@ class Occlusion:
         self._count = len(draw.cells)
         self._rows[: self._count] = draw.cells
         self._pending = (hider, hider.begin())
+        _add_nearest(draw, known)
         return known
+
+
+def _add_nearest(draw: "DrawList", known: np.ndarray) -> None:
+    """Where the cells known hold few of the points: the nearest too, since what is near is what hides."""
+    points = np.bincount(draw.slot, draw.count, len(known))
+    enough = NEAREST * draw.points
+    if points @ known >= enough / 2:
+        return
+    order = np.argsort(np.square(draw.cell_view[:, :3]).sum(axis=1), kind="stable")
+    known[order[: np.searchsorted(points[order].cumsum(), enough) + 1]] = 1
 
 
 class HiddenCells:

@@ -16,7 +16,9 @@ from viewer.render.filter import DepthFilter
 from viewer.render.frame import Frame, Stages
 from viewer.render.occlusion import History, Occlusion, may_hide
 from viewer.render.points import PointPages
-from viewer.render.raster import RASTERISERS, Rasteriser
+from viewer.render.raster import Rasteriser
+from viewer.render.raster_compute import ComputeRasteriser
+from viewer.render.raster_points import PointRasteriser
 from viewer.render.shader import Programs
 from viewer.render.void import Surroundings
 from viewer.settings import MEMORY, VIEWS, Memory, Settings
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.cloud.scene import Scene
     from viewer.render.neural import NeuralStage
+
+RASTERISERS: dict[str, type[Rasteriser]] = {"compute": ComputeRasteriser, "points": PointRasteriser}
 
 
 class Renderer:
@@ -150,7 +154,7 @@ class Renderer:
         if wanted == "auto":
             wanted = self._raster = "compute" if self.device.software else self._faster(draw, camera, soft, streaming)
         if wanted not in self._rasterisers:
-            self._rasterisers[wanted] = RASTERISERS[wanted](self._programs, self._size, self.device.storage_limit)
+            self._rasterisers[wanted] = RASTERISERS[wanted](self._programs, self._size, self.device)
         return self._rasterisers[wanted]
 
     def _faster(self, draw: DrawList, camera: "Camera", soft: SoftZ, streaming: bool) -> str:
@@ -158,7 +162,7 @@ class Renderer:
 
         times = {}
         for kind, make in RASTERISERS.items():
-            rasteriser = make(self._programs, self._size, self.device.storage_limit)
+            rasteriser = make(self._programs, self._size, self.device)
             for _ in range(3):  # the last of three counts: the first compiles, the second warms up
                 self.context.finish()
                 start = perf_counter()

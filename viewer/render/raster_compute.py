@@ -1,0 +1,107 @@
+"""The compute rasteriser: a workgroup a batch of points, integer atomics (after Schuetz et al. 2021).
+
+See viewer.render.raster; the only one that can leave out hidden cells (viewer.render.occlusion).
+"""
+
+from typing import TYPE_CHECKING
+
+import moderngl
+import numpy as np
+
+from viewer.render import shader
+from viewer.render.batches import BatchTable
+from viewer.render.cull import DrawList
+from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History
+from viewer.render.raster import Rasteriser
+from viewer.render.shader import BATCH, BINDINGS, LANES
+
+if TYPE_CHECKING:
+    from viewer.cloud.residency import Round
+    from viewer.render.context import Device
+    from viewer.render.points import PointPages
+
+
+class ComputeRasteriser(Rasteriser):
+    """Compute shaders with atomics."""
+
+    kind = "compute"
+    from_keys = 1
+    overlap = BATCH
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], device: "Device"):
+        super().__init__(programs, size, device)
+        self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
+        self.table = BatchTable(4, (0, 1, 2), BATCH)
+        self._programs = programs
+        self._lanes = LANES[device.software]
+        self._passes = [programs.compute(f"raster_{name}.comp", LANES=self._lanes) for name in ("depth", "colour")]
+        self._hiding: list[moderngl.ComputeShader] = []
+
+    def _bind(self) -> None:
+        self.upload.buffer.bind_to_storage_buffer(BINDINGS["BATCHES"])
+        self.cells.buffer.bind_to_storage_buffer(BINDINGS["CELLS"])
+        self.keys.bind_to_storage_buffer(BINDINGS["KEYS"])
+        self._bind_sums()
+
+    def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
+        self.keys.clear()
+        for step, order in zip(self._passes, (rounds, rounds[::-1]), strict=True):
+            for part in order:
+                self._bring(pages, draw, part)
+                self._bind()
+                for page in range(len(pages.buffers)):
+                    self._draw(step, pages, page, int(self.table.bounds[page]), int(self.table.bounds[page + 1]))
+                self.context.memory_barrier()
+
+    def _draw(self, step: moderngl.ComputeShader, pages: "PointPages", page: int, start: int, stop: int) -> None:
+        if stop == start:
+            return
+        pages.buffers[page].bind_to_storage_buffer(BINDINGS["POINTS"])
+        step["first_batch"], step["batch_count"] = start, stop - start
+        across = min(stop - start, MAX_GROUPS)
+        step.run(across, -(-(stop - start) // across), 1)
+
+    @property
+    def can_hide(self) -> bool:
+        return self.band_rows >= self.size[1]
+
+    def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
+        if self.hider is None:
+            self.hider = HiddenCells(self._programs, self.size)
+            self._hiding = [
+                self._programs.compute(f"raster_{name}.comp", APPENDED=1, LANES=self._lanes) for name in ("depth", "colour")
+            ]
+        hider, count = self.hider, len(pages.buffers)
+        known = history.memory.recall(history.scene, draw, hider)
+        np.subtract(1, known, out=known)  # group 0: seen last time; group 1: to be tested
+        self._bring(pages, draw, part, known)
+        bounds = self.table.bounds
+        np.subtract(1, known, out=known)
+        hider.start(known, count, int(bounds[-1]))
+        self.keys.clear()
+        for step, appended in zip(self._passes, self._hiding, strict=True):
+            self._bind()
+            for page in range(count):
+                self._draw(step, pages, page, int(bounds[2 * page]), int(bounds[2 * page + 1]))
+            self.context.memory_barrier()
+            if step is self._passes[0]:
+                hider.look(self.keys, self.depth)
+                hider.build(self.depth, history)
+                hider.test(self.cells.buffer)
+                hider.append(self.upload.buffer, bounds)
+                self._bind()
+            for page, buffer in enumerate(pages.buffers):
+                if bounds[2 * page + 2] > bounds[2 * page + 1]:
+                    hider.draw(appended, buffer, page, int(bounds[2 * page + 1]))
+            self.context.memory_barrier()
+
+    def remember(self, history: History) -> None:
+        assert self.hider is not None
+        self.hider.build(self.depth, history)
+        self.hider.test(self.cells.buffer, final=True)
+
+    def release(self) -> None:
+        super().release()
+        self.keys.release()
+        if self.hider is not None:
+            self.hider.release()
