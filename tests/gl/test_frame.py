@@ -7,6 +7,7 @@ import pytest
 from clouds import camera_in, room
 from twin import twin_frame
 
+from viewer.bench.stress_points import mean_level
 from viewer.camera import Camera
 from viewer.cloud import scene_from_arrays
 from viewer.render.renderer import Renderer
@@ -131,6 +132,46 @@ def test_a_million_points_in_one_pixel_keep_their_mean(context):
             assert np.isfinite(frame.depth()).sum() == 1
     finally:
         renderer.release()
+
+
+@pytest.mark.parametrize("kind", ["compute", "points"])
+def test_sums_past_sixteen_bits_are_carried_and_gone_in_the_next_frame(context, kind, monkeypatch):
+    """Crowds of 1 to 200,000 points, a pixel each, about the edges of 16 and 32 bits; then fewer, then after a broken frame."""
+    rng = np.random.default_rng(5)
+    crowds = [1, 15, 16, 17, 18, 33, 256, 257, 4097, 65_535, 65_536, 65_537, 200_000]
+    scenes = []
+    for share in (1.0, 0.5):
+        rgb, xyz, want = [], [], []
+        for column, crowd in enumerate(crowds):
+            n = int(np.ceil(share * crowd))
+            levels = rng.integers(0, 256, 3) if column % 2 else np.array([255, 0, 255])
+            colours = np.clip(levels + rng.integers(-3, 4, (n, 3)), 0, 255).astype(np.uint8)
+            rgb.append(colours)
+            want.append(mean_level(colours))
+            xyz.append(np.tile([(column + 0.5 - 7) * 0.5, 5.0, 0.0], (n, 1)))
+        scenes.append((scene_from_arrays(np.concatenate(xyz), np.concatenate(rgb)), np.array(want)))
+    camera = Camera(14, 1, 10.0, 10.0, 7.0, 0.5, np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]]))
+    renderers = [Renderer(context, scene) for scene, _ in scenes]
+    settings = Settings(raster=kind)
+    renderers[1]._rasterisers = renderers[0]._rasterisers  # the same sums for both
+    renderers[1]._size = renderers[0]._size = (14, 1)
+
+    def shown(number: int) -> np.ndarray:
+        return renderers[number].render(camera, settings, views=("raw",)).image("raw")[0, : len(crowds), :3]
+
+    try:
+        for number in (0, 0, 1, 0, 1):
+            assert np.array_equal(shown(number), scenes[number][1])
+        rasteriser = renderers[0]._rasterisers[kind]
+        with monkeypatch.context() as patch:
+            patch.setattr(rasteriser, "resolve", None)  # the sums are made, and nobody reads them
+            with pytest.raises(AttributeError):
+                shown(0)
+        assert np.array_equal(shown(1), scenes[1][1])
+    finally:
+        renderers[1]._rasterisers = {}
+        for renderer in renderers:
+            renderer.release()
 
 
 def test_pages_and_bands_change_no_pixel(context, drawn, monkeypatch):
