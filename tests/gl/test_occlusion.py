@@ -253,7 +253,7 @@ def test_where_nothing_is_known_the_nearest_cells_are_drawn_first(floor):
         told[order[points[order].cumsum() <= share * draw.points]] = 1
         memory = Occlusion()
         memory.recall(floor.scene, draw, nobody)
-        got = memory.recall(floor.scene, draw, SimpleNamespace(begin=lambda: 2, flags_of=lambda *_: told))
+        got = memory.recall(floor.scene, draw, SimpleNamespace(begin=lambda: 2, flags_of=lambda *_, told=told: told))
         assert len(got) <= cells and np.array_equal(got, told | (known if share < NEAREST / 2 else 0))
 
 
