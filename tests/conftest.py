@@ -11,6 +11,8 @@ from viewer.errors import DeviceError
 
 ROOT = Path(__file__).resolve().parent.parent
 
+pytest.register_assert_rewrite("walls")  # helpers that check: their failures show values too
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
