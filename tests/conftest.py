@@ -11,7 +11,7 @@ from viewer.errors import DeviceError
 
 ROOT = Path(__file__).resolve().parent.parent
 
-pytest.register_assert_rewrite("walls")  # helpers that check: their failures show values too
+pytest.register_assert_rewrite("bench_run", "walls")  # helpers that check: their failures show values too
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,81 @@
+"""The benches' command line: bad usage, help, kinds that are loaded late, and what a plot says of its machine."""
+
+import json
+import sys
+
+import pytest
+from bench_run import run
+
+from viewer.bench import KINDS
+from viewer.bench.procedural_scan import ProceduralScan
+from viewer.bench.subject import Subject, described
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (("frame", "--procedural", "many"), "--procedural 'many': expected a whole number of points"),
+    (("frame", "--procedural", "0.5"), "expected a whole number of points"),
+    (("scale", "--points", "1M,,2M"), "--points ''"),
+    (("frame", "--size", "64"), "--size '64': expected WIDTHxHEIGHT"),
+    (("frame", "a.laz", "--procedural", "1M"), "give one or the other"),
+    (("grid", "a.laz"), "a.laz: `bench grid` makes its own points"),
+    (("frame", "--repeats", "0"), "--repeats 0: expected at least 1"),
+    (("open", "--procedural", "1M", "--rooms", "0"), "--rooms 0: expected at least 1"),
+    (("open", "--json", "/nowhere/at/all/x.json"), "/nowhere/at/all/x.json: no such folder"),
+    (("open", "missing.laz"), "missing.laz: no such file"),
+])
+def test_bad_usage_is_one_line(arguments, said, capsys):
+    assert run("bench", *arguments) == 2
+    out = capsys.readouterr().err
+    assert said in out and out.count("\n") == 1
+
+
+def test_too_few_points_for_the_rooms_are_refused(capsys):
+    assert run("bench", "open", "--procedural", "5", "--rooms", "3") == 2
+    assert "5 points in 3 rooms: at least 6" in capsys.readouterr().err
+
+
+def test_stability_is_registered(monkeypatch, capsys, tmp_path):
+    """Its module is loaded only then; here it is replaced."""
+    import types
+
+    called = {}
+    stability = types.ModuleType("viewer.bench.stability")
+
+    def run_stability(size, seed, plot):
+        called["stability"] = (size, seed, plot)
+        return {"rows": [{"name": "depth", "value": 3.0, "limit": 1.0, "ok": False}], "failed": ["depth"]}
+
+    stability.run_stability = run_stability  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "viewer.bench.stability", stability)
+    assert run("bench", "stability", "--size", "64x48", "--seed", "7", "--json", tmp_path / "s.json") == 1
+    assert called["stability"] == ((64, 48), 7, None) and "ABOVE ITS LIMIT" in capsys.readouterr().out
+    assert json.loads((tmp_path / "s.json").read_text())["failed"] == ["depth"]
+
+
+@pytest.mark.parametrize("rooms", [1, 4])
+def test_occlusion_walks_through_its_rooms(rooms, capsys, tmp_path):
+    found, drawn = tmp_path / "occlusion.json", tmp_path / "occlusion.png"
+    options = ("--rooms", rooms, "--points", "100k", "--frames", "6", "--size", "64x48", "--json", found, "--plot", drawn)
+    status = run("bench", "occlusion", *options)
+    result, said = json.loads(found.read_text()), capsys.readouterr().out
+    assert result["points"] == 100_000 and result["rooms"] == rooms and len(result["rows"]) == 6 and result["jump"] == 4
+    assert bool(status) == result["failed"] == (max(row["wrong"] for row in result["rows"]) >= result["limit"])
+    assert f"{100 * result['wrong_worst']:.4f} % (limit 0.1 %)" in said and len(said.splitlines()) < 20
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+
+
+def test_every_kind_has_its_help(capsys):
+    with pytest.raises(SystemExit):
+        run("bench", "--help")
+    said = " ".join(capsys.readouterr().out.split())
+    assert all(f"{name}: {kind.text}" in said for name, kind in KINDS.items())
+
+
+def test_facts_name_machine_driver_versions_scan_and_size():
+    machine = {"processor": "P", "cores": 3, "gpu": {"name": "G", "cuda": "13"}, "versions": {"torch": "2", "x": None}}
+    result = {"machine": machine,
+              "opengl": "soft", "driver": "9.9", "scans": ["/some/where/a.laz"], "size": [64, 48]}
+    said = described(result)
+    assert all(part in said for part in ("P, 3 cores", "G, CUDA 13", "soft (9.9)", "torch 2", "a.laz", "64x48"))
+    assert "/some/where" not in said and Subject(procedural=ProceduralScan(10, 1)).names == [
+        "procedural scan, 10 points, 1 rooms, seed 1"]

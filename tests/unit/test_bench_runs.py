@@ -1,0 +1,167 @@
+"""Each kind of bench runs whole, and what it reckons from what it measured.  No speed is asserted anywhere."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from bench_run import COMMON, SIZE, four_rooms, made_by, run
+
+from viewer.bench import approximations, errors, frames, scaling, views
+
+
+@pytest.fixture(scope="module")
+def small():
+    return four_rooms()
+
+
+def test_percentiles_and_one_percent_low():
+    known = [float(v) for v in range(1, 401)]  # 1 to 400 ms
+    rng = np.random.default_rng(0)
+    rng.shuffle(known)
+    assert frames.summary(known) == pytest.approx({"p50": 200.5, "p95": 380.05, "p99": 396.01}, rel=1e-12)
+    assert frames.one_percent_low(known) == pytest.approx(1000.0 / ((400 + 399 + 398 + 397) / 4))
+    assert frames.one_percent_low([20.0, 10.0, 50.0]) == pytest.approx(20.0)  # fewer than 100: the slowest one
+    values = rng.gamma(2.0, 30.0, 257)
+    assert [frames.summary(values)[f"p{q}"] for q in (50, 95, 99)] == [np.percentile(values, q) for q in (50, 95, 99)]
+
+
+def test_the_front_holds_what_nothing_beats():
+    def row(name, time, psnr, view="filled", group="g"):
+        return {"group": group, "name": name, "view": view, "time": time, "psnr": psnr}
+
+    found = [row("a", 0.5, 30.0), row("b", 0.6, 29.0), row("c", 0.7, 40.0), row("d", 0.7, 35.0), row("e", 0.9, math.inf),
+             row("f", 2.0, math.inf), row("x", 1.0, math.inf, group="exact"), row("n", 3.0, 10.0, "neural")]
+    assert errors.front(found) == {"filled": ["g: a", "g: c", "g: e"], "neural": ["g: n"]}
+
+
+def test_what_does_not_fit_is_said_and_not_attempted(monkeypatch, capsys, tmp_path):
+    gb = 1 << 30
+    assert scaling.problem(1_000_000, scaling.Room(8 * gb, 8 * gb)) is None
+    assert scaling.problem(10**9, scaling.Room(8 * gb, 100 * gb)) is None, "memory does not grow with the scan"
+    assert "of memory" in (scaling.problem(10**9, scaling.Room(4 * gb, 100 * gb)) or "")
+    assert "of disk" in (scaling.problem(10**9, scaling.Room(100 * gb, 8 * gb)) or "")
+    assert scaling.needed(10**9).memory < 4 * 10**9 and scaling.needed(10**9).disk > 12 * 10**9
+    real = scaling.available(tmp_path / "not" / "there" / "yet")
+    assert real.memory > 0 and real.disk > 0
+
+    monkeypatch.setattr(scaling, "available", lambda folder: scaling.Room(1 << 20, 1 << 20))
+    monkeypatch.setattr(scaling, "procedural_scene", lambda *a: pytest.fail("attempted"))
+    assert run("bench", "scale", "--points", "1M,1G", "--size", "64x48", "--json", tmp_path / "s.json") == 0
+    made = json.loads((tmp_path / "s.json").read_text())
+    assert [row["fits"] for row in made["rows"]] == [False] * 4 and "needs" in made["rows"][0]["why"]
+    assert capsys.readouterr().out.count("does not fit") == 4
+
+
+def test_growth_is_from_ten_million_up():
+    def row(points, ms, fits=True):
+        times = {"raw": {"p50": ms}, "filled": {"p50": 2 * ms}}
+        return {"series": "rooms", "points": points, "fits": fits, "milliseconds": times}
+
+    found = [row(10**6, 5.0), row(10**7, 10.0), row(10**8, 12.0), row(10**9, 0.0, False)]
+    assert scaling.growth(found) == {"rooms": {"from": 10**7, "to": 10**8, "raw": 1.2, "filled": 1.2}}
+    assert scaling.growth(found[:1]) == {}
+
+
+@pytest.mark.gl
+def test_bench_frame(tmp_path, capsys):
+    made = made_by("frame", tmp_path, "--size", "48x32,33x17", "--along", "views")
+    assert made.keys() >= COMMON | {"raster", "network", "approximations", "runs", "sizes", "cameras", "along"}
+    assert [run["size"] for run in made["runs"]] == [[64, 48], [48, 32], [33, 17]] == made["sizes"]
+    for held in made["runs"]:
+        assert list(held["views"]) == ["raw", "filtered", "filled", "neural"] and held["frames"] == 8
+        assert set(held["views"]["neural"]) == {"cull", "raster", "filter", "fill", "network", "present", "total"}
+        for stages in held["views"].values():
+            assert stages["total"]["low1_fps"] > 0
+            assert all({"p50", "p95", "p99", "cold_ms"} <= v.keys() and v["p50"] <= v["p99"] for v in stages.values())
+    said = capsys.readouterr().out
+    assert "llvmpipe" in said or made["opengl"] in said
+    assert "procedural scan, 20,000 points, 1 rooms, seed 1" in said and "1 % low" in said
+
+
+@pytest.mark.gl
+def test_bench_open(tmp_path):
+    made = made_by("open", tmp_path)
+    assert made.keys() >= COMMON | {"milliseconds", "size", "points"}
+    times = made["milliseconds"]
+    assert times["cache to first picture"] < times["cache to full quality"] and "made and built" in times
+
+
+def test_bench_grid(tmp_path):
+    assert made_by("grid", tmp_path, "--points", "20k", "--repeats", "1")["points"] == 20_000
+
+
+@pytest.mark.gl
+def test_bench_scale(tmp_path):
+    made = made_by("scale", tmp_path, "--points", "20k,40k,100G", "--repeats", "1")
+    assert made.keys() >= COMMON | {"lod", "rows", "growth", "size"}
+    assert [(r["series"], r["points"], r["fits"]) for r in made["rows"]] == [
+        (series, n, n < 10**11) for series in ("rooms", "density") for n in (20_000, 40_000, 10**11)]
+    for row in made["rows"]:
+        if row["fits"]:
+            assert row["packed_bytes"] == 12 * row["points"] and row["resident_bytes"] > row["packed_bytes"]
+            assert row["open_to_first_picture_s"] > 0 and set(row["milliseconds"]) == {"raw", "filled"}
+    assert set(made["growth"]) == {"rooms", "density"} and made["lod"] == scaling.LOD
+
+
+@pytest.mark.gl
+def test_bench_error(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[:1])
+    made = made_by("error", tmp_path, "--repeats", "1")
+    assert made.keys() >= COMMON | {"rows", "front", "left_out", "cameras"}
+    rows = {f"{row['group']}: {row['name']}": row for row in made["rows"]}
+    assert {f"packing: {bits} bits" for bits in range(10, 16)} <= rows.keys()
+    assert {f"level of detail: {p} points a pixel" for p in ("0.5", "1", "2", "4", "8")} <= rows.keys()
+    assert {"soft depth: 1/32 of depth", "filter: npbg++", "precision: fp16", "network: fast"} <= rows.keys()
+    assert "precision: int8" in rows or any(why.startswith("int8") for why in made["left_out"])
+    twin = rows["exact: against the float64 twin"]
+    assert twin["mask"] < 0.02 and (twin["psnr"] is None or twin["psnr"] > 40), twin
+    assert rows["filter: off"]["psnr"] < 60 and rows["packing: 10 bits"]["psnr"] < 60
+    assert all(row["milliseconds"] > 0 and row["time"] > 0 for row in made["rows"])
+    assert set(made["front"]) == {"filled", "neural"} and all(made["front"].values())
+    assert "float64 twin" in capsys.readouterr().out
+
+
+@pytest.mark.gl
+def test_leaving_out_void_is_timed_apart_and_changes_no_pixel(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[-1:])
+    made = made_by("error", tmp_path, "--repeats", "1", "--only", "void")
+    row = next(row for row in made["rows"] if row["group"] == "void")
+    assert row["psnr"] is None and row["largest"] == 0 and len(row["by_view"]) == 1
+    assert run("bench", "error", "--only", "nothing") == 2 and "packing" in capsys.readouterr().err
+
+
+@pytest.mark.gl
+def test_bench_raster(tmp_path):
+    made = made_by("raster", tmp_path, "--repeats", "1", "--points", "20k")
+    assert made.keys() >= COMMON and made["points"] == 20_000 and made["failed"] is False
+    assert made["milliseconds"].keys() == {"compute", "points"} and made["ratio"] > 0
+
+
+@pytest.mark.gl
+def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
+    """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the twin's picture with 1/4, and not
+    that with the usual tolerance."""
+    from model.project import SoftZ
+    from viewer.bench import twin64
+    from viewer.render.context import create_context
+
+    _, scene = small
+    context = create_context()
+    renderer, camera = approximations.BenchRenderer(context, scene, device="cpu"), views.named_views(scene, SIZE)[1]
+    plain = renderer.render(camera, approximations.EXACT).image("filled").copy()
+    renderer.soft = 1 / 4
+    other = renderer.render(camera, approximations.EXACT).image("filled").copy()
+    patch = pytest.MonkeyPatch()
+    patch.setattr("model.project.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
+    try:
+        twin = twin64.twin_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
+    finally:
+        patch.undo()
+    usual = twin64.twin_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
+    gap = {(a, b): (np.abs(made[..., :3] - truth) > 1).mean()  # more than rounding
+           for a, made in (("1/4", other), ("usual", plain)) for b, truth in (("1/4", twin), ("usual", usual))}
+    assert gap["1/4", "1/4"] < 0.01 and gap["usual", "usual"] < 0.01, gap
+    assert gap["1/4", "usual"] > 0.02 and gap["usual", "1/4"] > 0.02, gap
+    renderer.release()
+    context.release()
