@@ -1,0 +1,149 @@
+"""The evaluation's figures agree with hand computation: of a picture, of matched exposures, of half precision."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from evaluation_files import film_room, rgb_of, squeeze_files
+
+import model.evaluation.scene as scene_module
+from model.data.pairs import Projected, project_scan
+from model.data.stations import ScanModel, load_scene, scan_stations
+from model.data.truth import Scan
+from model.evaluation import precision_table
+from model.evaluation.figures import Truth
+from model.evaluation.methods import thinned
+from model.evaluation.precision import scaled_input
+from model.evaluation.scene import matched_colours
+from model.exposure import exposures_of, match_exposures
+from model.losses import SqueezeDistance
+from model.metrics import masked_error, masked_psnr, ssim
+from model.unet import CompactUNet, Size
+from model.weights import WeightsError, weights_dir
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory) -> Path:
+    return film_room(tmp_path_factory.mktemp("rooms") / "box")
+
+
+@pytest.fixture(scope="module")
+def squeeze(tmp_path_factory) -> Path:
+    return squeeze_files(tmp_path_factory.mktemp("squeeze"))
+
+
+def test_ssim_is_that_of_a_plain_window():
+    generator = torch.Generator().manual_seed(1)
+    a = torch.rand(1, 14, 17, generator=generator).double()
+    b = (a + 0.2 * torch.rand(1, 14, 17, generator=generator)).clamp(0, 1)
+    offsets = np.arange(11) - 5
+    one = np.exp(-(offsets**2) / 4.5)
+    kernel = np.outer(one, one) / one.sum() ** 2
+    values = []
+    for y in range(4):
+        for x in range(7):
+            p, q = (t[0, y : y + 11, x : x + 11].numpy() for t in (a, b))
+            mp, mq = (kernel * p).sum(), (kernel * q).sum()
+            vp, vq, c = (kernel * p * p).sum() - mp**2, (kernel * q * q).sum() - mq**2, (kernel * p * q).sum() - mp * mq
+            values.append((2 * mp * mq + 1e-4) * (2 * c + 9e-4) / ((mp**2 + mq**2 + 1e-4) * (vp + vq + 9e-4)))
+    assert ssim(a, b) == pytest.approx(np.mean(values), abs=1e-12)
+    assert Truth(b.float().expand(3, -1, -1), None).similarity(a.expand(3, -1, -1)) == pytest.approx(np.mean(values), abs=1e-5)
+
+
+def test_figures_over_invented_pixels_agree_with_hand_computation():
+    truth, made = torch.full((3, 12, 12), 0.5), torch.full((3, 12, 12), 0.5)
+    invented = torch.zeros(12, 12, dtype=torch.bool)
+    invented[:4, :3] = True
+    made[:, :4, :3] += 0.1  # 12 pixels off by 0.1, another that is measured by 0.4
+    made[:, 11, 11] += 0.4
+    figures = Truth(truth, None).figures(made, invented)
+    assert figures.invented_psnr == pytest.approx(20.0, abs=1e-4) and figures.invented_error == pytest.approx(0.1, abs=1e-6)
+    assert figures.invented == pytest.approx(12 / 144)
+    assert figures.psnr == pytest.approx(-10 * np.log10((12 * 0.01 + 0.16) / 144), abs=1e-4)
+    none = torch.zeros(12, 12, dtype=torch.bool)
+    assert np.isnan(masked_psnr(made, truth, none)) and np.isnan(masked_error(made, truth, none))
+    assert np.isnan(figures.distance)
+
+
+def test_the_distance_to_a_truth_whose_features_are_kept_is_the_distance(squeeze):
+    distance = SqueezeDistance(squeeze).eval()
+    generator = torch.Generator().manual_seed(2)
+    truth, made = torch.rand(2, 3, 40, 48, generator=generator)
+    invented = torch.rand(40, 48, generator=generator) < 0.3
+    judge = Truth(truth, distance)
+    with torch.inference_mode():
+        whole = float(distance(made[None], truth[None]))
+        composed = float(distance(torch.where(invented, made, truth)[None], truth[None]))
+    figures = judge.figures(made, invented)
+    assert figures.distance == pytest.approx(whole, rel=1e-4) and whole > 0
+    assert figures.invented_distance == pytest.approx(composed, rel=1e-4) and composed < whole
+    assert judge.gap(truth) == pytest.approx(0, abs=1e-6)
+
+
+def test_matching_undoes_known_gains_and_is_what_opening_does(room):
+    scene = load_scene(room)
+    clean = scan_stations(scene, 1, ScanModel(0, 0, 0, 0, 0, 0, 0, 0))
+    gains = np.array([[1.08], [0.92]])
+    dimmed = Scan(clean.xyz, np.clip(np.rint(clean.rgb * gains[clean.station]), 0, 255).astype(np.uint8), clean.station)
+    solved = exposures_of(dimmed.xyz, dimmed.rgb, dimmed.station)
+    assert solved.matched.all()
+    undone = matched_colours(torch.from_numpy(dimmed.rgb), torch.from_numpy(dimmed.station), solved.gains).numpy()
+    assert np.array_equal(undone, match_exposures(dimmed.xyz, dimmed.rgb, dimmed.station))
+    middling = (clean.rgb > 20).all(1) & (clean.rgb < 220).all(1)
+    before, after = (np.abs(rgb[middling].astype(float) - clean.rgb[middling]).mean() for rgb in (dimmed.rgb, undone))
+    assert after < 0.35 * before
+
+
+@pytest.fixture(scope="module")
+def seen(room) -> tuple[Projected, torch.Tensor, float]:
+    scene = load_scene(room)
+    scan = scan_stations(scene, 1)
+    left = thinned(project_scan(scan, scene.views[0], 1), 0.5)
+    return left, rgb_of(SimpleNamespace(rgb=lambda: scene.views[0].rgb().copy())), scene_module.scan_spacing(scan) / 0.5**0.5
+
+
+def _scaled(seen, scale: float):
+    points, truth, spacing = seen
+    return scaled_input(points, truth, spacing, scale, filtered=True)
+
+
+@pytest.mark.parametrize("scale, pixels", [(2.0**-10, 0), (2.0**10, 0), (1e-3, 4), (1e3, 4)])
+def test_the_unit_of_a_scan_changes_nothing_that_a_network_sees(seen, scale, pixels):
+    """To the bit for powers of two; but for rounding ties of the filter and the soft z-buffer for others."""
+    metres, other = (_scaled(seen, s).x for s in (1.0, scale))
+    differs = (metres - other).abs() > (0 if pixels == 0 else 1e-5)
+    assert int(differs.any(0).sum()) <= pixels
+    assert metres[4].abs().max() > 0.1
+
+
+def test_half_precision_is_measured_at_every_scale(seen, tmp_path):
+    inputs = [_scaled(seen, scale) for scale in (1e-3, 1.0, 1e3)]
+    rows = precision_table(weights_dir() / "fast-filtered.safetensors", inputs)
+    assert {(r["precision"], r["scale"]) for r in rows} == {(p, s) for p in ("fp32", "bf16", "fp16") for s in (1e-3, 1.0, 1e3)}
+    by = {(r["precision"], r["scale"]): r for r in rows}
+    for row in rows:
+        assert row["nan"] == 0 and 0 < row["percentile"] <= row["largest"] < 0.1
+        assert row["psnr"] == pytest.approx(by["fp32", row["scale"]]["psnr"], abs=0.1)
+    assert by["bf16", 1.0]["percentile"] > by["fp32", 1.0]["percentile"]
+    with pytest.raises(WeightsError):
+        precision_table(tmp_path / "none.safetensors", inputs)
+
+
+def test_nan_is_counted_not_hidden(seen, monkeypatch):
+    class Overflowing(CompactUNet):
+        def forward(self, x):
+            made = super().forward(x).clone()
+            if self.stem.weight.dtype == torch.float16:
+                made[:, :, 0, :5] = float("nan")
+            return made
+
+    import model.evaluation.precision as precision
+
+    monkeypatch.setattr(precision, "load_weights", lambda path: (Overflowing(Size((8, 8), 1)).eval(), {}))
+    rows = {r["precision"]: r for r in precision_table(Path("x.safetensors"), [_scaled(seen, 1.0)])}
+    assert rows["fp16"]["nan"] == 15 and rows["bf16"]["nan"] == rows["fp32"]["nan"] == 0
+    assert rows["fp16"]["largest"] < 0.01
