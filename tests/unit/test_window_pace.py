@@ -1,0 +1,142 @@
+"""The pace: how many points are drawn while flying and at rest, so that a session keeps up."""
+
+import pytest
+from window_session import finish, session, stats
+
+from viewer.settings import Settings
+
+
+def test_a_slow_network_flies_filled_and_repaints_at_rest():
+    made, clock = session()
+    made.choice.show("neural")
+    finish(made)
+    made.drew(made.plan, stats(network=900.0))
+    clock.now += 1
+    made.flight.held.add("forward")
+    made.advance()
+    clock.now += 0.1
+    made.advance()
+    assert made.plan.views == ("filled",)
+    made.drew(made.plan, stats())
+    assert "filled while moving" in made.approximations
+    made.flight.held.clear()
+    for _ in range(200):
+        clock.now += 1 / 60
+        made.advance()
+    assert made.plan.views == ("neural",) and made.needs_picture
+    made.picture.pace.keep_up = False
+    made.flight.held.add("forward")
+    assert made.plan.views == ("neural",)
+
+
+def fly(made, clock, raster, *, frames=40, occlusion=None):
+    """Moves for some frames whose raster stage takes ``raster(level)`` milliseconds; returns the levels drawn with."""
+    levels = []
+    made.flight.held.add("forward")
+    for _ in range(frames):
+        clock.now += 0.05
+        made.advance()
+        plan = made.plan
+        assert plan.moving
+        levels.append(plan.level)
+        made.drew(plan, stats(raster=raster(plan.level)) | ({} if occlusion is None else {"occlusion": occlusion}))
+    made.flight.held.clear()
+    while made.flight.state.moving:
+        clock.now += 0.05
+        made.advance()
+        made.drew(made.plan, stats(raster=raster(made.plan.level)))
+    return levels
+
+
+def rest(made, clock, raster, points=lambda level: level or 1e9):
+    """Draws what is asked for at rest, at most 50 pictures; returns their levels."""
+    clock.now += 1.0
+    made.advance()
+    levels = []
+    while made.needs_picture and len(levels) < 50:
+        plan = made.plan
+        levels.append(plan.level)
+        made.drew(plan, stats(raster=raster(plan.level)) | {"points_drawn": points(plan.level)})
+    assert not made.needs_picture and made.next_change() is None, "at rest nothing is drawn for ever, nor waited for"
+    return levels
+
+
+def test_where_drawing_is_quick_nothing_is_left_out():
+    made, clock = session()
+    assert set(fly(made, clock, lambda level: 12.0)) == {None}
+
+
+@pytest.mark.parametrize("per_point", [5.0, 12.0, 30.0])
+def test_points_a_pixel_settle_while_moving_and_all_come_back_at_rest(per_point):
+    made, clock = session()
+    cost = lambda level: min(400.0, per_point * (level or 1e9))  # noqa: E731
+    levels = fly(made, clock, cost)
+    settled = levels[-20:]
+    assert len(set(settled)) == 1 and cost(settled[0]) <= 60.0, f"no swinging to and fro: {levels}"
+    levels = rest(made, clock, cost, points=lambda level: cost(level) / per_point)
+    assert levels[-1] is None and levels[:-1] == sorted(levels[:-1]), "finer and finer, then every point"
+    assert fly(made, clock, cost, frames=3)[0] == settled[0], "the next flight begins where this one settled"
+
+
+def test_points_are_not_left_out_where_that_saves_nothing():
+    made, clock = session()
+    made.flight.held.add("forward")
+    levels = []
+    for _ in range(30):  # 90 ms whatever is drawn, as where the picture's size decides
+        clock.now += 0.05
+        made.advance()
+        plan = made.plan
+        levels.append(plan.level)
+        points = int(min(1e6, 1e5 * (plan.level or 1e9)))
+        made.drew(plan, stats(raster=90.0) | {"points_drawn": points})
+    assert levels[-1] == 16.0 or levels[-1] == 8.0, f"as many points as before anything was gained: {levels}"
+
+
+def test_at_rest_a_picture_that_would_take_too_long_is_not_begun():
+    made, clock = session()
+    cost = lambda level: 1e6 if level is None else 100.0 * level  # noqa: E731
+    made.picture.pace.begin(10**9)
+    assert made.plan.level == 1.0, "a huge scene begins coarse"
+    fly(made, clock, cost)
+    levels = rest(made, clock, cost)
+    assert None not in levels and max(map(cost, levels)) <= 2000.0 < 4 * cost(levels[-1])
+    made.picture.pace.keep_up = False
+    assert made.plan.level is None, "unless that is asked for"
+
+
+def test_points_that_do_not_grow_in_number_are_all_there_are():
+    made, clock = session()
+    made.picture.pace.begin(10**9)
+    levels = rest(made, clock, lambda level: 50.0, points=lambda level: min(level or 1e9, 10.0))
+    assert levels == [1.0, 4.0, 16.0, 64.0, None]
+
+
+def test_a_level_of_ones_own_is_never_exceeded():
+    made, clock = session(settings=Settings(view="filled", lod=2.0))
+    cost = lambda level: 40.0 * level  # noqa: E731
+    assert max(fly(made, clock, cost)) == 2.0
+    assert rest(made, clock, cost)[-1] == 2.0
+
+
+def test_hidden_cells_are_looked_for_only_where_it_pays_and_never_left_out_at_rest():
+    made, clock = session()
+    made.drew(made.plan, stats())
+    fly(made, clock, lambda level: 10.0, frames=5, occlusion={"points_hidden": 9})
+    made.flight.held.add("forward")
+    assert made.plan.hides
+    made.drew(made.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 9}})
+    made.flight.held.clear()
+    assert made.next_change() is not None
+    clock.now += 1.0
+    assert made.needs_picture and not made.plan.hides
+    made.drew(made.plan, stats())
+    clock.now += 1.0
+    made.flight.held.add("forward")
+    for hides in (True, False):  # the first frame of a flight knows of nothing that hides
+        clock.now += 0.05
+        made.advance()
+        made.drew(made.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 0}})
+        assert made.plan.hides == hides
+    fly(made, clock, lambda level: 10.0, frames=100)
+    made.flight.held.add("forward")
+    assert made.plan.hides, "tried again later"

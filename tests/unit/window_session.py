@@ -1,0 +1,47 @@
+"""A session of the window without a window: an empty room, and a clock moved by hand."""
+
+import numpy as np
+
+from viewer.cloud import scene_from_arrays
+from viewer.settings import Settings
+from viewer.window.loading import Loaded
+from viewer.window.session import Session
+from viewer.window.start import survey
+
+
+def room(*, metre: float = 1.0, offset=(0.0, 0.0, 0.0), scans=None, points=40_000):
+    """A furnished-with-nothing room of 8 x 6 x 3 m; ``metre`` in file units."""
+    rng = np.random.default_rng(1)
+    size = np.array([8.0, 6.0, 3.0])
+    xyz = rng.random((points, 3)) * size
+    wall = rng.integers(0, 6, points)
+    xyz[np.arange(points), wall % 3] = np.where(wall < 3, 0.0, size[wall % 3])
+    meta = {"metres_per_unit": 1.0 / metre} | ({"scans": scans} if scans else {})
+    return scene_from_arrays(xyz * metre + np.array(offset), rng.integers(0, 255, (points, 3), np.uint8), meta=meta)
+
+
+class Clock:
+    def __init__(self):
+        self.now = 100.0
+
+    def __call__(self):
+        return self.now
+
+
+def session(*, loader=lambda settings: None, settings=None):
+    clock = Clock()
+    made = Session(settings or Settings(view="filled"), (640, 400), load_network=loader, clock=clock)
+    scene = room()
+    made.accept(Loaded(scene, survey(scene)))
+    return made, clock
+
+
+def stats(**stages):
+    return {"total_ms": 1.0, "stages": stages, "points_drawn": 1, "cells_drawn": 1, "raster": "compute",
+            "network": None, "approximations": []}  # fmt: skip
+
+
+def finish(made):
+    while made.choice.network_load is not None:
+        made.choice.network_load.join(5.0)
+        made.poll()
