@@ -1,4 +1,4 @@
-"""The window under Xvfb: every control pressed, every picture compared with ``render``'s; drive.py has the checks."""
+"""The window under Xvfb: every control pressed, every picture compared with ``render``'s; drive.py runs the checks."""
 
 import json
 import os

@@ -1,0 +1,134 @@
+"""Checks of what the window writes and reads: captures, help, bad files and weights, loads cancelled and replaced."""
+
+import csv
+from dataclasses import replace
+
+import numpy as np
+from driver import Driver
+
+
+def check_screenshot_is_the_picture(d: Driver) -> None:
+    from PIL import Image
+
+    before = set(d.folder.glob("*.png"))
+    d.key("F12")
+    (path,) = set(d.folder.glob("*.png")) - before
+    assert any(str(path) in toast.text for toast in d.session.notices.toasts)
+    image = np.asarray(Image.open(path))
+    assert np.array_equal(image, d.rendered())
+    session = d.session
+    np.savez(
+        d.folder / "shot.npz", image=image, matrix=session.camera.camera_to_world, view=session.choice.settings.view
+    )  # drawn again through EGL when the window is gone
+    path.unlink()
+
+
+def check_recording_writes_a_row_a_frame(d: Driver) -> None:
+    d.settle()
+    d.key("F9")
+    assert d.session.recording is not None
+    for view in ("1", "2", "3"):
+        d.key(view)
+    d.key("F9")
+    assert d.session.recording is None
+    (path,) = d.folder.glob("pointglass-frames-*.csv")
+    rows = list(csv.DictReader(path.open()))
+    assert [row["views"] for row in rows] == ["raw", "filtered", "filled"]
+    assert float(rows[-1]["fill_ms"]) > 0 and rows[0]["fill_ms"] == "" and int(rows[0]["points_drawn"]) > 0
+    assert not list(d.folder.glob(".*partial"))
+
+
+def check_help_lists_every_control(d: Driver) -> None:
+    before = d.canvas()
+    d.key("F1")
+    assert d.session.help and not np.array_equal(before, d.canvas())
+    d.key("ESCAPE")
+    assert not d.session.help and not d.app.closing
+    from viewer.window.controls import ALL
+
+    assert {control.action for control in ALL if control.kind == "press"} == set(d.app._actions)
+
+
+def check_interface_hides(d: Driver) -> None:
+    d.session.notices.toasts = []
+    shown = d.canvas()
+    d.key("F10")
+    hidden = d.canvas()
+    assert not np.array_equal(shown, hidden) and np.array_equal(hidden, d.rendered())
+    d.key("F10")
+    d.session.notices.toasts = []
+    assert d.session.interface
+
+
+def check_bad_file_gives_a_dialog_and_the_scene_stays(d: Driver) -> None:
+    bad = d.folder / "broken.ply"
+    bad.write_bytes(b"ply\nformat ascii 1.0\nelement vertex many\nend_header\n")
+    scene, picture = d.session.scene, d.bare()
+    d.drop(bad)
+    d.until(lambda: d.session.loads.current is None)
+    assert d.session.notices.message is not None and "broken.ply" in d.session.notices.message.text
+    assert "\n" not in d.session.notices.message.text and d.session.scene is scene
+    assert not np.array_equal(picture, d.canvas())
+    d.key("ESCAPE")
+    assert d.session.notices.message is None and np.array_equal(picture, d.bare())
+    d.drop(d.folder / "missing.laz")
+    d.until(lambda: d.session.notices.message is not None)
+    d.key("ENTER")
+    assert d.session.notices.message is None and d.session.scene is scene
+
+
+def check_missing_weights_give_a_dialog_and_the_setting_reverts(d: Driver) -> None:
+    from viewer.errors import InputError
+
+    def none(settings):
+        raise InputError("no weights are shipped for quality 'paper'")
+
+    d.session.choice.load_network, original = none, d.session.choice.load_network
+    d.session.choice.request(replace(d.session.choice.settings, quality="paper"))
+    d.until(lambda: d.session.choice.network_load is None)
+    d.session.choice.load_network = original
+    assert "no weights" in d.session.notices.message.text
+    assert d.session.choice.shown_settings.quality == "balanced" and d.session.choice.settings.quality == "balanced"
+    d.key("ESCAPE")
+
+
+def check_load_can_be_cancelled(d: Driver) -> None:
+    scene = d.session.scene
+    for cancel in (lambda: d.key("ESCAPE"), d.session.cancel_load):
+        d.drop(d.folder / "slow.ply")
+        d.until(lambda: d.session.loads.current.done > 3)
+        assert d.session.loads.current.label == "Reading slow.ply"
+        work = d.session.loads.current
+        cancel()
+        assert d.session.loads.current is None and work.join(5.0)
+        d.settle()
+        assert d.session.scene is scene and d.session.notices.message is None
+
+
+def check_second_drop_replaces_the_scene(d: Driver) -> None:
+    picture = d.bare()
+    d.drop(d.folder / "slow.ply")
+    d.settle()
+    d.drop(d.folder / "room2", d.folder / "room3")
+    d.until(lambda: d.session.loads.current is None)
+    assert d.session.scene.meta["sources"] == ["room2"]
+    assert not np.array_equal(picture, d.bare()) and np.array_equal(d.bare(), d.rendered())
+
+
+def check_failed_picture_falls_back(d: Driver) -> None:
+    from viewer.errors import DeviceError
+
+    original, before = d.app.painter.renderer.render, d.session.choice.settings
+
+    def render(camera, settings, views=None, history=None, **how):
+        if settings.soft_z == "paper-code":
+            raise DeviceError("a shader does not compile")
+        return original(camera, settings, views, history, **how)
+
+    d.app.painter.renderer.render = render
+    d.session.choice.request(replace(before, soft_z="paper-code"))
+    d.settle()
+    d.app.painter.renderer.render = original
+    assert "does not compile" in d.session.notices.message.text and d.session.choice.settings == before
+    d.key("ESCAPE")
+    assert np.array_equal(d.bare(), d.rendered())

@@ -1,0 +1,90 @@
+"""Checks of the window itself: its size, real keys from xdotool, the panel, the network's view, a flight's end."""
+
+import shutil
+import subprocess
+
+import numpy as np
+from driver import SIZE, Driver
+
+
+def check_resizing_and_minimising(d: Driver) -> None:
+    for size in ((517, 383), (333, 211)):
+        d.glfw.set_window_size(d.app.window, *size)
+        d.until(lambda size=size: d.session.size == size)
+        assert d.bare().shape == (size[1], size[0], 3) and np.array_equal(d.bare(), d.rendered())
+    d.app.hands.on_resize(d.app.window, 0, 0)
+    d.settle()
+    d.key("F12")
+    d.app.hands.on_resize(d.app.window, 333, 211)
+    d.glfw.set_window_size(d.app.window, *SIZE)
+    d.until(lambda: d.session.size == SIZE)
+    assert np.array_equal(d.bare(), d.rendered())
+
+
+def check_real_key_press(d: Driver) -> None:
+    assert shutil.which("xdotool"), "xdotool is missing: apt install xdotool"
+    name = d.glfw.get_x11_window(d.app.window)
+    subprocess.run(["xdotool", "windowfocus", "--sync", str(name)], check=True, timeout=10)
+    d.settle()
+    assert not d.session.help
+    subprocess.run(["xdotool", "key", "F1"], check=True, timeout=10)
+    d.until(lambda: d.session.help, 5.0)
+    subprocess.run(["xdotool", "key", "Escape"], check=True, timeout=10)
+    d.until(lambda: not d.session.help, 5.0)
+    start = d.session.camera.position.copy()
+    subprocess.run(["xdotool", "keydown", "w"], check=True, timeout=10)
+    try:
+        d.until(lambda: np.linalg.norm(d.session.camera.position - start) > 0.05, 5.0)
+    finally:
+        subprocess.run(["xdotool", "keyup", "w"], check=True, timeout=10)
+    d.until(lambda: not d.session.flight.state.moving, 5.0)
+
+
+def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
+    def click(x, y):
+        d.point(x, y)
+        d.button(d.glfw.PRESS)
+        d.button(d.glfw.RELEASE)
+        d.settle()
+
+    d.key("3")
+    camera = d.session.camera
+    click(590, 28)
+    assert d.session.panel
+    before = d.canvas()
+    click(363, 64)  # the first of the four views
+    assert d.session.choice.settings.view == "raw" and not np.array_equal(before, d.canvas())
+    assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the panel looks around"
+    d.session.panel = False
+
+
+def check_neural_view_where_there_are_weights(d: Driver) -> None:
+    d.key("4")
+    assert d.session.choice.shown_settings.view == "neural"
+    d.until(lambda: d.session.choice.network_load is None, 60.0)
+    if d.session.notices.message is not None:
+        assert "weights" in d.session.notices.message.text and d.session.choice.shown_settings.view == "filled"
+        return
+    d.until(lambda: not d.session.needs_picture)
+    assert d.session.picture.stats["network"] and np.array_equal(d.bare(), d.rendered())
+    d.key("V")
+    assert d.session.choice.sides == ("raw", "neural") and d.bare().std() > 5
+    d.key("V")
+    d.key("3")
+
+
+def check_a_flight_leaves_out_what_is_hidden_and_ends_exact(d: Driver) -> None:
+    from viewer.render import occlusion
+
+    usual, occlusion.WORTH = occlusion.WORTH, 0.0  # this room is so light that looking for what is hidden would not pay
+    d.key("3")
+    d.key("W", "down")
+    d.until(lambda: d.session.flight.moving and "hidden cells skipped" in d.session.approximations)
+    d.key("W", "up")
+    occlusion.WORTH = usual
+    assert np.array_equal(d.bare(), d.rendered()) and not d.session.approximations
+    d.key("HOME")
+
+
+def check_no_gl_error_is_left(d: Driver) -> None:
+    assert d.app.context.error == "GL_NO_ERROR"

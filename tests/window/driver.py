@@ -1,0 +1,108 @@
+"""An App and the hand that drives it: events enter where GLFW's callbacks deliver them."""
+
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+SIZE = (640, 400)
+
+
+def room(points: int = 50_000, seed: int = 5):
+    """A box room of 8 x 6 x 3 m with a coloured checker on its walls, as a Scene."""
+    from viewer.cloud import scene_from_arrays
+
+    rng = np.random.default_rng(seed)
+    size = np.array([8.0, 6.0, 3.0])
+    xyz = rng.random((points, 3)) * size
+    wall = rng.integers(0, 6, points)
+    xyz[np.arange(points), wall % 3] = np.where(wall < 3, 0.0, size[wall % 3])
+    checker = (np.floor(xyz * 2).sum(axis=1).astype(int) % 2)[:, None]
+    rgb = np.clip(60 + 28 * wall[:, None] + np.array([70, 20, 50]) * checker, 0, 255).astype(np.uint8)
+    return scene_from_arrays(xyz, rgb, meta={"metres_per_unit": 1.0, "sources": [f"room{seed}"]})
+
+
+class Driver:
+    """An App and a hand."""
+
+    def __init__(self, folder: Path):
+        import glfw
+
+        from viewer.settings import Settings
+        from viewer.window.app import App
+
+        self.folder = folder
+        self.app = App(Settings(view="filled"), size=SIZE, folder=folder, scale=1.0)
+        self.glfw = glfw
+        self.session = self.app.session
+        self.release = threading.Event()
+        self.session.loads.open_scene = self._open
+        self.session.panel = False  # at this size it would cover half of the picture
+
+    def _open(self, paths):
+        from viewer.cloud import open_scene
+        from viewer.progress import progress
+
+        name = paths[0].name
+        if name == "slow.ply":  # a load that lasts until it is cancelled
+            with progress(0, "Reading slow.ply") as meter:
+                while True:
+                    meter.update(1)
+                    time.sleep(0.005)
+        return room(seed=int(name[4:])) if name.startswith("room") else open_scene(paths, cache=False)
+
+    def settle(self, steps: int = 4) -> None:
+        for _ in range(steps):
+            self.app.step(wait=False)
+
+    def until(self, condition, seconds: float = 20.0) -> None:
+        end = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < end, "waited too long"
+            self.app.step(wait=False)
+        self.settle()
+
+    def key(self, name: str, action: str = "tap") -> None:
+        key = getattr(self.glfw, f"KEY_{name}")
+        code = self.glfw.get_key_scancode(key)
+        if action in ("tap", "down"):
+            self.app.hands.on_key(self.app.window, key, code, self.glfw.PRESS, 0)
+        if action in ("tap", "up"):
+            self.app.hands.on_key(self.app.window, key, code, self.glfw.RELEASE, 0)
+        if action == "tap":
+            self.settle()
+
+    def point(self, x: float, y: float) -> None:
+        self.app.hands.on_enter(self.app.window, 1)
+        self.app.hands.on_pointer(self.app.window, float(x), float(y))
+        self.settle(2)
+
+    def button(self, action: int, button: int | None = None) -> None:
+        self.app.hands.on_button(self.app.window, self.glfw.MOUSE_BUTTON_LEFT if button is None else button, action, 0)
+        self.settle(2)
+
+    def drop(self, *paths: Path) -> None:
+        self.app.hands.on_drop(self.app.window, [str(path) for path in paths])
+
+    def canvas(self) -> np.ndarray:
+        self.settle()
+        return self.app.painter.canvas.read()
+
+    def bare(self) -> np.ndarray:
+        """The picture alone, at rest: the interface hidden."""
+        self.until(lambda: not (self.session.flight.moving or self.session.needs_picture))
+        shown, self.session.interface = self.session.interface, False
+        try:
+            return self.canvas()
+        finally:
+            self.session.interface = shown
+
+    def rendered(self) -> np.ndarray:
+        from viewer.window.present import composite
+
+        session = self.session
+        frame = self.app.painter.renderer.render(session.camera, session.choice.settings)
+        image = composite(frame.image(session.choice.settings.view))
+        session.picture.dirty = True
+        return image
