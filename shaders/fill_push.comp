@@ -1,6 +1,6 @@
 // Pull-push fill, push: what a pixel's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
 // At level 0 (BASE) it writes the filled picture, void where neither the picture nor the directions around the camera
-// surround a hole (viewer/render/void.py), and, with NETWORK, the network's input: eight half-precision channels
+// surround a hole (viewer/render/void.py; CLOSED: all directions in view do, or none does), and, with NETWORK, the network's input: eight half-precision channels
 // a pixel (channels last): filled RGB, keep-mask, filled depth feature, 1 where the network may not open
 // what is filled (inside a room), 1 where void, zero.
 #include "common_pyramid.glsl"
@@ -12,9 +12,11 @@ uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its w
 uniform sampler2D whole_weight;
 #ifdef BASE
 uniform sampler2D inside;         // blocks of 2x2 pixels surrounded by measured ones
+#ifndef CLOSED
 uniform isampler2D closed;        // directions surrounded by scanned ones: six cube faces one above the other
 uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
 uniform vec4 lens;                // fx, fy, cx, cy in pixels
+#endif
 uniform int enclosed;             // 1: the camera stands in a room, nearly all directions close around it
 layout(rgba8, binding = 0) uniform writeonly image2D filled;
 #ifdef NETWORK
@@ -26,7 +28,7 @@ uniform sampler2D weight;
 layout(rgba32f, binding = 0) uniform writeonly image2D out_value;
 #endif
 
-#ifdef BASE
+#if defined(BASE) && !defined(CLOSED)
 // The cube face and cell of a direction, as viewer/render/void.py numbers them.
 ivec2 cell_of(vec3 d) {
     vec3 a = abs(d);
@@ -37,13 +39,9 @@ ivec2 cell_of(vec3 d) {
     return ivec2(cell.x, face * side + cell.y);
 }
 
-bool is_closed(ivec2 at) {
+bool closed_towards(ivec2 at) {
     vec3 ray = to_world * vec3((vec2(at) + 0.5 - lens.zw) / lens.xy, 1.0);
     return texelFetch(closed, cell_of(ray), 0).x != 0;
-}
-
-bool is_void(ivec2 at) {
-    return texelFetch(inside, at >> 1, 0).x < 0.5 && !is_closed(at);
 }
 #endif
 
@@ -61,12 +59,18 @@ void main() {
     vec4 v;
     float w = measured(at, v);
     if (w < 0.5) v = from_coarse(at);
+#ifdef CLOSED
+    const bool is_closed = CLOSED == 1;
+#else
+    bool is_closed = closed_towards(at);
+#endif
+    bool is_void = !is_closed && texelFetch(inside, at >> 1, 0).x < 0.5;
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    float alpha = w < 0.5 && (texelFetch(whole_weight, ivec2(0), 0).x == 0.0 || is_void(at)) ? 0.0 : 1.0;
+    float alpha = w < 0.5 && (is_void || texelFetch(whole_weight, ivec2(0), 0).x == 0.0) ? 0.0 : 1.0;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, enclosed == 1 && is_closed(at) ? 1.0 : 0.0)),
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, enclosed == 1 && is_closed ? 1.0 : 0.0)),
               packHalf2x16(vec2(1.0 - alpha, 0.0)));
 #endif
 #else

@@ -13,7 +13,7 @@ from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from model.pull_push import STRICT_FROM, surround_levels
 from viewer.render import shader
 from viewer.render.filter import level_sizes
-from viewer.render.void import SIDE
+from viewer.render.void import SIDE, closed_in_view
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -50,13 +50,15 @@ class Fill:
         self._pull = programs.compute("fill_pull.comp", **_CONSTANTS)
         self._push = programs.compute("fill_push.comp", **_CONSTANTS)
         self._push_base = {
-            wanted: programs.compute("fill_push.comp", BASE=1, NETWORK=wanted or None, **_CONSTANTS)
-            for wanted in (0, 1)
+            (wanted, view): programs.compute(
+                "fill_push.comp", BASE=1, NETWORK=wanted or None, CLOSED=None if view is None else int(view), **_CONSTANTS
+            )
+            for wanted in (False, True) for view in (None, False, True)
         }
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, mask: moderngl.Texture, *, camera: "Camera",
             closed: np.ndarray, spacing: float, network: "Pixels | None" = None) -> None:
-        """closed: (6 SIDE, SIDE) uint8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
+        """closed: (6 SIDE, SIDE) int8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
         network: the input buffer to write, or None."""
         feature_scale = 1.0 / (camera.fx * spacing)
         base = {"raw": raw, "depth": depth, "mask": mask}
@@ -68,18 +70,22 @@ class Fill:
             inputs = {"coarse": coarse, "value": self._values[index], "weight": self._weights[index]}
             self._pass(self._push, self._pushed[index].size, [self._pushed[index]], inputs, feature_scale, is_sum)
             coarse, is_sum = self._pushed[index], 0
+        view = closed_in_view(closed, camera)
         for index in range(len(self._inside) - 1, -1, -1):
+            if view:  # no direction in the picture is void: nobody asks which pixels are surrounded
+                break
             top = index == len(self._inside) - 1
             inputs = {"weight": self._weights[index]} | ({} if top else {"coarse_inside": self._inside[index + 1]})
             self._pass(self._surround[index], self._inside[index].size, [self._inside[index]], inputs, feature_scale)
         self._closed.write(closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
-        push = self._push_base[0 if network is None else 1]
-        push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
+        push = self._push_base[network is not None, view]
+        if view is None:
+            push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
+            push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         if "enclosed" in push:
             push["enclosed"] = int(closed.mean() > ENCLOSED)
-        push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         inputs = {**base, "coarse": coarse, "inside": self._inside[0], "closed": self._closed}
         self._pass(push, self.size, [self.filled], inputs, feature_scale, is_sum)
 

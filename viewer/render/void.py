@@ -11,13 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from model.compiled import compiled
 from viewer.cloud import unpack
 
 if TYPE_CHECKING:
+    from viewer.camera import Camera
     from viewer.cloud.scene import Scene
 
 SIDE = 16
 """Cells along a side of a cube face: 5.6 degrees."""
+_CELL_RADIUS = np.arctan(np.sqrt(2.0) / SIDE) * (1 + 1e-6)
+"""Radians from the middle of a cell to its farthest corner, at most: in the middle of a face."""
 _STEPS = np.radians(np.arange(6.0, 61.0, 6.0))
 _WALKS = 8
 _NEEDED = 8
@@ -36,8 +40,8 @@ def cell_of(directions: np.ndarray) -> np.ndarray:
 
 
 @cache
-def _walks() -> np.ndarray:
-    """(cells, walks, steps) int: the cells met on the way from each cell's centre."""
+def _centres() -> np.ndarray:
+    """(cells, 3) float64 unit vectors to the middle of each cell."""
     face, row, column = np.meshgrid(np.arange(6), np.arange(SIDE), np.arange(SIDE), indexing="ij")
     axis = (face // 2).ravel()
     centre = np.zeros((axis.size, 3))
@@ -45,7 +49,13 @@ def _walks() -> np.ndarray:
     centre[rows, axis] = np.where(face.ravel() % 2, -1.0, 1.0)
     centre[rows, (axis + 1) % 3] = ((column.ravel() + 0.5) / SIDE) * 2 - 1
     centre[rows, (axis + 2) % 3] = ((row.ravel() + 0.5) / SIDE) * 2 - 1
-    centre /= np.linalg.norm(centre, axis=1, keepdims=True)
+    return centre / np.linalg.norm(centre, axis=1, keepdims=True)
+
+
+@cache
+def _walks() -> np.ndarray:
+    """(cells, walks, steps) int64: the cells met on the way from each cell's centre."""
+    centre = _centres()
     helper = np.where(np.abs(centre[:, :1]) < 0.6, [[1.0, 0, 0]], [[0, 1.0, 0]])
     a = np.cross(centre, helper)
     a /= np.linalg.norm(a, axis=1, keepdims=True)
@@ -55,6 +65,49 @@ def _walks() -> np.ndarray:
         heading = np.cos(angle) * a + np.sin(angle) * b
         met.append(np.stack([cell_of(np.cos(s) * centre + np.sin(s) * heading) for s in _STEPS], axis=1))
     return np.stack(met, axis=1)
+
+
+@compiled(nogil=True)
+def close_directions(points, position, side, walks, needed, scanned, closed):
+    """Which cells hold a point as seen from ``position``, and which are closed by those that do.
+
+    points: (N, 3) float64.  walks: as in _walks.  Writes scanned (cells,) bool and closed (cells,) int8.
+    """
+    scanned[:] = False
+    for i in range(points.shape[0]):
+        x, y, z = points[i, 0] - position[0], points[i, 1] - position[1], points[i, 2] - position[2]
+        if abs(x) >= abs(y) and abs(x) >= abs(z):
+            axis, along, u, v = 0, x, y, z
+        elif abs(y) >= abs(z):
+            axis, along, u, v = 1, y, z, x
+        else:
+            axis, along, u, v = 2, z, x, y
+        if along == 0.0:
+            continue
+        size = abs(along)
+        column = min(max(int((u / size * 0.5 + 0.5) * side), 0), side - 1)
+        row = min(max(int((v / size * 0.5 + 0.5) * side), 0), side - 1)
+        scanned[((2 * axis + (1 if along < 0.0 else 0)) * side + row) * side + column] = True
+    for cell in range(walks.shape[0]):
+        hits = 0
+        for walk in range(walks.shape[1]):
+            for step in range(walks.shape[2]):
+                if scanned[walks[cell, walk, step]]:
+                    hits += 1
+                    break
+        closed[cell] = hits >= needed
+
+
+def closed_in_view(closed: np.ndarray, camera: "Camera") -> bool | None:
+    """Whether all directions of a picture are closed (True) or none is (False); None where they differ.
+
+    closed: (6 * SIDE, SIDE) of Surroundings.  Looks at every cell that a pixel's ray could fall into, and some more.
+    """
+    across = max(camera.cx, camera.width - camera.cx) / camera.fx
+    along = max(camera.cy, camera.height - camera.cy) / camera.fy
+    reach = np.arctan(np.hypot(across, along)) + _CELL_RADIUS
+    there = closed.reshape(-1)[_centres() @ camera.view_rotation[2] >= np.cos(min(reach, np.pi))]
+    return bool(there[0]) if (there == there[0]).all() else None
 
 
 class Surroundings:
@@ -70,12 +123,10 @@ class Surroundings:
         head = int(scene.offsets[len(coords) * min(2, scene.layers)])  # the two coarsest layers: an even sample
         points, *_ = unpack(scene, slice(0, min(head, 8 * _SAMPLES)))
         self._points = np.concatenate([centres, points[:: max(1, len(points) // _SAMPLES)]])
+        self.closed(np.zeros(3))  # compiled now, or read from the cache, and not in the first frame
 
     def closed(self, position: np.ndarray) -> np.ndarray:
         """(6 * SIDE, SIDE) int8: 1 where a hole in that direction from ``position`` (3,) is to be filled."""
-        ray = self._points - position
-        ray = ray[np.abs(ray).max(axis=1) > 0]
-        scanned = np.zeros(6 * SIDE * SIDE, bool)
-        scanned[cell_of(ray)] = True
-        hits = scanned[_walks()].any(axis=2).sum(axis=1)
-        return (hits >= _NEEDED).astype(np.int8).reshape(6 * SIDE, SIDE)
+        scanned, closed = np.empty(6 * SIDE * SIDE, bool), np.empty(6 * SIDE * SIDE, np.int8)
+        close_directions(self._points, np.asarray(position, np.float64), SIDE, _walks(), _NEEDED, scanned, closed)
+        return closed.reshape(6 * SIDE, SIDE)

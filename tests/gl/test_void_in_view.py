@@ -1,0 +1,38 @@
+"""Void and holes in the picture: the passes that know all directions in view alike, against the one that looks them up."""
+
+import numpy as np
+import pytest
+from clouds import room
+
+from viewer.camera import from_fov, look_at
+from viewer.render import fill
+from viewer.render.renderer import Renderer
+from viewer.settings import Settings
+
+pytestmark = pytest.mark.gl
+INSIDE = look_at((1.0, 1.0, 1.2), (3.0, 2.5, 1.0))
+AWAY = look_at((-30.0, -30.0, 20.0), (-60.0, -60.0, 60.0))
+BESIDE = look_at((-4.0, -4.0, 4.0), (2.0, 2.0, 1.0))
+
+
+@pytest.mark.parametrize("pose, said", [(INSIDE, True), (AWAY, False), (BESIDE, None)])
+def test_what_is_known_beforehand_changes_no_byte(context, monkeypatch, pose, said):
+    renderer = Renderer(context, room(4, 20_000))
+    camera, settings = from_fov(97, 71, 50.0, pose), Settings(quality="fast", device="cpu")
+    answers, looked = [], []
+
+    def told(closed, camera):
+        answers.append(closed_in_view(closed, camera))
+        return answers[-1]
+
+    closed_in_view = fill.closed_in_view
+    try:
+        for answer in (told, lambda *_: None):
+            monkeypatch.setattr(fill, "closed_in_view", answer)
+            frame = renderer.render(camera, settings, views=("filled", "neural"))
+            sent = np.frombuffer(renderer._neural.bridge.input.read(), np.uint16)
+            looked.append((frame.image("filled").tobytes(), sent.tobytes()))
+        assert answers == [said]
+        assert looked[0] == looked[1]
+    finally:
+        renderer.release()
