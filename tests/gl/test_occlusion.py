@@ -239,7 +239,7 @@ def test_where_hiding_would_show_nothing_is_hidden_and_the_memory_is_kept(floor,
 
 def test_where_nothing_is_known_the_nearest_cells_are_drawn_first(floor):
     """A quarter of the points in the nearest cells; where enough is known, that alone."""
-    camera, cells = standing(floor.scan, *FULL), len(floor.scene.cell_coords)
+    camera = standing(floor.scan, *FULL)
     draw = Culler(floor.scene).select(camera)
     points = np.bincount(draw.slot, draw.count, len(draw.cells))
     distance = np.linalg.norm(draw.cell_view[:, :3], axis=1)
@@ -247,14 +247,15 @@ def test_where_nothing_is_known_the_nearest_cells_are_drawn_first(floor):
     known = Occlusion().recall(floor.scene, draw, nobody).astype(bool)
     assert distance[known].max() <= distance[~known].min()
     assert NEAREST * draw.points <= points[known].sum() <= NEAREST * draw.points + points.max()
-    for share in (0.05, 0.5):  # known: the farthest cells with so many of the points
+    order = np.argsort(-distance)
+    many = order[points[order].cumsum() <= 0.5 * draw.points]
+    for told_of, added in ((order[:2], known), (many, False)):  # the farthest two; those with half of the points
         told = np.zeros(len(draw.cells), np.uint8)
-        order = np.argsort(-distance)
-        told[order[points[order].cumsum() <= share * draw.points]] = 1
+        told[told_of] = 1
         memory = Occlusion()
         memory.recall(floor.scene, draw, nobody)
         got = memory.recall(floor.scene, draw, SimpleNamespace(begin=lambda: 2, flags_of=lambda *_, told=told: told))
-        assert len(got) <= cells and np.array_equal(got, told | (known if share < NEAREST / 2 else 0))
+        assert np.array_equal(got, told | added)
 
 
 def test_a_view_of_nothing_and_back(floor):

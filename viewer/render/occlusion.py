@@ -39,7 +39,8 @@ TEXELS = 8
 REACH = 4
 """Pixels by which a cell's rectangle grows: what shows nowhere may still sway the filter's verdict on what is beside it."""
 NEAREST = 0.25
-"""Share of the points, those of the nearest cells, that are drawn first where less than half as much is known."""
+"""Share of the points, those of the nearest cells, that are drawn first where less than half as much is known (of the cells,
+too, which is sooner counted)."""
 _LEVELS = 16
 _CELLS_A_GROUP = 64
 
@@ -93,7 +94,9 @@ class Occlusion:
 
 
 def _add_nearest(draw: "DrawList", known: np.ndarray) -> None:
-    """Where the cells known hold few of the points: the nearest too, since what is near is what hides."""
+    """Where few cells are known, and they hold few of the points: the nearest too, since what is near is what hides."""
+    if np.count_nonzero(known) >= NEAREST / 2 * len(known):
+        return
     points = np.bincount(draw.slot, draw.count, len(known))
     enough = NEAREST * draw.points
     if points @ known >= enough / 2:
