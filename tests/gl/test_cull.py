@@ -1,6 +1,8 @@
 """Culling, level of detail and batches against brute force and against the same in plain NumPy."""
 
+import itertools
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ CULLER = Culler(SCENE)
 XYZ, _, _, _ = unpack(SCENE)
 CELLS = SCENE.cell_of_points()
 LODS = (None, 1e-3, 0.5, 8.0, 1e9)
+PARTS = (0, 4, 2, 6, 1, 5, 3, 7)
 
 
 def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
@@ -38,7 +41,13 @@ def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
         nearest = np.maximum(z[rows] - 0.5 * size * np.abs(r[2]).sum(), 1e-9 * size)
         need = lod * ((size * camera.fx / nearest) * (size * camera.fy / nearest))
         held = np.cumsum(counts, axis=0)
-        counts = np.where(np.vstack([np.zeros((1, len(rows)), bool), held[:-1] >= need]), 0, counts)
+        before = np.vstack([np.zeros((1, len(rows)), int), held[:-1]])
+        counts = np.where(before >= need, 0, counts)
+        if scene.spread:
+            for layer, slot in np.argwhere((counts > 0) & (held > need)):
+                number = np.arange(counts[layer, slot])  # of those, every eighth, then those midway, ...
+                parts = int(np.ceil(8 * (need[slot] - before[layer, slot]) / len(number)))
+                counts[layer, slot] = np.isin(number % 8, PARTS[:parts]).sum()
     layer, slot = np.nonzero(counts)
     corner = r @ np.full(3, 0.5 * (scene.step - size))
     view = np.zeros((len(rows), 4), np.float32)
@@ -67,7 +76,8 @@ def cells_only(rng, cells: int, scale: float, reach: float) -> Scene:
     origin = np.floor(rng.uniform(-reach, reach, 3)) * size
     low, high = coords.min(axis=0) * size + origin, (coords.max(axis=0) + 1) * size + origin
     empty = np.zeros((0, 3), np.uint32)
-    return Scene(empty, coords, offsets, origin, size, layers, int(offsets[-1]), 0.01 * size, np.array([low, high]))
+    return Scene(empty, coords, offsets, origin, size, layers, int(offsets[-1]), 0.01 * size, np.array([low, high]),
+                 spread=bool(rng.integers(2)))  # fmt: skip
 
 
 def any_camera(rng, scene: Scene) -> Camera:
@@ -124,14 +134,25 @@ def test_without_level_of_detail_every_point_of_a_visible_cell_is_drawn_once(num
     assert (np.diff(draw.first) > 0).all() and draw.points == drawn.sum()
 
 
-def test_level_of_detail_draws_fewer_points_and_whole_layers():
+def test_level_of_detail_draws_fewer_points_and_what_it_draws_stays():
+    """With more points wanted, those drawn before are drawn too, so that nothing flickers; and not many more than wanted."""
     scene = room(6, 400_000)
-    culler = Culler(scene)
     camera = camera_in(scene, 2, (80, 60))
-    counts = [culler.select(camera, lod).points for lod in (0.5, 2.0, 8.0, None)]
-    assert counts[0] < counts[1] <= counts[2] <= counts[3]
-    starts = {int(o) for o in scene.offsets}
-    assert {int(f) for f in culler.select(camera, 0.5).first} <= starts
+    drawn, points = {}, {}
+    for spread in (True, False):
+        culler = Culler(replace(scene, spread=spread))
+        for lod in (0.25, 0.3, 0.5, 0.7, 2.0, 8.0, None):
+            draw = culler.select(camera, lod)
+            drawn[lod] = np.zeros(scene.count, bool)
+            for first, count in zip(draw.first, draw.count, strict=True):
+                drawn[lod][first : first + count] = True
+            assert drawn[lod].sum() == draw.points
+            points[spread, lod] = draw.points
+            assert {int(f) for f in draw.first} <= {int(o) for o in scene.offsets}
+        for less, more in itertools.pairwise(drawn):
+            assert not (drawn[less] & ~drawn[more]).any()
+    assert points[True, 0.25] < points[True, 0.3] < points[True, 0.5]
+    assert all(points[True, lod] <= points[False, lod] for lod in drawn) and points[True, 0.5] < 0.9 * points[False, 0.5]
 
 
 def test_a_view_past_everything_draws_nothing():

@@ -1,5 +1,7 @@
 """The grid: every point once, where it was, in a layer drawn fairly, the same as a plain NumPy twin makes it."""
 
+import itertools
+
 import numpy as np
 import pytest
 from cloud_files import surface
@@ -8,9 +10,11 @@ from hypothesis import strategies as st
 
 from viewer.cloud import arrays as arrays_module
 from viewer.cloud import grid as grid_module
-from viewer.cloud import scene_from_arrays, unpack
+from viewer.cloud import layers, scene_from_arrays, unpack
 from viewer.errors import InputError
 
+PARTS = (0, 4, 2, 6, 1, 5, 3, 7)
+"""Of each eight points of a layer and cell, the one that goes into the first part, the second, ..."""
 SLOW = settings(deadline=None, max_examples=15, suppress_health_check=list(HealthCheck))
 
 
@@ -42,9 +46,9 @@ def twin(xyz, rgb, intensity, scan):
     order = sorted(range(len(cells)), key=lambda i: morton(cells[i] - base))
     rank = np.empty(len(cells), int)
     rank[order] = np.arange(len(cells))
-    layers = int(np.clip(1 + np.round(np.log2(n / 2**15)), 1, 16))
-    bucket = np.maximum(layers - 1 - trailing_zeros(n), 0) * len(cells) + rank[inverse.reshape(-1)]
-    offsets = np.concatenate([[0], np.bincount(bucket, minlength=layers * len(cells)).cumsum()])
+    depth = int(np.clip(1 + np.round(np.log2(n / 2**15)), 1, 16))
+    bucket = np.maximum(depth - 1 - trailing_zeros(n), 0) * len(cells) + rank[inverse.reshape(-1)]
+    offsets = np.concatenate([[0], np.bincount(bucket, minlength=depth * len(cells)).cumsum()])
     unit = xyz / size
     q = np.minimum(np.floor((unit - np.floor(unit)) * 65536), 65535).astype(np.uint32)
     c = rgb.astype(np.uint32)
@@ -52,7 +56,10 @@ def twin(xyz, rgb, intensity, scan):
         q[:, 0] | q[:, 1] << 16, q[:, 2] | intensity.astype(np.uint32) << 16,
         c[:, 0] | c[:, 1] << 8 | c[:, 2] << 16 | scan.astype(np.uint32) << 24,
     ], axis=1)  # fmt: skip
-    return words[np.argsort(bucket, kind="stable")], (cells[order] - base), offsets, base * size, size
+    words = words[np.argsort(bucket, kind="stable")]
+    for start, stop in itertools.pairwise(offsets):
+        words[start:stop] = np.concatenate([words[start:stop][first::8] for first in PARTS])
+    return words, (cells[order] - base), offsets, base * size, size
 
 
 def attributes(n, seed=0):
@@ -115,16 +122,24 @@ def test_every_layer_doubles_the_density_and_every_point_appears_once():
     assert quarters.min() > 0.9 * quarters.mean()
 
 
-def test_within_a_cell_and_layer_points_keep_the_files_order():
+def test_the_first_parts_of_a_layer_and_cell_are_spread_over_the_files_order():
     n = 100_000
     xyz, _ = surface(n)
     number = np.arange(n)
     rgb = np.stack([number & 255, number >> 8 & 255, number >> 16], axis=1).astype(np.uint8)
     scene = scene_from_arrays(xyz, rgb)
+    assert scene.spread
     c = unpack(scene)[1].astype(int)
     found = c[:, 0] | c[:, 1] << 8 | c[:, 2] << 16
-    for start, stop in zip(scene.offsets, scene.offsets[1:], strict=False):
-        assert (np.diff(found[start:stop]) > 0).all()
+    for start, stop in itertools.pairwise(scene.offsets):
+        run, size = found[start:stop], stop - start
+        rank = np.empty(size, int)
+        rank[np.argsort(run)] = np.arange(size)  # in the file's order
+        for parts in range(1, 9):
+            taken = size // 8 * parts + layers.PART_EXTRA[size % 8, parts]
+            assert taken >= size * parts / 8 and taken - size * parts / 8 < 1.5
+            gaps = np.diff(np.sort(rank[:taken]), prepend=-1, append=size)
+            assert gaps.max() <= {1: 8, 2: 4, 3: 4}.get(parts, 2)
 
 
 @pytest.mark.parametrize("exponent", [-20, -3, 1, 12, 30])

@@ -25,7 +25,8 @@ from viewer.paths import cache_dir
 from viewer.progress import progress
 
 MAGIC, VERSION = "pointglass grid", 4
-COLOURS = 2  # how colours are made: a grid in the cache made otherwise is made anew, a folder of convert stays as it is
+# How colours are made, and points ordered: a grid in the cache made otherwise is made anew, a folder of convert stays as it is.
+COLOURS, ORDER = 2, 1
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4")}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
@@ -40,7 +41,7 @@ class CacheError(InputError):
 
 def folder_of(files: list[Path], match: bool = True) -> Path:
     """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures."""
-    key = json.dumps([VERSION, COLOURS, _identity(files), match]).encode()
+    key = json.dumps([VERSION, COLOURS, ORDER, _identity(files), match]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 
@@ -103,7 +104,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
         points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        np.array(arrays["checksums"]),
+        np.array(arrays["checksums"]), bool(head.get("spread", False)),
     )  # fmt: skip
 
 
@@ -164,6 +165,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "count": scene.count,
         "spacing": float(scene.spacing),
         "bounds": scene.bounds.tolist(),
+        "spread": scene.spread,
         "meta": scene.meta,
     }
     (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")

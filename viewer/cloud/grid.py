@@ -126,7 +126,7 @@ def _finish(sources, survey: Survey, layout: Layout, points, steps: float, meta:
     origin = np.asarray(layout.base * layout.cell_size)
     return Scene(
         points, layout.cells, layout.offsets, origin, layout.cell_size, layout.layers, survey.count, spacing,
-        survey.bounds, meta,
+        survey.bounds, meta, spread=True,
     )  # fmt: skip
 
 
@@ -159,7 +159,8 @@ def _typical(counts: np.ndarray) -> float:
 
 def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Executor) -> None:
     """Pass 2: packs blocks of points on all processors, then places them, the finest layer beside all others."""
-    cells, cursor, parts = layout.cells, layout.offsets[:-1].copy(), processors()
+    cells, offsets, parts = layout.cells, layout.offsets, processors()
+    cursor = np.zeros(len(offsets) - 1, np.int64)
     dense = dense_table_of(cells)
     table = table_of(cells[:1] if dense.size else cells)
     buckets, words = np.empty(_BLOCK, np.int32), np.empty((_BLOCK, 3), np.uint32)
@@ -182,16 +183,16 @@ def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Exe
             filled = [job.result() for job in jobs]
             fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
             backs = [(b - 1, b - 1 - back, -1) for b, (_, back) in zip(edges[1:], filled, strict=True)]
-            for job in [pool.submit(_place, runs, buckets, words, cursor, points) for runs in (fronts, backs)]:
+            for job in [pool.submit(_place, runs, buckets, words, cursor, offsets, points) for runs in (fronts, backs)]:
                 job.result()
         first += len(xyz)
-    if not np.array_equal(cursor, layout.offsets[1:]):
+    if not np.array_equal(cursor, np.diff(offsets)):
         raise InputError(f"{sources[0].path}: changed while it was read; try again")
 
 
-def _place(runs, buckets, words, cursor, points) -> None:
+def _place(runs, buckets, words, cursor, offsets, points) -> None:
     for start, stop, stride in runs:
-        kernels.place_points(buckets, words, start, stop, stride, cursor, points)
+        kernels.place_points(buckets, words, start, stop, stride, cursor, offsets, points)
 
 
 def _scan_numbers(sources, number: int, chunk: Chunk) -> np.ndarray:

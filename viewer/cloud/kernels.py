@@ -10,6 +10,7 @@ cell size is a power of two.
 import numpy as np
 
 from model.compiled import compiled
+from viewer.cloud.layers import PART_EXTRA, PART_OF
 
 GEOMETRIC = 16
 """Number of values the seeded geometric variable takes: 0..15."""
@@ -140,12 +141,19 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
 
 
 @compiled(nogil=True)
-def place_points(buckets, words, start, stop, stride, cursor, points):
-    """Moves packed points start, start + stride, ... before ``stop`` to the next free place of their buckets."""
+def place_points(buckets, words, start, stop, stride, cursor, offsets, points):
+    """Moves packed points start, start + stride, ... before ``stop`` to their places in the runs of their buckets.
+
+    offsets: (buckets + 1,) int64.  cursor: (buckets,) int64, points of each bucket so far, updated.
+    """
     for i in range(start, stop, stride):
-        place = cursor[buckets[i]]
-        cursor[buckets[i]] = place + 1
-        if place < points.shape[0]:
+        bucket = buckets[i]
+        number, first = cursor[bucket], offsets[bucket]
+        cursor[bucket] = number + 1
+        size = offsets[bucket + 1] - first
+        if number < size:
+            part = PART_OF[number & 7]
+            place = first + (size >> 3) * part + PART_EXTRA[size & 7, part] + (number >> 3)
             points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
 
 

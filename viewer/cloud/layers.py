@@ -1,6 +1,8 @@
 """Density layers and the order of cells: how many layers, which points in which, cells along the Morton curve.
 
-A point's layer is drawn from a seeded hash of its running number, so it depends on nothing but the file's order.
+A point's layer is drawn from a seeded hash of its running number, so it depends on nothing but the file's order.  The points
+of one layer and cell, a run, lie in PARTS parts: each takes every PARTS-th of them in the file's order, part after part from
+between those before it, so that the first few parts are spread as evenly as the whole.
 """
 
 import numpy as np
@@ -8,6 +10,12 @@ import numpy as np
 COARSEST = 1 << 15
 """Points the coarsest layer should hold."""
 MAX_LAYERS = 16
+PARTS = 8
+_FIRST_OF_PART = np.array([0, 4, 2, 6, 1, 5, 3, 7])  # bits reversed
+PART_OF = np.argsort(_FIRST_OF_PART)
+"""(PARTS,): the part of a run's point i, by i % PARTS."""
+PART_EXTRA = np.array([[(_FIRST_OF_PART[:part] < rest).sum() for part in range(PARTS + 1)] for rest in range(PARTS)])
+"""(PARTS, PARTS + 1): in a run of n points part p begins at (n // PARTS) p + PART_EXTRA[n % PARTS, p]; p = PARTS: the end."""
 
 
 def layer_count(points: int) -> int:

@@ -34,6 +34,8 @@ class Scene:
     bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
     meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, dropped, warnings.
     checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
+    spread: whether the points of each layer and cell lie in parts (viewer.cloud.layers), so that the first few are spread as
+        evenly as all; folders that an earlier version converted are not.
     """
 
     points: np.ndarray
@@ -47,6 +49,7 @@ class Scene:
     bounds: np.ndarray
     meta: dict = field(default_factory=dict)
     checksums: np.ndarray | None = None
+    spread: bool = False
 
     @property
     def step(self) -> float:

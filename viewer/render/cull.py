@@ -69,8 +69,8 @@ class Culler:
         self._slot = np.empty(size, np.int32)
 
     def _run(self, visible: int, lod: float) -> tuple[int, int, int]:
-        return list_runs(self._offsets, self.scene.layers, len(self._coords), self._cells, visible, lod, self._need, self._held,
-                         self._active, self._first, self._count, self._slot)  # fmt: skip
+        return list_runs(self._offsets, self.scene.layers, len(self._coords), self._cells, visible, lod, self._need,
+                         self.scene.spread, self._held, self._active, self._first, self._count, self._slot)  # fmt: skip
 
     def visible(self, camera: "Camera", lod: float = 0.0) -> np.ndarray:
         """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
@@ -98,7 +98,7 @@ class Culler:
         """The draw list of a camera.
 
         lod: points wanted per pixel a cell covers (its nearest corner decides); None draws all.  A cell gets the
-        fewest layers that hold that many.
+        fewest layers that hold that many, and of the last of them the fewest parts (viewer.cloud.layers).
         """
         wanted = 0.0 if lod is None else float(lod)
         cells = self.visible(camera, wanted)

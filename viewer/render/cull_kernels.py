@@ -4,7 +4,10 @@ They write into arrays they are given, allocate nothing, and keep the order of e
 expressions gives the same bits.
 """
 
+import numpy as np
+
 from model.compiled import compiled
+from viewer.cloud.layers import PART_EXTRA, PARTS
 
 SLACK = 1e-8
 """Of a block's reach, by which its test errs towards looking at its cells: above the 1e-9 that each cell is given."""
@@ -88,12 +91,13 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corne
 
 
 @compiled(nogil=True)
-def list_runs(offsets, layers, total, cells, visible, lod, need, held, active, first, count, slot):
+def list_runs(offsets, layers, total, cells, visible, lod, need, spread, held, active, first, count, slot):
     """Runs of points of the visible cells, by ascending first: of each cell the fewest layers that hold ``need`` points.
 
     offsets: (layers * total + 1,) int64 as in Scene.  cells: rows of the scene's cells, the first ``visible`` count.
-    lod: 0 for all layers.  held (int64), active (int32): scratch, one an entry of cells.  first, count (int64), slot
-    (int32): written as far as there is room.  Returns (runs, points, room): all are written if the lists are ``room`` long.
+    lod: 0 for all layers.  spread: as in Scene; of a cell's last layer as many parts as are needed.  held (int64), active
+    (int32): scratch, one an entry of cells.  first, count (int64), slot (int32): written as far as there is room.  Returns
+    (runs, points, room): all are written if the lists are ``room`` long.
     """
     runs, points, live, room = 0, 0, visible, 0
     for i in range(visible):
@@ -106,14 +110,19 @@ def list_runs(offsets, layers, total, cells, visible, lod, need, held, active, f
             place = active[i]
             start = offsets[base + cells[place]]
             here = offsets[base + cells[place] + 1] - start
+            if lod > 0.0:
+                short = need[place] - held[place]
+                parts = PARTS
+                if spread and here > short:
+                    parts = max(int(np.ceil(PARTS * short / here)), 1)
+                    here = (here >> 3) * parts + PART_EXTRA[here & 7, parts]
+                held[place] += here
+                active[kept] = place
+                kept += not held[place] >= need[place]
             if fits:
                 first[runs], count[runs], slot[runs] = start, here, place
             runs += here > 0
             points += here
-            if lod > 0.0:
-                held[place] += here
-                active[kept] = place
-                kept += not held[place] >= need[place]
         if lod > 0.0:
             live = kept
     return runs, points, room
