@@ -159,8 +159,8 @@ def _typical(counts: np.ndarray) -> float:
 
 def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Executor) -> None:
     """Pass 2: packs blocks of points on all processors, then places them, the finest layer beside all others."""
-    cells, offsets, parts = layout.cells, layout.offsets, processors()
-    cursor = np.zeros(len(offsets) - 1, np.int64)
+    cells, parts = layout.cells, processors()
+    runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
     dense = dense_table_of(cells)
     table = table_of(cells[:1] if dense.size else cells)
     buckets, words = np.empty(_BLOCK, np.int32), np.empty((_BLOCK, 3), np.uint32)
@@ -183,16 +183,16 @@ def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Exe
             filled = [job.result() for job in jobs]
             fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
             backs = [(b - 1, b - 1 - back, -1) for b, (_, back) in zip(edges[1:], filled, strict=True)]
-            for job in [pool.submit(_place, runs, buckets, words, cursor, offsets, points) for runs in (fronts, backs)]:
+            for job in [pool.submit(_place, pieces, buckets, words, runs, points) for pieces in (fronts, backs)]:
                 job.result()
         first += len(xyz)
-    if not np.array_equal(cursor, np.diff(offsets)):
+    if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
         raise InputError(f"{sources[0].path}: changed while it was read; try again")
 
 
-def _place(runs, buckets, words, cursor, offsets, points) -> None:
-    for start, stop, stride in runs:
-        kernels.place_points(buckets, words, start, stop, stride, cursor, offsets, points)
+def _place(pieces, buckets, words, runs, points) -> None:
+    for start, stop, stride in pieces:
+        kernels.place_points(buckets, words, start, stop, stride, runs, points)
 
 
 def _scan_numbers(sources, number: int, chunk: Chunk) -> np.ndarray:

@@ -141,16 +141,17 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
 
 
 @compiled(nogil=True)
-def place_points(buckets, words, start, stop, stride, cursor, offsets, points):
+def place_points(buckets, words, start, stop, stride, runs, points):
     """Moves packed points start, start + stride, ... before ``stop`` to their places in the runs of their buckets.
 
-    offsets: (buckets + 1,) int64.  cursor: (buckets,) int64, points of each bucket so far, updated.
+    runs: (buckets + 1, 2) int64, where each begins and how many of its points are placed, updated; side by side, since both
+    are looked up at random.
     """
     for i in range(start, stop, stride):
         bucket = buckets[i]
-        number, first = cursor[bucket], offsets[bucket]
-        cursor[bucket] = number + 1
-        size = offsets[bucket + 1] - first
+        first, number = runs[bucket, 0], runs[bucket, 1]
+        size = runs[bucket + 1, 0] - first
+        runs[bucket, 1] = number + 1
         if number < size:
             part = PART_OF[number & 7]
             place = first + (size >> 3) * part + PART_EXTRA[size & 7, part] + (number >> 3)
