@@ -71,18 +71,18 @@ def _start(name: str) -> subprocess.Popen:
 
 def _finish(name: str, process: subprocess.Popen) -> list[dict]:
     """The probe's items, or one that says how it died."""
-    todo = "update the graphics driver; if it persists, report it with this output"
+    remedy = "update the graphics driver; if it persists, report it with this output"
     try:
         out, err = process.communicate(timeout=_SECONDS)
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
-        return [item(name, "fail", f"the probe did not answer within {_SECONDS} s", todo)]
+        return [item(name, "fail", f"the probe did not answer within {_SECONDS} s", remedy)]
     if process.returncode == 0 and out.strip():
         return json.loads(out.splitlines()[-1])
     last = err.strip().splitlines()[-1] if err.strip() else "no message"
     how = f"crashed (signal {-process.returncode})" if process.returncode < 0 else f"failed ({last})"
-    return [item(name, "fail", f"the probe {how}", todo)]
+    return [item(name, "fail", f"the probe {how}", remedy)]
 
 
 # -- what needs no driver -------------------------------------------------------------------------------------------
@@ -109,17 +109,17 @@ def _processor() -> dict:
 def _cache() -> dict:
     folder = cache_dir()
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    todo = "set POINTGLASS_CACHE to a folder that can be written and has room"
+    remedy = "set POINTGLASS_CACHE to a folder that can be written and has room"
     try:
         if not there.is_dir():
             raise NotADirectoryError(20, "is a file")
         with tempfile.TemporaryFile(dir=there):
             pass
     except OSError as error:
-        return item("cache", "fail", f"{folder}: cannot be written ({error.strerror}): scans cannot be kept", todo)
+        return item("cache", "fail", f"{folder}: cannot be written ({error.strerror}): scans cannot be kept", remedy)
     free = shutil.disk_usage(there).free
     value = f"{folder}: writable, {free / GB:.1f} GB free"
-    return item("cache", "ok", value) if free > 2 * GB else item("cache", "warn", value, todo)
+    return item("cache", "ok", value) if free > 2 * GB else item("cache", "warn", value, remedy)
 
 
 def _libraries() -> dict:

@@ -47,13 +47,13 @@ def _probe_opengl() -> list[dict]:
         f"buffer, {context.info['GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS']} threads a work group"
     )
     if not passed:
-        status, value, todo = "fail", f"{what}; {problem}", "update the graphics driver, or use Mesa's software one"
+        status, value, remedy = "fail", f"{what}; {problem}", "update the graphics driver, or use Mesa's software one"
     elif device.software:
         status, value = "warn", f"{what}; runs on the processor; self-test passed"
-        todo = "pictures are right but slow; if this machine has a GPU, install its driver"
+        remedy = "pictures are right but slow; if this machine has a GPU, install its driver"
     else:
-        status, value, todo = "ok", f"{what}; self-test passed", ""
-    return [item("OpenGL", status, value, todo), item("limits", "ok", limits)]
+        status, value, remedy = "ok", f"{what}; self-test passed", ""
+    return [item("OpenGL", status, value, remedy), item("limits", "ok", limits)]
 
 
 def compute_works(context: "moderngl.Context") -> bool:
@@ -131,8 +131,8 @@ def _probe_network() -> list[dict]:
         value = f"{properties.name}{which}, {properties.total_memory / GB:.0f} GB, CUDA {torch.version.cuda}, network in fp16"
         cuda = item("CUDA", "ok", value)
     else:
-        todo = "the network runs on the processor; with an NVIDIA GPU, install its driver and a CUDA build of torch"
-        cuda = item("CUDA", "skipped", problem, todo)
+        remedy = "the network runs on the processor; with an NVIDIA GPU, install its driver and a CUDA build of torch"
+        cuda = item("CUDA", "skipped", problem, remedy)
     names = shipped()
     weights = (
         item("weights", "ok", ", ".join(names))

@@ -60,9 +60,9 @@ def _hierarchy(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarra
     right child being the next after it."""
     order, middle = np.arange(len(low)), (low + high) / 2
     boxes, links = [np.zeros(6)], [(0, len(low))]
-    todo = [0]
-    while todo:
-        node = todo.pop()
+    stack = [0]
+    while stack:
+        node = stack.pop()
         first, count = links[node]
         own = order[first : first + count]
         boxes[node] = np.concatenate([low[own].min(0), high[own].max(0)])
@@ -75,7 +75,7 @@ def _hierarchy(low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarra
         boxes += [np.zeros(6), np.zeros(6)]
         links += [(first, half), (first + half, count - half)]
         links[node] = (child, -1)
-        todo += [child, child + 1]
+        stack += [child, child + 1]
     return order, np.array(boxes), np.array(links, np.int64)
 
 

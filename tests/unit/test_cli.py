@@ -152,14 +152,21 @@ def test_no_opengl_is_exit_3_and_one_line(scan, cameras, tmp_path):
     assert done.stderr.startswith("pointglass: OpenGL 4.3") and done.stderr.count("\n") == 1
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes anywhere")
-def test_an_unwritable_cache_says_what_to_do(scan, tmp_path, capsys, monkeypatch):
+@pytest.mark.parametrize("blocked", [
+    "by a file in its way",
+    pytest.param("by its rights", marks=pytest.mark.skipif(os.geteuid() == 0, reason="root writes anywhere")),
+])  # fmt: skip
+def test_an_unwritable_cache_says_what_to_do(scan, cameras, tmp_path, capsys, monkeypatch, blocked):
     locked = tmp_path / "locked"
-    locked.mkdir(mode=0o500)
-    monkeypatch.setenv("POINTGLASS_CACHE", str(locked))
+    if blocked == "by its rights":
+        locked.mkdir(mode=0o500)
+    else:
+        locked.write_text("no folder")
+    monkeypatch.setenv("POINTGLASS_CACHE", str(locked / "cache"))
     assert run("info", scan) == 0  # info needs no cache
-    assert run("view", scan) == 2
-    assert "POINTGLASS_CACHE" in one_line(capsys)
+    capsys.readouterr()
+    assert run("render", scan, "--cameras", cameras, "--out", tmp_path / "out") == 2
+    assert "POINTGLASS_CACHE" in one_line(capsys) and not (tmp_path / "out").exists()
 
 
 def test_importing_the_command_line_loads_nothing_heavy():

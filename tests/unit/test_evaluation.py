@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from evaluation_files import film_room, squeeze_files
 from PIL import Image
 
 import model.evaluation.methods as methods_module
@@ -23,16 +22,6 @@ from model.unet import PaperUNet, mac_per_pixel
 from model.weights import load_weights, weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory) -> Path:
-    return film_room(tmp_path_factory.mktemp("rooms") / "box")
-
-
-@pytest.fixture(scope="module")
-def squeeze(tmp_path_factory) -> Path:
-    return squeeze_files(tmp_path_factory.mktemp("squeeze"))
 
 
 @pytest.fixture(scope="module")

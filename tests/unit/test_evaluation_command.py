@@ -8,7 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from evaluation_files import film_room, squeeze_files
 from PIL import Image
 
 import model.evaluation.scene as scene_module
@@ -23,16 +22,6 @@ from model.weights import weights_dir
 ROOT = Path(__file__).resolve().parents[2]
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory) -> Path:
-    return film_room(tmp_path_factory.mktemp("rooms") / "box")
-
-
-@pytest.fixture(scope="module")
-def squeeze(tmp_path_factory) -> Path:
-    return squeeze_files(tmp_path_factory.mktemp("squeeze"))
 
 
 def test_pictures_missing_or_of_another_size_are_refused_naming_ten(room, tmp_path):

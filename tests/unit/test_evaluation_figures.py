@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from evaluation_files import film_room, rgb_of, squeeze_files
+from evaluation_files import rgb_of
 
 import model.evaluation.scene as scene_module
 from model.data.pairs import Projected, project_scan
@@ -24,16 +24,6 @@ from model.unet import CompactUNet, Size
 from model.weights import WeightsError, weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory) -> Path:
-    return film_room(tmp_path_factory.mktemp("rooms") / "box")
-
-
-@pytest.fixture(scope="module")
-def squeeze(tmp_path_factory) -> Path:
-    return squeeze_files(tmp_path_factory.mktemp("squeeze"))
 
 
 def test_ssim_is_that_of_a_plain_window():

@@ -1,12 +1,11 @@
 """Flicker: a frame is warped to where the next one sees it, and a film's figures say what it shows."""
 
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 import torch.nn.functional as F
-from evaluation_files import film_room, rgb_of
+from evaluation_files import rgb_of
 
 import model.evaluation.scene as scene_module
 from model.data.pairs import project_scan
@@ -15,11 +14,6 @@ from model.evaluation import evaluate
 from model.evaluation.flicker import measure_flicker, middle_stretch, reprojection
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-
-
-@pytest.fixture(scope="module")
-def room(tmp_path_factory) -> Path:
-    return film_room(tmp_path_factory.mktemp("rooms") / "box")
 
 
 def _plane(shift: float, tilt: float = 0.0, size=(60, 80), fl: float = 70.0) -> MemoryPicture:

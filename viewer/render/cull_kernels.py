@@ -106,13 +106,12 @@ def list_runs(offsets, layers, total, cells, visible, lod, need, spread, held, a
         base, kept = layer * total, 0
         room = max(room, runs + live)
         fits = room <= first.shape[0]
-        for i in range(live):  # without branches: whether a cell goes on, or holds anything, is not to be foreseen
+        for i in range(live):  # few branches: whether a cell goes on, or holds anything, is not to be foreseen
             place = active[i]
             start = offsets[base + cells[place]]
             here = offsets[base + cells[place] + 1] - start
             if lod > 0.0:
                 short = need[place] - held[place]
-                parts = PARTS
                 if spread and here > short:
                     parts = max(int(np.ceil(PARTS * short / here)), 1)
                     here = (here >> 3) * parts + PART_EXTRA[here & 7, parts]

@@ -73,7 +73,7 @@ class ComputeRasteriser(Rasteriser):
             ]
         hider, count = self.hider, len(pages.buffers)
         known = history.memory.recall(history.scene, draw, hider)
-        np.subtract(1, known, out=known)  # group 0: seen last time; group 1: to be tested
+        np.subtract(1, known, out=known)  # group 0: drawn first; group 1: to be tested
         self._bring(pages, draw, part, known)
         bounds = self.table.bounds
         np.subtract(1, known, out=known)
