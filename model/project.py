@@ -15,6 +15,7 @@ from torch import Tensor
 from model.depth_filter import keep_mask
 from model.light import TO_LINEAR, TO_SRGB
 from model.pull_push import pull_push
+from model.station_weights import trust
 
 DEPTH_FEATURE_SCALE = 0.25
 DEPTH_FEATURE_LIMIT = 2.0
@@ -50,19 +51,26 @@ class SoftZ:
 @dataclass(frozen=True)
 class Raster:
     """colour (3, H, W) float 0..255, whole numbers; depth (H, W) nearest view-space z, +inf where empty; count (H, W)
-    int64, the points averaged: 0 where there is none, or none with a colour."""
+    int64, the points averaged, or their weights: 0 where there is none, or none with a colour.  weighed: whether points had
+    weights (model/station_weights.py)."""
 
     colour: Tensor
     depth: Tensor
     count: Tensor
+    weighed: bool = False
+
+    def trusted(self, mask: Tensor) -> Tensor:
+        """(H, W) float32 0..1: what each pixel of the keep-mask (H, W) bool counts in the fill."""
+        return trust(self.count, mask) if self.weighed else mask.to(torch.float32)
 
 
-def unpack_points(packed: Tensor) -> tuple[Tensor, Tensor]:
-    """(N, 3) int64 words of packed points -> (N, 3) int64 steps in the cell, (N, 3) int64 sRGB 0..255."""
+def unpack_points(packed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """(N, 3) int64 words of packed points -> steps in the cell (N, 3), sRGB 0..255 (N, 3), scan numbers (N,), all int64."""
     w0, w1, w2 = packed.unbind(1)
     return (
         torch.stack([w0 & 0xFFFF, w0 >> 16, w1 & 0xFFFF], 1),
         torch.stack([w2 & 0xFF, (w2 >> 8) & 0xFF, (w2 >> 16) & 0xFF], 1),
+        w2 >> 24,
     )
 
 
@@ -94,11 +102,13 @@ def pixels(x: Tensor, y: Tensor, z: Tensor, camera, *, rounded: bool = False) ->
     return v[inside].long() * camera.width + u[inside].long(), inside
 
 
-def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, soft: SoftZ) -> Raster:
+def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, soft: SoftZ,
+              weight: Tensor | None = None) -> Raster:
     """1x1 points through the soft z-buffer (paper, "Point Cloud Projection").
 
-    index: (N,) int64 pixel.  z: (N,) > 0.  rgb: (N, 3) 0..255.  Colours are the whole-number mean of the points within
-    the tolerance, rounded half up, of sRGB values or of 12-bit linear light.
+    index: (N,) int64 pixel.  z: (N,) > 0.  rgb: (N, 3) 0..255.  weight: (N,) int64 of :mod:`model.station_weights`, None: all
+    alike.  Colours are the whole-number weighted mean of the points within the tolerance, rounded half up, of sRGB values or of
+    12-bit linear light.
     """
     depth = torch.full((height * width,), torch.inf, dtype=z.dtype, device=z.device)
     depth.scatter_reduce_(0, index, z, "amin")
@@ -107,14 +117,16 @@ def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, so
     if soft.unlit:
         counted &= (rgb > 0).any(1)
     index, rgb = index[counted], rgb[counted]
-    count = torch.bincount(index, minlength=height * width)
     if soft.linear:
         rgb = torch.from_numpy(TO_LINEAR).to(rgb.device)[rgb.long()]
-    sums = torch.stack([torch.bincount(index, rgb[:, c].double(), height * width) for c in range(3)]).long()
+    heavy = torch.ones_like(index) if weight is None else weight[counted]
+    count, *sums = (torch.bincount(index, (heavy * part).double(), height * width).long() for part in (1, *rgb.unbind(1)))
+    sums = torch.stack(sums)
     mean = (2 * sums + count) // (2 * count).clamp_min(1)
     if soft.linear:
         mean = torch.from_numpy(TO_SRGB).to(mean.device)[mean]
-    return Raster(mean.to(z.dtype).reshape(3, height, width), depth.reshape(height, width), count.reshape(height, width))
+    return Raster(mean.to(z.dtype).reshape(3, height, width), depth.reshape(height, width), count.reshape(height, width),
+                  weight is not None)
 
 
 def depth_feature(depth: Tensor, focal: float, spacing: float) -> Tensor:
@@ -128,14 +140,15 @@ def depth_feature(depth: Tensor, focal: float, spacing: float) -> Tensor:
 
 
 def network_input(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:
-    """(5, H, W): filled RGB 0..1, keep-mask, filled depth feature."""
-    feature = depth_feature(raster.depth, focal, spacing)
-    filled = pull_push(torch.cat([raster.colour / 255.0, feature[None]]), mask)
-    return torch.cat([filled[:3], mask.to(filled.dtype)[None], filled[3:]])
+    """(5, H, W): filled RGB 0..1, keep-mask (or, of points with weights, how far each pixel is trusted), filled depth
+    feature."""
+    feature, trusted = depth_feature(raster.depth, focal, spacing), raster.trusted(mask)
+    filled = pull_push(torch.cat([raster.colour / 255.0, feature[None]]), trusted)
+    return torch.cat([filled[:3], trusted.to(filled.dtype)[None], filled[3:]])
 
 
 def frame(index: Tensor, z: Tensor, rgb: Tensor, camera, soft: SoftZ, *, preset: str = "auto", strength: float = 1.0,
-          levels: int | None = None, metre: float = 1.0) -> tuple[Raster, Tensor]:
+          levels: int | None = None, metre: float = 1.0, weight: Tensor | None = None) -> tuple[Raster, Tensor]:
     """Raster and keep-mask of one picture."""
-    raster = rasterise(index, z, rgb, camera.width, camera.height, soft)
+    raster = rasterise(index, z, rgb, camera.width, camera.height, soft, weight)
     return raster, keep_mask(raster.depth, preset, strength=strength, levels=levels, metre=metre) & (raster.count > 0)

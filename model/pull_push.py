@@ -2,7 +2,8 @@
 
 Pull: each coarser pixel is the weighted mean of its children, its weight the children's sum, at most 1.  Push: from the
 coarsest level down, what a pixel's weight leaves open comes from the bilinearly sampled coarser level (Grossman and
-Dally 1998; Marroquim et al. 2007).  Measured pixels are never touched.
+Dally 1998; Marroquim et al. 2007).  Measured pixels are never touched, but where they weigh less than those around them
+(model/station_weights.py).
 """
 
 import torch
@@ -19,8 +20,8 @@ STRICT_FROM = 3
 def pull_push(image: Tensor, mask: Tensor) -> Tensor:
     """Fills the pixels outside ``mask``.
 
-    image: (C, H, W) float.  mask: (H, W) bool, True where measured.  Returns (C, H, W), equal to ``image`` inside the
-    mask; all zeros where nothing at all is measured.
+    image: (C, H, W) float.  mask: (H, W) bool, True where measured, or float weights 0..1 of what is measured.  Returns
+    (C, H, W), equal to ``image`` where the weight is 1; all zeros where nothing at all is measured.
     """
     weight = mask.to(image.dtype)
     colours, weights = [image * weight], [weight]  # colours carry their weight

@@ -3,15 +3,17 @@
 #ifdef BASE
 uniform sampler2D raw;
 uniform sampler2D depth;
-uniform sampler2D mask;
+uniform sampler2D mask;        // the keep-mask, or how far each pixel of it is trusted
 uniform float feature_scale;  // 1 / (focal length in pixels x point spacing)
 
-// 1 where the pixel is measured, v its colour 0..1 and depth feature.
+// The pixel's weight, 0 where nothing is measured; v its colour 0..1 and depth feature, times the weight.
 float measured(ivec2 at, out vec4 v) {
     v = vec4(0.0);
-    if (texelFetch(mask, at, 0).x < 0.5) return 0.0;
+    float weight = texelFetch(mask, at, 0).x;
+    if (weight == 0.0) return 0.0;
     float feature = log2(texelFetch(depth, at, 0).x * feature_scale) * FEATURE_SCALE;
     v = vec4(texelFetch(raw, at, 0).xyz, clamp(feature, -FEATURE_LIMIT, FEATURE_LIMIT));
-    return 1.0;
+    if (weight < 1.0) v *= weight;
+    return weight;
 }
 #endif

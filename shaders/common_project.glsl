@@ -12,6 +12,7 @@ layout(std140, binding = FRAME_BINDING) uniform Frame {
 
 struct Projected {
     uvec2 pixel;
+    vec3 at;  // view frame
     float z;
     bool inside;
 };
@@ -28,6 +29,7 @@ Projected project(uvec2 words, vec3 cell) {
     v += soft.z;
     Projected p;
     p.z = z;
+    p.at = vec3(x, y, z);
     // NaN and infinity fail every comparison, so a point in the camera plane is simply outside.
     p.inside = z > 0.0 && u >= 0.0 && u < float(size.x) && v >= 0.0 && v < float(size.y);
     p.pixel = p.inside ? uvec2(u, v) : uvec2(0u);

@@ -17,12 +17,13 @@ void add_pair(uint word, uint low, uint high) {
     if (high_full) atomicAdd(carries[2u * word + 1u], 1u);
 }
 
-void add_colour(uint pixel, uint word) {
+// weight: 1..HEAVIEST, so that what is added to a sum at once fits 16 bits.
+void add_colour(uint pixel, uint word, uint weight) {
     if (axis_x.w > 0.0 && (word & 0xFFFFFFu) == 0u) return;
     uvec3 colour = uvec3(word, word >> 8, word >> 16) & 0xFFu;
     if (soft.w > 0.0) colour = uvec3(to_linear[colour.x], to_linear[colour.y], to_linear[colour.z]);
-    add_pair(2u * pixel, colour.x, colour.y);
-    add_pair(2u * pixel + 1u, colour.z, 1u);
+    add_pair(2u * pixel, colour.x * weight, colour.y * weight);
+    add_pair(2u * pixel + 1u, colour.z * weight, weight);
 }
 
 // A word's two sums, 64 bits each: low's low and high word, high's.  A carry from low has been counted into high.
@@ -44,7 +45,7 @@ uint divided(uint high, uint low, uint count) {
     return quotient + uint(rest >= count - rest);
 }
 
-// Mean colour of a pixel in sRGB levels, rounded half up, and whether anything was added; zero where nothing was.
+// Mean colour of a pixel in sRGB levels, rounded half up, and the weight of what was added; zero where nothing was.
 // Leaves the carries empty for the next frame: few pixels have any, and clearing all of them would cost more.
 uvec4 mean_colour(uint pixel) {
     uvec2 words = uvec2(sums[2u * pixel], sums[2u * pixel + 1u]);

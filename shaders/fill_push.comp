@@ -1,7 +1,7 @@
 // Pull-push fill, push: what a pixel's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
 // At level 0 (BASE) it writes the filled picture, void where neither the picture nor the directions around the camera
 // surround a hole (viewer/render/void.py; CLOSED: all directions in view do, or none does), and, with NETWORK, the network's input: eight half-precision channels
-// a pixel (channels last): filled RGB, keep-mask, filled depth feature, 1 where the network may not open
+// a pixel (channels last): filled RGB, keep-mask or trust, filled depth feature, 1 where the network may not open
 // what is filled (inside a room), 1 where void, zero.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
@@ -58,7 +58,10 @@ void main() {
     if (any(greaterThanEqual(at, extent))) return;
     vec4 v;
     float w = measured(at, v);
-    if (w < 0.5) v = from_coarse(at);
+    if (w < 1.0) {
+        precise vec4 mixed = v + (1.0 - w) * from_coarse(at);
+        v = mixed;
+    }
 #ifdef CLOSED
     const bool is_closed = CLOSED == 1;
 #else
@@ -66,7 +69,7 @@ void main() {
 #endif
     bool is_void = !is_closed && texelFetch(inside, at >> 1, 0).x < 0.5;
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    float alpha = w < 0.5 && (is_void || texelFetch(whole_weight, ivec2(0), 0).x == 0.0) ? 0.0 : 1.0;
+    float alpha = w == 0.0 && (is_void || texelFetch(whole_weight, ivec2(0), 0).x == 0.0) ? 0.0 : 1.0;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =

@@ -1,6 +1,7 @@
 // Compute rasteriser, second pass: colour sums and counts of the points within the soft z-buffer's tolerance.
 #include "common_project.glsl"
 #include "common_batches.glsl"
+#include "common_stations.glsl"
 #include "common_sums.glsl"
 
 layout(local_size_x = LANES) in;
@@ -15,6 +16,8 @@ void main() {
         Projected p = project(uvec2(points[3u * index], points[3u * index + 1u]), cell);
         if (!p.inside) continue;
         uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
-        if (p.z <= soft_limit(uintBitsToFloat(~keys[pixel]))) add_colour(pixel, points[3u * index + 2u]);
+        if (p.z > soft_limit(uintBitsToFloat(~keys[pixel]))) continue;
+        uint word = points[3u * index + 2u];
+        add_colour(pixel, word, point_weight(p.at, word));
     }
 }

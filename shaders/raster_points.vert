@@ -1,12 +1,14 @@
 // Point-primitive rasteriser: emits the centre of the pixel that project() names, so that the hardware's own rounding
 // cannot choose another one.
 #include "common_project.glsl"
+#include "common_stations.glsl"
 
 in uvec3 in_point;
 in vec3 in_cell;
 
 flat out float point_z;
 flat out uint point_colour;
+flat out uint point_counts;
 
 void main() {
     Projected p = project(in_point.xy, in_cell);
@@ -15,4 +17,5 @@ void main() {
     gl_PointSize = 1.0;
     point_z = p.z;
     point_colour = in_point.z;
+    point_counts = point_weight(p.at, in_point.z);
 }

@@ -6,8 +6,10 @@ uniform sampler2D nearest;
 
 flat in float point_z;
 flat in uint point_colour;
+flat in uint point_counts;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    if (point_z <= soft_limit(texelFetch(nearest, pixel, 0).x)) add_colour(uint(pixel.y) * size.x + uint(pixel.x), point_colour);
+    if (point_z > soft_limit(texelFetch(nearest, pixel, 0).x)) return;
+    add_colour(uint(pixel.y) * size.x + uint(pixel.x), point_colour, point_counts);
 }

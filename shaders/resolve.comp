@@ -10,6 +10,9 @@ uniform sampler2D nearest;
 #endif
 layout(rgba8, binding = 0) uniform writeonly image2D colour;
 layout(r32f, binding = 1) uniform writeonly image2D depth;
+#ifdef WEIGHED
+layout(r8, binding = 2) uniform writeonly image2D weight;
+#endif
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
@@ -18,6 +21,9 @@ void main() {
     uvec4 mean = mean_colour(index);
     ivec2 at = ivec2(pixel.x, pixel.y + size.z);
     imageStore(colour, at, vec4(vec3(mean.rgb) / 255.0, mean.w > 0u ? 1.0 : 0.0));
+#ifdef WEIGHED
+    imageStore(weight, at, vec4(float(min(mean.w, uint(HEAVIEST))) / 255.0));
+#endif
 #ifdef FROM_KEYS
     uint key = keys[index];
     float z = key == 0u ? uintBitsToFloat(0x7F800000u) : uintBitsToFloat(~key);

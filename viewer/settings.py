@@ -38,6 +38,10 @@ SOFT_Z: dict[str, str] = {
     "paper-code": "rounded pixel, 0.02 m",
     "paper-text": "truncated pixel, 0.02 m",
 }
+STATIONS: dict[str, str] = {
+    "auto": "where the file says where its scanners stood, colours come from those that looked the way the eye looks",
+    "equal": "all points count the same",
+}
 PRECISIONS: dict[str, str] = {
     "auto": "fp16 on CUDA, bf16 on CPUs that multiply it in hardware, else fp32",
     "fp32": "single precision, the exact one",
@@ -70,6 +74,7 @@ class Settings:
     quality: str = "balanced"
     device: str = "auto"
     soft_z: str = "auto"
+    stations: str = "auto"
     precision: str = "auto"
     weights: str | None = None
 
@@ -106,4 +111,5 @@ CHOICES: dict[str, dict[str, str]] = {
     "device": DEVICES,
     "precision": PRECISIONS,
     "soft_z": SOFT_Z,
+    "stations": STATIONS,
 }

@@ -176,7 +176,7 @@ class Crops:
         if seen is not None and true is not None and not beside:
             x, y = x.copy(), y.copy()
             y[:3] = np.minimum(y[:3] * true, 1.0)
-            x[:3] = np.minimum(x[:3] * pull_push(torch.from_numpy(seen), torch.from_numpy(x[3] > 0)).numpy(), 1.0)
+            x[:3] = np.minimum(x[:3] * pull_push(torch.from_numpy(seen), torch.from_numpy(x[3])).numpy(), 1.0)
 
         flow = turned(flow)
         for _ in range(turns):  # rot90 takes the direction (x, y) to (y, -x)

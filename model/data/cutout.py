@@ -7,7 +7,7 @@ World frame: the room's, metres.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -38,7 +38,7 @@ class CutOut:
         """The part of the place's scan that lies in the box."""
         scan = self.place.scan(seed)
         inside = ((scan.xyz >= self.low) & (scan.xyz <= self.high)).all(1)
-        return Scan(scan.xyz[inside], scan.rgb[inside], scan.station[inside])
+        return replace(scan, xyz=scan.xyz[inside], rgb=scan.rgb[inside], station=scan.station[inside])
 
     def cut(self, view: TruePicture) -> MemoryPicture | None:
         """The view with what lies outside taken away; None where its depth is unknown."""

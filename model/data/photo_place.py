@@ -77,7 +77,7 @@ class PhotoPlace:
             raise DataError(f"{self.name}: its scan holds no points")
         tones, own = self._tones(seed)
         station = scan.station if own else _invented(scan.xyz, len(tones.contrast), np.random.default_rng([seed, 3]))
-        return replace(scan, rgb=tones.apply(scan.rgb, station), station=station)
+        return replace(scan, rgb=tones.apply(scan.rgb, station), station=station, places=scan.places if own else None)
 
     def _tones(self, seed: int) -> tuple[Tones, bool]:
         """Tones of each station, whose means are no change at all: a brightness that nothing in the scan could tell would

@@ -79,7 +79,8 @@ class ProceduralPlace:
             scanner = VirtualScanner(trace, model, ranges)
             xyz, rgb, _, station, _ = scanner.station(spot, self.pulses, rng, gains[number], number)
             parts.append((xyz, rgb, station))
-        return Scan(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
+        xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
+        return Scan(xyz, rgb, station, np.stack(spots))
 
     def _picture(self, pose: np.ndarray, fl: float) -> MemoryPicture:
         width, height = self.size

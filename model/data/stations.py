@@ -201,7 +201,13 @@ def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None
         np.concatenate([p[0] for p in parts]),
         np.concatenate([p[1] for p in parts]),
         np.concatenate([np.full(len(p[0]), p[2], np.uint8) for p in parts]),
+        station_places(scene),
     )
+
+
+def station_places(scene: StationScene) -> np.ndarray:
+    """(S, 3) float64: where the stations stood."""
+    return np.array([faces[0].camera_to_world[:3, 3] for faces in scene.stations])
 
 
 UP = "y"  # of the scene folders
@@ -239,7 +245,8 @@ def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = No
         xyz, rgb, _, station, _ = scanner.station(position, int(0.8 * faces[0].width**2 * 6), rng, 1.0, number)
         rgb = np.clip(np.rint(rgb * gains[number]), 0, 255).astype(np.uint8)
         parts.append((from_z_up(xyz, UP), rgb, station))
-    return Scan(*(np.concatenate([part[k] for part in parts]) for k in range(3)))
+    xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return Scan(xyz, rgb, station, station_places(scene))
 
 
 def _passers(position: np.ndarray, rng: np.random.Generator) -> list[Passer]:

@@ -17,11 +17,13 @@ class DataError(Exception):
 
 @dataclass(frozen=True)
 class Scan:
-    """A merged, coloured scan.  xyz (N, 3) float64 metres; rgb (N, 3) uint8 sRGB; station (N,) uint8."""
+    """A merged, coloured scan.  xyz (N, 3) float64 metres; rgb (N, 3) uint8 sRGB; station (N,) uint8; places (S, 3) float64
+    where the stations stood, None where the scan does not say."""
 
     xyz: np.ndarray
     rgb: np.ndarray
     station: np.ndarray
+    places: np.ndarray | None = None
 
 
 class TruePicture(Protocol):

@@ -1,7 +1,8 @@
 """The ways of making a picture that are compared: no learning, the networks, all behind the same projected points.
 
-A :class:`Sight` is what a method may look at: one view's points at one density in their pixels.  Masks and filled inputs are
-made when first asked for, and shared by the methods that use them.
+A :class:`Sight` is what a method may look at: one view's points at one density in their pixels, averaged as published and, as
+the viewer does, by which stations looked the way the eye looks (model/station_weights.py).  Masks and filled inputs are made
+when first asked for, and shared by the methods that use them.
 """
 
 import statistics
@@ -18,8 +19,8 @@ from torch import Tensor
 from model.data.pairs import Projected
 from model.depth_filter import keep_mask
 from model.evaluation.open3d_points import POINT_SIZES, Open3DPoints
-from model.project import Raster, SoftZ, network_input, rasterise
-from model.unet import mac_per_pixel
+from model.project import Raster, SoftZ, network_input
+from model.unet import CompactUNet, mac_per_pixel
 from model.weights import load_weights
 
 PRESETS = {
@@ -27,6 +28,7 @@ PRESETS = {
 }
 """Name of a mask in tables -> preset of :func:`model.depth_filter.keep_mask`."""
 TRUE, OURS = "true visibility", "our filter"
+WEIGHED = f"pull-push, {OURS}, stations weighed"
 TIMES = 3  # a duration is the median of this many, after one to warm up
 
 
@@ -43,7 +45,8 @@ def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 
 @dataclass(frozen=True)
 class Sight:
-    """A view's points at one density.  seen: the points left; raster: the same in their pixels; true_depth: (H, W) float32.
+    """A view's points at one density.  seen: the points left; raster: the same in their pixels, plainly averaged; true_depth:
+    (H, W) float32.
 
     Masks depend on depth alone, so that sights that differ in colour only may share them.
     """
@@ -53,7 +56,17 @@ class Sight:
     true_depth: Tensor
     spacing: float
     masks: dict[str, Tensor] = field(default_factory=dict)
-    inputs: dict[str, Tensor] = field(default_factory=dict)
+    inputs: dict[tuple[str, bool], Tensor] = field(default_factory=dict)
+    rasters: dict[str, Raster] = field(default_factory=dict)
+
+    @property
+    def weighed(self) -> Raster:
+        """The raster by the weights of the stations; the plain one where the scan does not say where they stood."""
+        if self.seen.weight is None:
+            return self.raster
+        if "weighed" not in self.rasters:
+            self.rasters["weighed"] = self.seen.raster(soft_z(self.spacing))
+        return self.rasters["weighed"]
 
     def mask(self, name: str) -> Tensor:
         """(H, W) bool: a key of PRESETS, or TRUE."""
@@ -62,29 +75,32 @@ class Sight:
             self.masks[name] = true_visibility(depth, self.true_depth)[0] if name == TRUE else keep_mask(depth, PRESETS[name])
         return self.masks[name]
 
-    def input(self, mask: str) -> Tensor:
+    def input(self, mask: str, *, weighed: bool = False) -> Tensor:
         """(5, H, W) network input behind the named mask; its first three channels are the pull-push picture."""
-        if mask not in self.inputs:
-            self.inputs[mask] = network_input(self.raster, self.mask(mask), self.seen.camera.fx, self.spacing)
-        return self.inputs[mask]
+        if (mask, weighed) not in self.inputs:
+            raster = self.weighed if weighed else self.raster
+            self.inputs[mask, weighed] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing)
+        return self.inputs[mask, weighed]
 
     def fresh(self) -> "Sight":
         """The same with nothing made yet, to be timed."""
-        return replace(self, masks={}, inputs={})
+        return replace(self, masks={}, inputs={}, rasters={})
+
+
+def soft_z(spacing: float) -> SoftZ:
+    """The renderer's own.  spacing: file units."""
+    return SoftZ.preset("auto", spacing, 1.0)
 
 
 def sight(seen: Projected, true_depth: Tensor, spacing: float, masks: dict[str, Tensor] | None = None) -> Sight:
     """The points ``seen``, already thinned, through our soft z-buffer.  spacing: of the thinned scan, file units."""
-    camera = seen.camera
-    raster = rasterise(seen.index, seen.z, seen.rgb, camera.width, camera.height, SoftZ.preset("auto", spacing, 1.0))
+    raster = replace(seen, weight=None).raster(soft_z(spacing))
     return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks)
 
 
 def thinned(seen: Projected, density: float) -> Projected:
     """The points of rank < density."""
-    keep = seen.rank < density
-    return replace(seen, index=seen.index[keep], z=seen.z[keep], rgb=seen.rgb[keep], station=seen.station[keep],
-                   rank=seen.rank[keep])
+    return seen.chosen(seen.rank < density)
 
 
 @dataclass(frozen=True)
@@ -92,7 +108,8 @@ class Method:
     """A way of making a picture.
 
     prepare: a sight -> what ``network`` takes, or the picture itself where there is no network.  network: (5, H, W) ->
-    (3, H, W).  mask: the name of the one it uses, None where it has none.  mac: multiply-accumulates a pixel.
+    (3, H, W).  mask: the name of the one it uses, None where it has none.  mac: multiply-accumulates a pixel.  weighed: whether
+    its points have the weights of their stations.
     """
 
     name: str
@@ -100,6 +117,7 @@ class Method:
     mask: str | None
     network: Callable[[Tensor], Tensor] | None = None
     mac: float = 0.0
+    weighed: bool = False
 
     def picture(self, sight: Sight) -> Tensor:
         """(3, H, W) in 0..1."""
@@ -108,20 +126,21 @@ class Method:
 
 
 def plain_methods() -> list[Method]:
-    """Raw points, and pull-push behind every mask."""
+    """Raw points, and pull-push behind every mask, averaged as published; and ours, by the weights of the stations."""
     methods = [Method("raw", lambda sight: sight.raster.colour / 255, "no filter")]
     for mask in (*PRESETS, TRUE):
         methods.append(Method(f"pull-push, {mask}", lambda sight, mask=mask: sight.input(mask)[:3], mask))
-    return methods
+    return [*methods, Method(WEIGHED, lambda sight: sight.input(OURS, weighed=True)[:3], OURS, weighed=True)]
 
 
 def network_method(name: str, path: Path) -> Method:
     """A network from a weights file, behind our filter if it was trained on filtered input, else behind none.
 
-    Raises WeightsError.
+    The paper's gets points averaged as published.  Raises WeightsError.
     """
     network, header = load_weights(path)
     mac = mac_per_pixel(network)
+    weighed = isinstance(network, CompactUNet)
     network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mask = "no filter" if header.get("input") == "unfiltered" else OURS
 
@@ -129,7 +148,7 @@ def network_method(name: str, path: Path) -> Method:
     def run(x: Tensor) -> Tensor:
         return network(x[None].contiguous(memory_format=torch.channels_last))[0, :3].clamp(0, 1)
 
-    return Method(f"network {name}", lambda sight: sight.input(mask), mask, run, mac)
+    return Method(f"network {name}", lambda sight: sight.input(mask, weighed=weighed), mask, run, mac, weighed)
 
 
 class Open3DMethod:
@@ -169,10 +188,10 @@ def _median_ms(work: Callable[[], object]) -> float:
 def timings(methods: list[Method], view: Sight) -> dict[str, tuple[float, float | None]]:
     """Milliseconds of every method, warm, median of three: (points in view to picture, network alone or None)."""
     raster = _median_ms(lambda: sight(view.seen, view.true_depth, view.spacing))
-    prepared: dict[str | None, float] = {}
+    prepared: dict[tuple[str | None, bool], float] = {}
     result: dict[str, tuple[float, float | None]] = {}
     for method in methods:
-        key = method.name if method.name == "raw" else method.mask
+        key = (method.name if method.name == "raw" else method.mask), method.weighed
         if key not in prepared:
             prepared[key] = _median_ms(lambda m=method: m.prepare(view.fresh()))
         alone = None

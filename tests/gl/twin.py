@@ -8,7 +8,9 @@ import torch
 from model.depth_filter import keep_mask
 from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
 from model.pull_push import surrounded
+from model.station_weights import station_weights
 from viewer.render.cull import Culler
+from viewer.render.stations import Places, weighs
 from viewer.render.void import Surroundings, cell_of
 
 
@@ -33,11 +35,16 @@ def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
     draw = Culler(scene).select(camera, settings.lod)
     take = np.repeat(draw.first - np.concatenate([[0], np.cumsum(draw.count)[:-1]]), draw.count) + np.arange(draw.points)
     cells = torch.from_numpy(np.repeat(draw.slot, draw.count))
-    steps, rgb = unpack_points(torch.from_numpy(np.asarray(scene.points[take], np.int64)))
+    steps, rgb, station = unpack_points(torch.from_numpy(np.asarray(scene.points[take], np.int64)))
     x, y, z = view_points(steps, cells, torch.from_numpy(draw.cell_view), torch.from_numpy(draw.axes))
     soft = SoftZ.preset(settings.soft_z, scene.spacing, metre, unlit=scene.unlit)
     index, inside = pixels(x, y, z, camera, rounded=soft.rounded)
-    raster = rasterise(index, z[inside], rgb[inside], camera.width, camera.height, soft)
+    weight, places = None, Places(scene)
+    if weighs(settings, places):
+        seen = places.seen_from(camera)
+        where = torch.from_numpy(np.where(seen[:, 3:] > 0, seen[:, :3], np.nan))
+        weight = station_weights(x[inside], y[inside], z[inside], station[inside], where)
+    raster = rasterise(index, z[inside], rgb[inside], camera.width, camera.height, soft, weight)
     mask = keep_mask(
         raster.depth, settings.filter, strength=settings.filter_strength, levels=settings.filter_levels, metre=metre
     ) & (raster.count > 0)

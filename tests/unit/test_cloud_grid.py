@@ -68,7 +68,9 @@ def attributes(n, seed=0):
 
 
 @SLOW
-@given(n=st.integers(200, 90_000), exponent=st.floats(-3, 6), origin=st.floats(-1e7, 1e7), seed=st.integers(0, 1000))
+# a subnormal origin is left out: -5e-324 divided by a cell of 2 is no longer negative, here and in the twin
+@given(n=st.integers(200, 90_000), exponent=st.floats(-3, 6), origin=st.floats(-1e7, 1e7, allow_subnormal=False),
+       seed=st.integers(0, 1000))
 def test_the_grid_equals_its_numpy_twin_bit_for_bit(n, exponent, origin, seed):
     xyz, rgb = surface(n, seed)
     xyz = xyz * 10**exponent + origin * np.array([1, -0.7, 0.01])

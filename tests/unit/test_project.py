@@ -47,7 +47,7 @@ def test_rasteriser_equals_a_plain_loop(seed, rounded):
 
 def test_unpack_reads_every_field():
     words = torch.tensor([[0x0002_0001, 0xABCD_0003, 0x07_30_20_10]])
-    steps, rgb = unpack_points(words)
+    steps, rgb, _ = unpack_points(words)
     assert steps.tolist() == [[1, 2, 3]] and rgb.tolist() == [[0x10, 0x20, 0x30]]
 
 

@@ -16,6 +16,8 @@ STEPS = 65536
 """Positions a coordinate can take inside a cell."""
 CHUNK = 65536
 """Points in a chunk: what is read, checked and kept on the GPU as one piece (768 KiB)."""
+STATION_REACH = 20.0
+"""A statue is scanned from a few of its heights away; a pose of zeros beside map coordinates is thousands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,18 @@ class Scene:
     def step(self) -> float:
         """File units between two neighbouring positions of a packed coordinate."""
         return self.cell_size / STEPS
+
+    @property
+    def station_places(self) -> np.ndarray:
+        """(S, 3) float64 file coordinates: where the scanner of each scan number stood, NaN where the files do not say, or say
+        what cannot be: farther outside the measured points than STATION_REACH times their extent.  S is at most 255: later
+        scans share a number."""
+        scans = (self.meta.get("scans") or [])[:255]
+        places = np.array([scan.get("position") or (np.nan,) * 3 for scan in scans], np.float64).reshape(-1, 3)
+        reach = STATION_REACH * np.ptp(self.bounds, axis=0).max()
+        with np.errstate(invalid="ignore"):
+            away = (places < self.bounds[0] - reach) | (places > self.bounds[1] + reach)
+        return np.where(away.any(axis=1)[:, None], np.nan, places)
 
     @property
     def unlit(self) -> bool:

@@ -4,6 +4,8 @@ Both draw every point as 1x1 pixels in two passes (paper, "Point Cloud Projectio
 colour sums of the points within a tolerance behind it.  viewer.render.raster_compute uses compute shaders and integer atomics,
 viewer.render.raster_points OpenGL point primitives with MIN blending; the same expressions choose the pixel in both, and the
 bytes are the same.
+Where the scan says where its scanners stood, points count by how nearly theirs looked the way the eye looks
+(model/station_weights.py), and ``weight`` has what each pixel's points count together.
 Pictures larger than a storage block are made in bands of rows; points that do not fit the GPU together come in rounds, depth
 first to last, colours last to first.
 """
@@ -13,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.light import TO_LINEAR, TO_SRGB
+from model.station_weights import HEAVIEST, UNPLACED
 from viewer.render import shader
 from viewer.render.batches import BatchTable, PageMap
 from viewer.render.cull import DrawList
@@ -20,6 +23,8 @@ from viewer.render.occlusion import HiddenCells, History, worthwhile
 from viewer.render.shader import BINDINGS
 
 if TYPE_CHECKING:
+    import moderngl
+
     from model.project import SoftZ
     from viewer.camera import Camera
     from viewer.cloud.residency import Round
@@ -27,6 +32,7 @@ if TYPE_CHECKING:
     from viewer.render.points import PointPages
 
 _SUM_BYTES, _CARRY_BYTES = 8, 16  # a pixel, in common_sums.glsl
+MOST_STATIONS = 256  # what the eight bits of a packed point can tell apart
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )
@@ -40,7 +46,7 @@ def _light_tables() -> bytes:
 
 class Rasteriser:
     """Owns programs and targets for one picture size; ``run`` fills ``colour`` (RGBA8) and ``depth`` (R32F, +inf where
-    empty), row 0 at the top."""
+    empty), row 0 at the top, and with stations ``weight`` (R8: HEAVIEST / 255 at most)."""
 
     kind = ""
     from_keys: int | None = None  # nearest depths come as inverted bits in a buffer, not in a texture
@@ -48,6 +54,7 @@ class Rasteriser:
 
     table: BatchTable
     hider: "HiddenCells | None" = None
+    weight: "moderngl.Texture | None" = None
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], device: "Device"):
         context = programs.context
@@ -64,13 +71,16 @@ class Rasteriser:
         self.upload = shader.Grown(context)
         self._loaded: Round | None = None
         self.light = context.buffer(_light_tables())
+        self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self._record = np.zeros((), FRAME_FIELDS)
-        self.resolve = programs.compute("resolve.comp", FROM_KEYS=self.from_keys)
+        self.programs = programs
+        self.weighed = False  # whether points have weights in this picture
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", *, streaming: bool = False,
-            history: History | None = None) -> bool:
+            history: History | None = None, stations: np.ndarray | None = None) -> bool:
         """Rasterises a draw list.
 
+        stations: (S, 4) float32 view position of each scan's scanner, and 1, or 0 where unknown; None: all count the same.
         streaming: with the points that are on the GPU, the others come later.  history: hidden cells may be left out, where
         this rasteriser can and it is worth it.  Returns whether history was used.
         """
@@ -84,6 +94,7 @@ class Rasteriser:
         rounds = pages.prepare(draw.first, draw.count, streaming=streaming)
         self._loaded = None
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
+        resolve = self._weigh(stations)
         hiding = history is not None and self.can_hide and len(rounds) == 1 and worthwhile(draw, self.size)
         for first_row in range(0, height, self.band_rows):
             rows = min(self.band_rows, height - first_row)
@@ -100,10 +111,27 @@ class Rasteriser:
             self._bind_sums()
             self.colour.bind_to_image(0, read=False, write=True)
             self.depth.bind_to_image(1, read=False, write=True)
-            self.resolve.run(*shader.groups(width, rows))
+            if self.weight is not None and self.weighed:
+                self.weight.bind_to_image(2, read=False, write=True)
+            resolve.run(*shader.groups(width, rows))
             self.context.memory_barrier()
             self._clean = True
         return hiding
+
+    def _weigh(self, stations: np.ndarray | None) -> "moderngl.ComputeShader":
+        """Takes note of where the stations are; returns the program of the last step."""
+        self.weighed = stations is not None
+        if stations is not None:
+            self.stations.write(stations[:MOST_STATIONS])
+            self.stations.bind_to_uniform_block(BINDINGS["STATIONS"])
+            if self.weight is None:
+                self.weight = self.context.texture(self.size, 1, dtype="f1")
+        return self.programs.compute("resolve.comp", FROM_KEYS=self.from_keys, **self.weights)
+
+    @property
+    def weights(self) -> dict[str, object]:
+        """Constants of the programs that differ where points have weights."""
+        return {"WEIGHED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED} if self.weighed else {}
 
     @property
     def can_hide(self) -> bool:
@@ -140,5 +168,7 @@ class Rasteriser:
 
     def release(self) -> None:
         grown = self.cells.buffer, self.upload.buffer
-        for resource in (self.colour, self.depth, self.sums, self.carries, self.frame, self.light, *grown):
-            resource.release()
+        for resource in (self.colour, self.depth, self.sums, self.carries, self.frame, self.light, self.stations, self.weight,
+                         *grown):
+            if resource is not None:
+                resource.release()

@@ -32,10 +32,12 @@ class ComputeRasteriser(Rasteriser):
         super().__init__(programs, size, device)
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
         self.table = BatchTable(4, (0, 1, 2), BATCH)
-        self._programs = programs
         self._lanes = LANES[device.software]
-        self._passes = [programs.compute(f"raster_{name}.comp", LANES=self._lanes) for name in ("depth", "colour")]
-        self._hiding: list[moderngl.ComputeShader] = []
+
+    def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
+        """Depth and colour.  appended: 1 for the list that the hider makes."""
+        depth, colour = ({"LANES": self._lanes, "APPENDED": appended, **more} for more in ({}, self.weights))
+        return [self.programs.compute("raster_depth.comp", **depth), self.programs.compute("raster_colour.comp", **colour)]
 
     def _bind(self) -> None:
         self.upload.buffer.bind_to_storage_buffer(BINDINGS["BATCHES"])
@@ -45,7 +47,7 @@ class ComputeRasteriser(Rasteriser):
 
     def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
         self.keys.clear()
-        for step, order in zip(self._passes, (rounds, rounds[::-1]), strict=True):
+        for step, order in zip(self._passes(), (rounds, rounds[::-1]), strict=True):
             for part in order:
                 self._bring(pages, draw, part)
                 self._bind()
@@ -67,10 +69,7 @@ class ComputeRasteriser(Rasteriser):
 
     def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
         if self.hider is None:
-            self.hider = HiddenCells(self._programs, self.size)
-            self._hiding = [
-                self._programs.compute(f"raster_{name}.comp", APPENDED=1, LANES=self._lanes) for name in ("depth", "colour")
-            ]
+            self.hider = HiddenCells(self.programs, self.size)
         hider, count = self.hider, len(pages.buffers)
         known = history.memory.recall(history.scene, draw, hider)
         np.subtract(1, known, out=known)  # group 0: drawn first; group 1: to be tested
@@ -79,12 +78,13 @@ class ComputeRasteriser(Rasteriser):
         np.subtract(1, known, out=known)
         hider.start(known, count, int(bounds[-1]))
         self.keys.clear()
-        for step, appended in zip(self._passes, self._hiding, strict=True):
+        passes = self._passes()
+        for step, appended in zip(passes, self._passes(appended=1), strict=True):
             self._bind()
             for page in range(count):
                 self._draw(step, pages, page, int(bounds[2 * page]), int(bounds[2 * page + 1]))
             self.context.memory_barrier()
-            if step is self._passes[0]:
+            if step is passes[0]:
                 hider.look(self.keys, self.depth)
                 hider.build(self.depth, history)
                 hider.test(self.cells.buffer)

@@ -32,25 +32,25 @@ class PointRasteriser(Rasteriser):
         self.empty = context.framebuffer([context.renderbuffer((size[0], self.band_rows), 1, dtype="f1")])
         self._default = context.detect_framebuffer(0)
         self.table = BatchTable(5, (2, 0, 3), UNCUT, {1: 1})  # moderngl steps through commands of 20 bytes
-        self._programs = [
-            programs.drawing("raster_points.vert", f"raster_points_{name}.frag") for name in ("depth", "colour")
-        ]
-        self._programs[1]["nearest"] = 0
-        self.resolve["nearest"] = 0
         self._arrays: list[tuple[moderngl.VertexArray, ...]] = []
         self._arrays_for: tuple = ()
 
     def _use_arrays(self, pages: "PointPages") -> None:
-        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size)
+        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size, self.weighed)
         if wanted != self._arrays_for:
             self._release_arrays()
+            programs = [
+                self.programs.drawing("raster_points.vert", f"raster_points_{name}.frag", **more)
+                for name, more in (("depth", {}), ("colour", self.weights))
+            ]
+            programs[1]["nearest"] = 0
             self._arrays = [
                 tuple(
                     self.context.vertex_array(
                         p, [(buffer, "3u", "in_point") if number else (buffer, "2u 4x", "in_point"),
                             (self.cells.buffer, "3f 4x/i", "in_cell")]
                     )
-                    for number, p in enumerate(self._programs)
+                    for number, p in enumerate(programs)
                 )
                 for buffer in pages.buffers
             ]

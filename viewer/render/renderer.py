@@ -20,6 +20,7 @@ from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
 from viewer.render.raster_points import PointRasteriser
 from viewer.render.shader import Programs
+from viewer.render.stations import Places, Trust, weighs
 from viewer.render.void import Surroundings
 from viewer.settings import MEMORY, VIEWS, Memory, Settings
 
@@ -45,6 +46,7 @@ class Renderer:
         self._programs = Programs(context)
         self._culler = Culler(scene)
         self._surroundings = Surroundings(scene)
+        self._places = Places(scene)
         self.pages = PointPages(
             context, scene, self.device.storage_limit, budget=memory.gpu, software=self.device.software,
             read_ahead=memory.read_ahead, wake=wake,
@@ -53,6 +55,7 @@ class Renderer:
         self._rasterisers: dict[str, Rasteriser] = {}
         self._filter: DepthFilter | None = None
         self._fill: Fill | None = None
+        self._trust: Trust | None = None
         self._neural: NeuralStage | None = None
         self._size = (0, 0)
 
@@ -83,9 +86,10 @@ class Renderer:
         soft = self._soft_z(settings)
         rasteriser = self._choose(settings, draw, camera, soft, streaming)
         wanted = self._history(history, settings, views)
+        stations = self._places.seen_from(camera) if weighs(settings, self._places) else None
         hid: list[bool] = []
         stages.run("raster", lambda: hid.append(
-            rasteriser.run(self.pages, draw, camera, soft, streaming=streaming, history=wanted)))
+            rasteriser.run(self.pages, draw, camera, soft, streaming=streaming, history=wanted, stations=stations)))
         pages, textures = self.pages, {"raw": rasteriser.colour}
         drawn = draw.points - pages.missing - pages.left_out - pages.lost
         facts: dict = {
@@ -98,6 +102,7 @@ class Renderer:
             "opengl": self.device.renderer,
             "device": None,
             "network": None,
+            "stations": "weighed" if stations is not None else "equal",
             "approximations": [*self._approximations(settings), *pages.approximations],
         }
         if hid[0] and rasteriser.hider is not None:
@@ -117,7 +122,7 @@ class Renderer:
                 neural = self._neural_for(settings) if "neural" in views else None
                 fill = self._fill = self._fill or Fill(self._programs, self._size)
                 stages.run("fill", lambda: fill.run(
-                    rasteriser.colour, rasteriser.depth, step.mask,
+                    rasteriser.colour, rasteriser.depth, self._trusted(rasteriser, step.mask),
                     camera=camera, closed=self._surroundings.closed(camera.position), spacing=self.scene.spacing,
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
@@ -135,6 +140,14 @@ class Renderer:
         draw = self._culler.select(camera, settings.lod)
         self.pages.prepare(draw.first, draw.count, streaming=True)
         return self.pages.missing
+
+    def _trusted(self, rasteriser: Rasteriser, mask: "moderngl.Texture") -> "moderngl.Texture":
+        """What each pixel counts in the fill: the keep-mask, or, of weighed points, how far it is trusted."""
+        if not rasteriser.weighed or rasteriser.weight is None:
+            return mask
+        self._trust = self._trust or Trust(self._programs, self._size)
+        self._trust.run(rasteriser.weight, mask)
+        return self._trust.trust
 
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a bench tries others."""
@@ -204,10 +217,10 @@ class Renderer:
         self._size = size
 
     def _release_passes(self) -> None:
-        for made in (*self._rasterisers.values(), self._filter, self._fill, self._neural):
+        for made in (*self._rasterisers.values(), self._filter, self._fill, self._trust, self._neural):
             if made is not None:
                 made.release()
-        self._rasterisers, self._filter, self._fill, self._neural = {}, None, None, None
+        self._rasterisers, self._filter, self._fill, self._trust, self._neural = {}, None, None, None, None
 
     def release(self) -> None:
         """Frees everything on the GPU."""

@@ -26,10 +26,12 @@ beyond the processor's own eight come one after the other, whether a point is le
 6M points took 0.6 to 0.75 of the time of a lane a point, 64 a batch (128 to 512 points in eight lanes differ by 5 %)."""
 
 BINDINGS = {
-    "FRAME": 0, "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6,
+    "FRAME": 0, "STATIONS": 1,
+    "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6,
     "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "FLAGS": 7, "CARRY": 7,
 }  # fmt: skip
-"""Uniform block FRAME; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never meet share one."""
+"""Uniform blocks FRAME and STATIONS; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never meet share
+one."""
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([\w.]+)"\s*$')
 

@@ -81,7 +81,8 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
         raise InputError(f"{path}: {len(xyz)} usable points are too few to tune with")
     if station.max() > 0:
         rgb = match_exposures(xyz, rgb, station)
-    return Scan(xyz, rgb, station)
+    places = np.array([scan.position or (np.nan,) * 3 for scan in source.scans[:255]], np.float64).reshape(-1, 3)
+    return Scan(xyz, rgb, station, places)
 
 
 def _blurred(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:

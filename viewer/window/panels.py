@@ -71,6 +71,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     if changed and not every:
         new = replace(new, lod=value)
     imgui.end_disabled()
+    new = _choice(new, "stations", "stations", look)
     new = _choice(new, "soft_z", "soft depth", look)
     new = _choice(new, "raster", "rasteriser", look)
     _heading("Network", look)

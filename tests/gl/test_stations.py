@@ -1,0 +1,131 @@
+"""Points that count by where their scanners stood: the OpenGL frame against its torch twin, and against itself."""
+
+import numpy as np
+import pytest
+from clouds import camera_in, room
+from test_frame import ALL, assert_agrees
+from twin import twin_frame
+
+from model.station_weights import HEAVIEST
+from viewer.cloud import scene_from_arrays, unpack
+from viewer.render.renderer import Renderer
+from viewer.settings import FILTERS, Settings
+
+pytestmark = pytest.mark.gl
+
+
+def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int = 3, unknown=(), points: int = 60_000):
+    """The room of the other tests, each point one station's, by chance; nobody knows where those of ``unknown`` stood."""
+    rng = np.random.default_rng(seed)
+    xyz, rgb, _, _ = unpack(room(seed, points, scale, origin))
+    scan = rng.integers(0, places, len(xyz)).astype(np.uint8)
+    low, high = xyz.min(0), xyz.max(0)
+    scans = [{"name": f"station {s}", "count": int((scan == s).sum()),
+              "position": None if s in unknown else rng.uniform(low, high).tolist()} for s in range(places)]
+    return scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
+
+
+@pytest.fixture
+def renderer_of(context):
+    made = []
+
+    def make(scene):
+        made.append(Renderer(context, scene))
+        return made[-1]
+
+    yield make
+    for renderer in made:
+        renderer.release()
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("unknown", [(), (1,)])
+def test_weighed_frame_agrees_with_twin(renderer_of, scale, unknown, seed):
+    scene = scanned(seed, scale, unknown=unknown)
+    renderer = renderer_of(scene)
+    for number in range(3):
+        camera = camera_in(scene, seed + number)
+        for lod in (None, 1.0):
+            settings = Settings(lod=lod)
+            frame = renderer.render(camera, settings, views=ALL)
+            assert frame.facts["stations"] == "weighed"
+            assert_agrees(frame, twin_frame(scene, camera, settings))
+
+
+@pytest.mark.parametrize("preset", list(FILTERS))
+@pytest.mark.parametrize("size", [(4, 4), (97, 61), (256, 131)])
+def test_every_filter_and_odd_sizes_agree_with_twin(renderer_of, preset, size, seed):
+    scene = scanned(seed, places=5)
+    camera, settings = camera_in(scene, seed, size), Settings(filter=preset)
+    assert_agrees(renderer_of(scene).render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+
+
+def test_both_rasterisers_give_the_same_bytes(renderer_of, seed):
+    scene = scanned(seed)
+    renderer = renderer_of(scene)
+    for number in range(3):
+        camera, images = camera_in(scene, seed + number), []
+        for kind, stations in zip(("compute", "points", "points", "compute", "compute"),
+                                  ("auto", "auto", "equal", "equal", "auto"), strict=True):
+            frame = renderer.render(camera, Settings(raster=kind, stations=stations), views=ALL)
+            images.append([frame.image(v).tobytes() for v in ALL])
+        assert images[0] == images[1] == images[4] and images[2] == images[3]
+        assert images[0] != images[2]
+
+
+def test_pages_and_bands_change_no_pixel(context, renderer_of, monkeypatch, seed):
+    scene = scanned(seed)
+    camera, settings = camera_in(scene, seed), Settings()
+    whole = [renderer_of(scene).render(camera, settings, views=ALL).image(v) for v in ALL]
+    from viewer.render import raster
+
+    monkeypatch.setattr(raster, "_CARRY_BYTES", 1 << 22)  # a band is a few rows
+    renderer = renderer_of(scene)
+    assert np.array_equal(whole, [renderer.render(camera, settings, views=ALL).image(v) for v in ALL])
+    assert renderer._rasterisers["compute"].band_rows < camera.height
+
+
+def test_a_colour_comes_from_the_station_that_stood_where_the_eye_is(renderer_of):
+    """Two stations photographed one wall, red from the left and blue from the right; each eye sees what was seen from there."""
+    rng = np.random.default_rng(4)
+    wall = np.stack([rng.uniform(-2, 2, 60_000), np.zeros(60_000), rng.uniform(-1.5, 1.5, 60_000)], 1)
+    scan = rng.integers(0, 2, len(wall)).astype(np.uint8)
+    rgb = np.where(scan[:, None] == 0, [220, 20, 20], [20, 20, 220]).astype(np.uint8)
+    places = np.array([(-3.0, -3.0, 0.0), (3.0, -3.0, 0.0)])
+    scans = [{"name": str(k), "count": int((scan == k).sum()), "position": place.tolist()} for k, place in enumerate(places)]
+    renderer = renderer_of(scene_from_arrays(wall, rgb, scan=scan, meta={"scans": scans}))
+    from viewer.camera import from_fov, look_at
+
+    for number, place in enumerate(places):
+        camera = from_fov(160, 120, 40, look_at(place, np.zeros(3)))
+        shown, equal = (
+            renderer.render(camera, Settings(stations=way), views=("filled",)).image("filled")[40:80, 60:100, :3].mean((0, 1))
+            for way in ("auto", "equal")
+        )
+        mine, other = (0, 2) if number == 0 else (2, 0)
+        assert shown[mine] > 200 and shown[other] < 90
+        assert abs(equal[0] - equal[2]) < 30
+
+
+@pytest.mark.parametrize("kind", ["compute", "points"])
+def test_heavy_sums_are_carried(renderer_of, kind):
+    """A hundred thousand white points of the heaviest weight in one pixel keep their mean."""
+    count = 100_000
+    xyz = np.zeros((2 * count, 3)) + [0.0, 5.0, 0.0]
+    xyz[count:, 0] = 1.0
+    rgb = np.full((2 * count, 3), 255, np.uint8)
+    rgb[count:] = (10, 128, 255)
+    scan = (np.arange(2 * count) % 2).astype(np.uint8)
+    scans = [{"name": str(k), "count": count, "position": [0.5 * k, 0.0, 0.0]} for k in range(2)]
+    scene = scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
+    from viewer.camera import Camera
+
+    pose = np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    camera = Camera(5, 3, 5.0, 5.0, 2.5, 1.5, pose)
+    renderer = renderer_of(scene)
+    for _ in range(2):
+        raw = renderer.render(camera, Settings(raster=kind), views=("raw",)).image("raw")
+        assert raw[1, 2].tolist() == [255, 255, 255, 255] and raw[1, 3].tolist() == [10, 128, 255, 255]
+        assert renderer._rasterisers[kind].weight is not None
+        weight = np.frombuffer(renderer._rasterisers[kind].weight.read(alignment=1), np.uint8).reshape(3, 5)
+        assert weight[1, 2] == HEAVIEST and weight[0, 0] == 0

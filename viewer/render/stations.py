@@ -1,0 +1,66 @@
+"""Where a scan's scanners stood, as the eye sees it, and how far each measured pixel is trusted beside its neighbours.
+
+Points count by how nearly their scanner looked the way the eye looks; :mod:`model.station_weights` says why, and is the twin.
+World frame: the scan file's, float64; the view frame (x right, y down, z forward) is relative to the camera, float32.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from model.places import told_apart
+from model.station_weights import TRUST_BLOCK
+from viewer.render import shader
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.camera import Camera
+    from viewer.cloud.scene import Scene
+    from viewer.settings import Settings
+
+
+class Places:
+    """Of one scene's scanners, by scan number.  known: whether two are known to have stood apart."""
+
+    def __init__(self, scene: "Scene"):
+        self._world = scene.station_places
+        self.known = told_apart(self._world)
+        self._view = np.zeros((len(self._world), 4), np.float32)
+        self._view[:, 3] = ~np.isnan(self._world).any(axis=1)
+
+    def seen_from(self, camera: "Camera") -> np.ndarray:
+        """(S, 4) float32: view position, and 1 where it is known, 0 where not.  Overwritten by the next call."""
+        self._view[:, :3] = np.nan_to_num((self._world - camera.position) @ camera.view_rotation.T)
+        return self._view
+
+
+def weighs(settings: "Settings", places: Places) -> bool:
+    """Whether points count by their stations; never in the published programs' pictures."""
+    return settings.stations == "auto" and settings.soft_z == "auto" and places.known
+
+
+class Trust:
+    """Owns the targets of one picture size; ``run`` fills ``trust`` (R8): 0..1 where kept, 0 elsewhere."""
+
+    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+        context = programs.context
+        self.context, self.size = context, size
+        self.trust = context.texture(size, 1, dtype="f1")
+        self._blocks = context.texture((-(-size[0] // TRUST_BLOCK), -(-size[1] // TRUST_BLOCK)), 2, dtype="f4")
+        self._steps = [programs.compute("trust.comp", TRUST_BLOCK=TRUST_BLOCK, BLOCKS=blocks) for blocks in (1, None)]
+
+    def run(self, weight: "moderngl.Texture", mask: "moderngl.Texture") -> None:
+        """weight: of the pixels' points, as a rasteriser leaves them.  mask: the keep-mask."""
+        for step, target in zip(self._steps, (self._blocks, self.trust), strict=True):
+            for unit, (name, texture) in enumerate({"weight": weight, "mask": mask, "blocks": self._blocks}.items()):
+                if name in step:
+                    texture.use(unit)
+                    step[name] = unit
+            target.bind_to_image(0, read=False, write=True)
+            step.run(*shader.groups(*target.size))
+            self.context.memory_barrier()
+
+    def release(self) -> None:
+        self.trust.release()
+        self._blocks.release()
