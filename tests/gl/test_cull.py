@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from viewer.camera import Camera, look_at
-from viewer.cloud import unpack
+from viewer.cloud import scene_from_arrays, unpack
+from viewer.cloud.faces import SQUARES, UNKNOWN
 from viewer.cloud.layers import morton_order
 from viewer.cloud.scene import Scene
 from viewer.render.batches import BatchTable, PageMap
@@ -40,6 +41,10 @@ def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
     if lod is not None:
         nearest = np.maximum(z[rows] - 0.5 * size * np.abs(r[2]).sum(), 1e-9 * size)
         need = lod * ((size * camera.fx / nearest) * (size * camera.fy / nearest))
+        if scene.faces is not None:
+            shares = scene.faces[rows].astype(float)
+            seen = shares[:, 0] * np.abs(px[rows]) + shares[:, 1] * np.abs(py[rows]) + shares[:, 2] * np.abs(pz[rows])
+            need = np.where(scene.faces[rows, 0] == UNKNOWN, need, need * (seen / (SQUARES * np.maximum(z[rows], nearest))))
         held = np.cumsum(counts, axis=0)
         before = np.vstack([np.zeros((1, len(rows)), int), held[:-1]])
         counts = np.where(before >= need, 0, counts)
@@ -76,8 +81,10 @@ def cells_only(rng, cells: int, scale: float, reach: float) -> Scene:
     origin = np.floor(rng.uniform(-reach, reach, 3)) * size
     low, high = coords.min(axis=0) * size + origin, (coords.max(axis=0) + 1) * size + origin
     empty = np.zeros((0, 3), np.uint32)
+    faces = rng.integers(1, SQUARES + 1, (len(coords), 3)).astype(np.uint8)
+    faces[rng.random(len(coords)) < 0.2] = UNKNOWN
     return Scene(empty, coords, offsets, origin, size, layers, int(offsets[-1]), 0.01 * size, np.array([low, high]),
-                 spread=bool(rng.integers(2)))  # fmt: skip
+                 spread=bool(rng.integers(2)), faces=faces if rng.integers(2) else None)  # fmt: skip
 
 
 def any_camera(rng, scene: Scene) -> Camera:
@@ -153,6 +160,22 @@ def test_level_of_detail_draws_fewer_points_and_what_it_draws_stays():
             assert not (drawn[less] & ~drawn[more]).any()
     assert points[True, 0.25] < points[True, 0.3] < points[True, 0.5]
     assert all(points[True, lod] <= points[False, lod] for lod in drawn) and points[True, 0.5] < 0.9 * points[False, 0.5]
+
+
+@pytest.mark.parametrize("lod", [0.5, 1.0])
+def test_a_wall_gets_as_many_points_as_it_covers_pixels(seed, lod):
+    """A dense wall, seen squarely and along it: about as many points are drawn as it covers pixels, times the level."""
+    rng = np.random.default_rng(seed)
+    wall = np.stack([rng.uniform(0, 8, 1_500_000), rng.normal(0, 1e-3, 1_500_000) + 0.01, rng.uniform(0, 2, 1_500_000)], 1)
+    scene = scene_from_arrays(wall, np.zeros(wall.shape, np.uint8))
+    for eye in ((4.0, -6.0, 1.0), (-2.0, -0.7, 1.0)):
+        camera = Camera(320, 240, 200.0, 200.0, 160.0, 120.0, look_at(np.array(eye), np.array([4.0, 0.0, 1.0])))
+        x, y, z = ((wall - camera.position) @ camera.view_rotation.T).T
+        inside = (z > 0) & (np.abs(x / z) < 0.8) & (np.abs(y / z) < 0.6)
+        covered = len(np.unique((200 * y / z + 120)[inside].astype(int) * 320 + (200 * x / z + 160)[inside].astype(int)))
+        wanted, plain = (Culler(s).select(camera, lod).points for s in (scene, replace(scene, faces=None)))
+        assert 0.8 * lod * covered < wanted < 3 * lod * covered  # cells reach beyond the picture
+        assert wanted < (1.15 if eye[1] < -1 else 0.6) * plain
 
 
 def test_a_view_past_everything_draws_nothing():

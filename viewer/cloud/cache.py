@@ -26,9 +26,11 @@ from viewer.progress import progress
 
 MAGIC, VERSION = "pointglass grid", 4
 # How colours are made, and points ordered: a grid in the cache made otherwise is made anew, a folder of convert stays as it is.
-COLOURS, ORDER = 2, 1
+COLOURS, ORDER = 2, 2
 _META = "meta.json"
-_ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4")}
+_ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
+           "faces": np.dtype("u1")}
+_LATER = {"faces"}  # what folders of earlier versions do without
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _SPARE = 64 << 20  # bytes left free on the disk
@@ -87,6 +89,8 @@ def _read(folder: Path, identity: list | None) -> Scene:
         raise ValueError("made from other files")
     arrays = {}
     for name, dtype in _ARRAYS.items():
+        if name in _LATER and name not in head["shapes"]:
+            continue
         arrays[name] = np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)  # too short: ValueError
         if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
             raise ValueError(f"{name}.npy is not what meta.json says")
@@ -95,6 +99,8 @@ def _read(folder: Path, identity: list | None) -> Scene:
     layers, count = int(head["layers"]), int(head["count"])
     fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
     fits = fits and arrays["checksums"].shape == (-(-count // CHUNK),)
+    faces = np.array(arrays["faces"]) if "faces" in arrays else None
+    fits = fits and (faces is None or faces.shape == cells.shape)
     if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
         raise ValueError("its arrays do not fit together")
     origin, bounds = np.array(head["origin"], np.float64), np.array(head["bounds"], np.float64)
@@ -104,7 +110,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
         points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        np.array(arrays["checksums"]), bool(head.get("spread", False)),
+        np.array(arrays["checksums"]), bool(head.get("spread", False)), faces,
     )  # fmt: skip
 
 
@@ -152,6 +158,8 @@ def _points_file(work: Path, count: int) -> np.ndarray:
 
 def _write(work: Path, scene: Scene, identity: list) -> None:
     arrays = {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
+    if scene.faces is not None:
+        arrays["faces"] = scene.faces
     for name, array in arrays.items():
         np.save(work / f"{name}.npy", array.astype(_ARRAYS[name]), allow_pickle=False)
     head = {

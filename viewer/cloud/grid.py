@@ -15,6 +15,7 @@ import numpy as np
 
 from viewer.cloud import kernels, layers
 from viewer.cloud.colour import Colours
+from viewer.cloud.faces import cover_of_faces
 from viewer.cloud.histogram import dense_table_of, merge, power_of_two, table_of
 from viewer.cloud.scene import STEPS, Scene
 from viewer.cloud.source import Chunk, Source
@@ -112,10 +113,12 @@ def build_grid(
             survey, layout, steps, _ = coarsest  # the same points over and over: no cells part them
             _scatter(sources, colours, survey, layout, points, pool)
             clock.lap("place")
-    return _finish(sources, survey, layout, points, steps, meta)
+        faces = cover_of_faces(points, layout.offsets, layout.layers, pool)
+        clock.lap("faces")
+    return _finish(sources, survey, layout, points, steps, faces, meta)
 
 
-def _finish(sources, survey: Survey, layout: Layout, points, steps: float, meta: dict) -> Scene:
+def _finish(sources, survey: Survey, layout: Layout, points, steps: float, faces, meta: dict) -> Scene:
     if 0 < steps < _STEPS_APART:
         meta["warnings"].append("points lie too close together for so wide a scan, positions are rounded; split it")
     spacing = (steps or STEPS / 64) * layout.cell_size / STEPS
@@ -126,7 +129,7 @@ def _finish(sources, survey: Survey, layout: Layout, points, steps: float, meta:
     origin = np.asarray(layout.base * layout.cell_size)
     return Scene(
         points, layout.cells, layout.offsets, origin, layout.cell_size, layout.layers, survey.count, spacing,
-        survey.bounds, meta, spread=True,
+        survey.bounds, meta, spread=True, faces=faces,
     )  # fmt: skip
 
 

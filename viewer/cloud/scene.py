@@ -38,6 +38,8 @@ class Scene:
     checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
     spread: whether the points of each layer and cell lie in parts (viewer.cloud.layers), so that the first few are spread as
         evenly as all; folders that an earlier version converted are not.
+    faces: (C, 3) uint8, how much of each cell its points cover, seen along x, y and z (viewer.cloud.faces); None where an
+        earlier version did not look.
     """
 
     points: np.ndarray
@@ -52,6 +54,7 @@ class Scene:
     meta: dict = field(default_factory=dict)
     checksums: np.ndarray | None = None
     spread: bool = False
+    faces: np.ndarray | None = None
 
     @property
     def step(self) -> float:

@@ -57,6 +57,7 @@ class Culler:
         self._cells = np.empty(cells, np.int32)
         self._cell_view = np.empty((cells, 4), np.float32)
         self._need = np.empty(cells)
+        self._faces = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
         self._held = np.empty(cells, np.int64)
         self._active = np.empty(cells, np.int32)
         self._room(0)
@@ -90,14 +91,14 @@ class Culler:
         found = visible_cells(
             self._coords, self._blocks, self._block, size, self.scene.origin - camera.position, rotation,
             np.array([camera.fx, camera.fy, left, right, top, bottom]), reach, corner, lod,
-            np.array([camera.fx, camera.fy, behind]), self._cells, self._cell_view, self._need,
+            np.array([camera.fx, camera.fy, behind]), self._faces, self._cells, self._cell_view, self._need,
         )  # fmt: skip
         return self._cells[:found]
 
     def select(self, camera: "Camera", lod: float | None = None) -> DrawList:
         """The draw list of a camera.
 
-        lod: points wanted per pixel a cell covers (its nearest corner decides); None draws all.  A cell gets the
+        lod: points wanted per pixel that a cell's surfaces cover (its nearest corner decides); None draws all.  A cell gets the
         fewest layers that hold that many, and of the last of them the fewest parts (viewer.cloud.layers).
         """
         wanted = 0.0 if lod is None else float(lod)

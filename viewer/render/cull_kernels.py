@@ -7,6 +7,7 @@ expressions gives the same bits.
 import numpy as np
 
 from model.compiled import compiled
+from viewer.cloud.faces import SQUARES, UNKNOWN
 from viewer.cloud.layers import PART_EXTRA, PARTS
 
 SLACK = 1e-8
@@ -16,7 +17,7 @@ ROUNDING = 1e-12
 
 
 @compiled(nogil=True)
-def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corner, lod, focal, cells, cell_view, need):
+def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corner, lod, focal, faces, cells, cell_view, need):
     """Cells that touch the frustum, by ascending row.  Returns how many.
 
     coords: (C, 3) int32.  blocks: (B, 6) float64, middle and half extent of each ``per`` consecutive cells, in cells.
@@ -24,7 +25,7 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corne
     and the four sides' distances from the middle of the picture in pixels (left, right, top, bottom).  reach: (5,) by how
     much a cell's corner comes nearer to each side, and forward.  corner: (3,) view vector from a cell's middle to its first
     step's.  lod: points wanted a pixel, 0 for all.  focal: (3,) fx, fy and how far a cell's middle lies behind its nearest
-    corner.
+    corner.  faces: (C, 3) uint8 as in Scene, or (0, 3): each cell's need is that of a wall across all of it, seen squarely.
     Writes cells (C,) int32, cell_view (C, 4) float32, need (C,) float64, the points wanted of the cell.
     """
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
@@ -86,6 +87,9 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corne
             if lod > 0.0:
                 nearest = max(z - focal[2], 1e-9 * size)
                 need[found] = lod * ((size * focal[0] / nearest) * (size * focal[1] / nearest))
+                if row < faces.shape[0] and faces[row, 0] != UNKNOWN:
+                    seen = faces[row, 0] * abs(px) + faces[row, 1] * abs(py) + faces[row, 2] * abs(pz)
+                    need[found] *= seen / (SQUARES * max(z, nearest))
             found += 1
     return found
 
