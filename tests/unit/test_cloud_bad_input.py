@@ -1,5 +1,6 @@
 """Whatever is wrong with a file, one line names it and says what to do; colour oddities are read and said."""
 
+import os
 import struct
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from cloud_files import SCANS, E57Scan, surface, write_e57, write_las, write_ply
 
 from viewer.cloud import open_scene, unpack
+from viewer.cloud.source import open_source
 from viewer.errors import InputError
 
 
@@ -216,3 +218,24 @@ def test_real_scans_open_with_the_counts_and_colours_they_have(name):
     assert scene.step <= scene.spacing / 4
     xyz = unpack(scene)[0]
     assert (xyz >= scene.bounds[0] - scene.step).all() and (xyz <= scene.bounds[1] + scene.step).all()
+
+
+@pytest.mark.parametrize("kind", ["las", "laz", "ply", "e57"])
+def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
+    """Cut off by another program between two chunks: one line, and no end by a bus error."""
+    for module in ("las.CHUNK", "ply.CHUNK", "e57._CHUNK"):
+        monkeypatch.setattr(f"viewer.cloud.{module}", 20_000)
+    xyz, rgb = surface(100_000)
+    path = tmp_path / f"scan.{kind}"
+    if kind == "ply":
+        write_ply(path, xyz, rgb)
+    elif kind == "e57":
+        write_e57(path, [E57Scan(xyz, rgb)])
+    else:
+        write_las(path, xyz, rgb)
+    chunks = open_source(path).chunks()
+    assert len(next(chunks).xyz) == 20_000
+    os.truncate(path, 2_000)
+    with pytest.raises(InputError, match=r"again") as error:
+        list(chunks)
+    assert str(path) in str(error.value) and "\n" not in str(error.value)
