@@ -23,7 +23,17 @@ CULLER = Culler(SCENE)
 XYZ, _, _, _ = unpack(SCENE)
 CELLS = SCENE.cell_of_points()
 LODS = (None, 1e-3, 0.5, 8.0, 1e9)
-PARTS = (0, 4, 2, 6, 1, 5, 3, 7)
+
+
+def first_of_parts(parts: int) -> list[int]:
+    """Halves of halves: 0, then the one midway, then those midway between the ones there are, ..."""
+    order, step = [0], parts
+    while step > 1:
+        step //= 2
+        order += [number + step for number in order]
+    return order
+
+
 
 
 def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
@@ -48,11 +58,11 @@ def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
         held = np.cumsum(counts, axis=0)
         before = np.vstack([np.zeros((1, len(rows)), int), held[:-1]])
         counts = np.where(before >= need, 0, counts)
-        if scene.spread:
-            for layer, slot in np.argwhere((counts > 0) & (held > need)):
-                number = np.arange(counts[layer, slot])  # of those, every eighth, then those midway, ...
-                parts = int(np.ceil(8 * (need[slot] - before[layer, slot]) / len(number)))
-                counts[layer, slot] = np.isin(number % 8, PARTS[:parts]).sum()
+        order = first_of_parts(scene.parts)
+        for layer, slot in np.argwhere((counts > 0) & (held > need)):
+            number = np.arange(counts[layer, slot])  # of those, every so many, then those midway, ...
+            taken = int(np.ceil(scene.parts * (need[slot] - before[layer, slot]) / len(number)))
+            counts[layer, slot] = np.isin(number % scene.parts, order[:taken]).sum()
     layer, slot = np.nonzero(counts)
     corner = r @ np.full(3, 0.5 * (scene.step - size))
     view = np.zeros((len(rows), 4), np.float32)
@@ -84,7 +94,7 @@ def cells_only(rng, cells: int, scale: float, reach: float) -> Scene:
     faces = rng.integers(1, SQUARES + 1, (len(coords), 3)).astype(np.uint8)
     faces[rng.random(len(coords)) < 0.2] = UNKNOWN
     return Scene(empty, coords, offsets, origin, size, layers, int(offsets[-1]), 0.01 * size, np.array([low, high]),
-                 spread=bool(rng.integers(2)), faces=faces if rng.integers(2) else None)  # fmt: skip
+                 parts=int(rng.choice([1, 8, 64])), faces=faces if rng.integers(2) else None)  # fmt: skip
 
 
 def any_camera(rng, scene: Scene) -> Camera:
@@ -146,20 +156,20 @@ def test_level_of_detail_draws_fewer_points_and_what_it_draws_stays():
     scene = room(6, 400_000)
     camera = camera_in(scene, 2, (80, 60))
     drawn, points = {}, {}
-    for spread in (True, False):
-        culler = Culler(replace(scene, spread=spread))
+    for parts in (1, 8, 64):
+        culler = Culler(replace(scene, parts=parts))
         for lod in (0.25, 0.3, 0.5, 0.7, 2.0, 8.0, None):
             draw = culler.select(camera, lod)
             drawn[lod] = np.zeros(scene.count, bool)
             for first, count in zip(draw.first, draw.count, strict=True):
                 drawn[lod][first : first + count] = True
             assert drawn[lod].sum() == draw.points
-            points[spread, lod] = draw.points
+            points[parts, lod] = draw.points
             assert {int(f) for f in draw.first} <= {int(o) for o in scene.offsets}
         for less, more in itertools.pairwise(drawn):
             assert not (drawn[less] & ~drawn[more]).any()
-    assert points[True, 0.25] < points[True, 0.3] < points[True, 0.5]
-    assert all(points[True, lod] <= points[False, lod] for lod in drawn) and points[True, 0.5] < 0.9 * points[False, 0.5]
+    assert points[64, 0.25] < points[64, 0.3] < points[64, 0.5]
+    assert all(points[64, lod] <= points[8, lod] <= points[1, lod] for lod in drawn) and points[64, 0.5] < 0.9 * points[1, 0.5]
 
 
 @pytest.mark.parametrize("lod", [0.5, 1.0])

@@ -20,7 +20,8 @@ from viewer.cloud.scene import Scene
 from viewer.cloud.source import Chunk, ScanInfo, Source
 from viewer.errors import InputError
 
-POINTS_PER_ROOM = 1_000_000
+POINTS_PER_ROOM = 5_000_000
+"""Of two stations: still few.  The real rooms of such a size that we have hold 3 and 12 million."""
 PITCH = np.array([6.0, 5.0, 2.8])
 """Metres from room to room, and the height of one."""
 WALL = 0.2

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 LADDER = (1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000, 300_000_000, 1_000_000_000)
 SERIES = ("rooms", "density")
-DENSITY_ROOMS = 10
+DENSITY_ROOMS = 2
 """Rooms of the density series; the two meet at this many times POINTS_PER_ROOM."""
 LOD = 1.0
 VIEWS = ("raw", "filled")

@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from viewer.cloud.chunk_reader import checksum
+from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
 from viewer.errors import InputError
 from viewer.paths import cache_dir
@@ -26,7 +27,7 @@ from viewer.progress import progress
 
 MAGIC, VERSION = "pointglass grid", 4
 # How colours are made, and points ordered: a grid in the cache made otherwise is made anew, a folder of convert stays as it is.
-COLOURS, ORDER = 2, 2
+COLOURS, ORDER = 2, 3
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1")}
@@ -99,6 +100,9 @@ def _read(folder: Path, identity: list | None) -> Scene:
     layers, count = int(head["layers"]), int(head["count"])
     fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
     fits = fits and arrays["checksums"].shape == (-(-count // CHUNK),)
+    parts = int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1))
+    if parts not in (1, EARLIER_PARTS, PARTS):
+        raise ValueError(f"its points lie in {parts} parts")
     faces = np.array(arrays["faces"]) if "faces" in arrays else None
     fits = fits and (faces is None or faces.shape == cells.shape)
     if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
@@ -110,7 +114,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
         points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        np.array(arrays["checksums"]), bool(head.get("spread", False)), faces,
+        np.array(arrays["checksums"]), parts, faces,
     )  # fmt: skip
 
 
@@ -173,7 +177,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "count": scene.count,
         "spacing": float(scene.spacing),
         "bounds": scene.bounds.tolist(),
-        "spread": scene.spread,
+        "parts": scene.parts,
         "meta": scene.meta,
     }
     (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")

@@ -17,6 +17,7 @@ from viewer.cloud import kernels, layers
 from viewer.cloud.colour import Colours
 from viewer.cloud.faces import cover_of_faces
 from viewer.cloud.histogram import dense_table_of, merge, power_of_two, table_of
+from viewer.cloud.layers import PARTS
 from viewer.cloud.scene import STEPS, Scene
 from viewer.cloud.source import Chunk, Source
 from viewer.cloud.spacing import measure_spacing
@@ -129,7 +130,7 @@ def _finish(sources, survey: Survey, layout: Layout, points, steps: float, faces
     origin = np.asarray(layout.base * layout.cell_size)
     return Scene(
         points, layout.cells, layout.offsets, origin, layout.cell_size, layout.layers, survey.count, spacing,
-        survey.bounds, meta, spread=True, faces=faces,
+        survey.bounds, meta, parts=PARTS, faces=faces,
     )  # fmt: skip
 
 
@@ -161,7 +162,7 @@ def _typical(counts: np.ndarray) -> float:
 
 
 def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Executor) -> None:
-    """Pass 2: packs blocks of points on all processors, then places them, the finest layer beside all others."""
+    """Pass 2: packs blocks of points on all processors, then places them, one half of the runs beside the other."""
     cells, parts = layout.cells, processors()
     runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
     dense = dense_table_of(cells)

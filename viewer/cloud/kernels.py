@@ -10,7 +10,7 @@ cell size is a power of two.
 import numpy as np
 
 from model.compiled import compiled
-from viewer.cloud.layers import PART_EXTRA, PART_OF
+from viewer.cloud.layers import PART_EXTRA, PART_OF, PARTS, STEP
 
 GEOMETRIC = 16
 """Number of values the seeded geometric variable takes: 0..15."""
@@ -98,8 +98,8 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
 
     rgb: (n, 3) uint8.  intensity: (n,) uint16.  scan: (n,) uint8.  base: of
     the cells.  dense: (X, Y, Z) int32 cell numbers, or empty, then ``table`` has them.  Others as in count_points.
-    Writes buckets (n,) int32 and words (n, 3) uint32: points of the finest layer, one half of all, from the front in
-    their order, the others from the back in reverse, so that two threads can place them.
+    Writes buckets (n,) int32 and words (n, 3) uint32: points of even buckets from the front in their order, the others from
+    the back in reverse, so that two threads can place them.
     Returns (points at the front, points at the back); points out of reach are left out.
     """
     n = xyz.shape[0]
@@ -127,12 +127,12 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
         qx = np.uint32(min(np.int64((x - fx) * 65536.0), 65535))
         qy = np.uint32(min(np.int64((y - fy) * 65536.0), 65535))
         qz = np.uint32(min(np.int64((z - fz) * 65536.0), 65535))
-        layer = max(finest - geometric(first + i), 0)
-        top = layer == finest
-        place = front if top else back
-        front += top
-        back -= not top
-        buckets[place] = layer * cells + cell
+        bucket = max(finest - geometric(first + i) // STEP, 0) * cells + cell
+        even = bucket & 1 == 0
+        place = front if even else back
+        front += even
+        back -= not even
+        buckets[place] = bucket
         words[place, 0] = qx | qy << np.uint32(16)
         words[place, 1] = qz | np.uint32(intensity[i]) << np.uint32(16)
         colour = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
@@ -153,8 +153,8 @@ def place_points(buckets, words, start, stop, stride, runs, points):
         size = runs[bucket + 1, 0] - first
         runs[bucket, 1] = number + 1
         if number < size:
-            part = PART_OF[number & 7]
-            place = first + (size >> 3) * part + PART_EXTRA[size & 7, part] + (number >> 3)
+            part = PART_OF[number % PARTS]
+            place = first + (size // PARTS) * part + PART_EXTRA[size % PARTS, part] + number // PARTS
             points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
 
 

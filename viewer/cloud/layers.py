@@ -1,37 +1,57 @@
 """Density layers and the order of cells: how many layers, which points in which, cells along the Morton curve.
 
-A point's layer is drawn from a seeded hash of its running number, so it depends on nothing but the file's order.  The points
-of one layer and cell, a run, lie in PARTS parts: each takes every PARTS-th of them in the file's order, part after part from
-between those before it, so that the first few parts are spread as evenly as the whole.
+A point's layer is drawn from a seeded hash of its running number, so it depends on nothing but the file's order.  Each layer
+has seven eighths of what it and all coarser ones hold.  The points of one layer and cell, a run, lie in PARTS parts: each takes
+every PARTS-th of them in the file's order, part after part from between those before it, so that the first few parts are
+spread as evenly as the whole.  Layers that double would give the same choice in far more and shorter runs, each a workgroup.
 """
 
 import numpy as np
 
 COARSEST = 1 << 15
-"""Points the coarsest layer should hold."""
-MAX_LAYERS = 16
-PARTS = 8
-_FIRST_OF_PART = np.array([0, 4, 2, 6, 1, 5, 3, 7])  # bits reversed
-PART_OF = np.argsort(_FIRST_OF_PART)
+"""Points the coarsest layer should hold, at least an eighth of it."""
+STEP = 3
+"""A layer and all coarser ones hold 2**STEP times what the coarser ones do."""
+MAX_LAYERS = 6
+PARTS = 64
+"""Parts of a run."""
+EARLIER_PARTS = 8
+"""Of folders that earlier versions converted, whose layers double."""
+
+
+def _reversed(parts: int) -> np.ndarray:
+    """0, 1, ... parts - 1 with their bits reversed."""
+    number, bits = np.arange(parts), parts.bit_length() - 1
+    return sum(((number >> bit & 1) << (bits - 1 - bit) for bit in range(bits)), np.zeros(parts, np.int64))
+
+
+def part_extra(parts: int) -> np.ndarray:
+    """(parts, parts + 1): in a run of n points part p begins at (n // parts) p + extra[n % parts, p]; p = parts: the end.
+    parts: a power of two; 1: nothing is divided."""
+    first = _reversed(parts)
+    return np.array([[(first[:part] < rest).sum() for part in range(parts + 1)] for rest in range(parts)])
+
+
+PART_OF = np.argsort(_reversed(PARTS))
 """(PARTS,): the part of a run's point i, by i % PARTS."""
-PART_EXTRA = np.array([[(_FIRST_OF_PART[:part] < rest).sum() for part in range(PARTS + 1)] for rest in range(PARTS)])
-"""(PARTS, PARTS + 1): in a run of n points part p begins at (n // PARTS) p + PART_EXTRA[n % PARTS, p]; p = PARTS: the end."""
+PART_EXTRA = part_extra(PARTS)
 
 
 def layer_count(points: int) -> int:
-    """Number of layers for a scan: with L layers the coarsest holds points / 2**(L-1) of them."""
-    return int(np.clip(1 + np.round(np.log2(max(points, 1) / COARSEST)), 1, MAX_LAYERS))
+    """Number of layers for a scan: with L layers the coarsest holds about points / 2**(STEP (L - 1)) of them."""
+    return int(np.clip(1 + np.ceil(np.log2(max(points, 1) / COARSEST) / STEP), 1, MAX_LAYERS))
 
 
 def layer_sizes(counts: np.ndarray, layers: int) -> np.ndarray:
     """Points by layer and cell, (L, C) int64, from counts by cell and geometric value, (C, G) int64.
 
-    Value 0, half of all points, is the finest layer; what lies beyond the coarsest joins it.
+    STEP values make a layer, those from 0 on the finest; what lies beyond the coarsest joins it.
     """
     sizes = np.empty((layers, len(counts)), np.int64)
     for layer in range(1, layers):
-        sizes[layer] = counts[:, layers - 1 - layer]
-    sizes[0] = counts[:, layers - 1 :].sum(axis=1)
+        first = STEP * (layers - 1 - layer)
+        sizes[layer] = counts[:, first : first + STEP].sum(axis=1)
+    sizes[0] = counts[:, STEP * (layers - 1) :].sum(axis=1)
     return sizes
 
 

@@ -27,8 +27,7 @@ class Scene:
     points: (N, 3) uint32 packed points, C-contiguous, possibly a memory map.
     cell_coords: (C, 3) int32, cells in Morton order, relative to ``origin``.
     offsets: (L*C + 1,) int64; layer k of cell c is ``points[offsets[k*C + c]:offsets[k*C + c + 1]]``.  Layer 0 is the
-        coarsest.  Each further layer doubles the density of all before it, so that the layers 0..k together are a
-        uniform random subsample for every k.
+        coarsest.  The layers 0..k together are a uniform random subsample for every k.
     origin: (3,) float64 file coordinates, a whole multiple of ``cell_size``.
     cell_size: 2**n file units.
     layers: L.  count: N.
@@ -36,8 +35,8 @@ class Scene:
     bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
     meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, dropped, warnings.
     checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
-    spread: whether the points of each layer and cell lie in parts (viewer.cloud.layers), so that the first few are spread as
-        evenly as all; folders that an earlier version converted are not.
+    parts: how many parts the points of each layer and cell lie in (viewer.cloud.layers), so that the first few are spread as
+        evenly as all; 1: in no order.
     faces: (C, 3) uint8, how much of each cell its points cover, seen along x, y and z (viewer.cloud.faces); None where an
         earlier version did not look.
     """
@@ -53,7 +52,7 @@ class Scene:
     bounds: np.ndarray
     meta: dict = field(default_factory=dict)
     checksums: np.ndarray | None = None
-    spread: bool = False
+    parts: int = 1
     faces: np.ndarray | None = None
 
     @property

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from viewer.cloud.layers import part_extra
 from viewer.render.cull_kernels import list_runs, visible_cells
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class Culler:
         self._cells = np.empty(cells, np.int32)
         self._cell_view = np.empty((cells, 4), np.float32)
         self._need = np.empty(cells)
+        self._extra = part_extra(scene.parts)
         self._faces = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
         self._held = np.empty(cells, np.int64)
         self._active = np.empty(cells, np.int32)
@@ -71,7 +73,7 @@ class Culler:
 
     def _run(self, visible: int, lod: float) -> tuple[int, int, int]:
         return list_runs(self._offsets, self.scene.layers, len(self._coords), self._cells, visible, lod, self._need,
-                         self.scene.spread, self._held, self._active, self._first, self._count, self._slot)  # fmt: skip
+                         self._extra, self._held, self._active, self._first, self._count, self._slot)  # fmt: skip
 
     def visible(self, camera: "Camera", lod: float = 0.0) -> np.ndarray:
         """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.

@@ -8,7 +8,6 @@ import numpy as np
 
 from model.compiled import compiled
 from viewer.cloud.faces import SQUARES, UNKNOWN
-from viewer.cloud.layers import PART_EXTRA, PARTS
 
 SLACK = 1e-8
 """Of a block's reach, by which its test errs towards looking at its cells: above the 1e-9 that each cell is given."""
@@ -95,15 +94,15 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corne
 
 
 @compiled(nogil=True)
-def list_runs(offsets, layers, total, cells, visible, lod, need, spread, held, active, first, count, slot):
+def list_runs(offsets, layers, total, cells, visible, lod, need, extra, held, active, first, count, slot):
     """Runs of points of the visible cells, by ascending first: of each cell the fewest layers that hold ``need`` points.
 
     offsets: (layers * total + 1,) int64 as in Scene.  cells: rows of the scene's cells, the first ``visible`` count.
-    lod: 0 for all layers.  spread: as in Scene; of a cell's last layer as many parts as are needed.  held (int64), active
-    (int32): scratch, one an entry of cells.  first, count (int64), slot (int32): written as far as there is room.  Returns
-    (runs, points, room): all are written if the lists are ``room`` long.
+    lod: 0 for all layers.  extra: viewer.cloud.layers.part_extra; of a cell's last layer as many parts as are needed.  held
+    (int64), active (int32): scratch, one an entry of cells.  first, count (int64), slot (int32): written as far as there is
+    room.  Returns (runs, points, room): all are written if the lists are ``room`` long.
     """
-    runs, points, live, room = 0, 0, visible, 0
+    runs, points, live, room, parts = 0, 0, visible, 0, extra.shape[0]
     for i in range(visible):
         held[i], active[i] = 0, i
     for layer in range(layers):
@@ -116,9 +115,9 @@ def list_runs(offsets, layers, total, cells, visible, lod, need, spread, held, a
             here = offsets[base + cells[place] + 1] - start
             if lod > 0.0:
                 short = need[place] - held[place]
-                if spread and here > short:
-                    parts = max(int(np.ceil(PARTS * short / here)), 1)
-                    here = (here >> 3) * parts + PART_EXTRA[here & 7, parts]
+                if here > short:
+                    taken = max(int(np.ceil(parts * short / here)), 1)
+                    here = (here // parts) * taken + extra[here % parts, taken]
                 held[place] += here
                 active[kept] = place
                 kept += not held[place] >= need[place]

@@ -25,7 +25,7 @@ _CELL_RADIUS = np.arctan(np.sqrt(2.0) / SIDE) * (1 + 1e-6)
 _STEPS = np.radians(np.arange(6.0, 61.0, 6.0))
 _WALKS = 8
 _NEEDED = 8
-_SAMPLES = 16384
+_SAMPLES = 24576
 
 
 def cell_of(directions: np.ndarray) -> np.ndarray:
@@ -120,9 +120,10 @@ class Surroundings:
             shift += 1
         coarse = np.unique(coords >> shift, axis=0)
         centres = scene.origin + (coarse + 0.5) * (scene.cell_size * 2.0**shift)
-        head = int(scene.offsets[len(coords) * min(2, scene.layers)])  # the two coarsest layers: an even sample
-        points, *_ = unpack(scene, slice(0, min(head, 8 * _SAMPLES)))
-        self._points = np.concatenate([centres, points[:: max(1, len(points) // _SAMPLES)]])
+        ends = np.asarray(scene.offsets)[:: len(coords)][1:]
+        head = int(ends[min(np.searchsorted(ends, _SAMPLES), len(ends) - 1)])  # coarse layers: an even sample
+        points, *_ = unpack(scene, slice(0, head, max(1, head // _SAMPLES)))
+        self._points = np.concatenate([centres, points])
         self.closed(np.zeros(3))  # compiled now, or read from the cache, and not in the first frame
 
     def closed(self, position: np.ndarray) -> np.ndarray:
