@@ -16,18 +16,25 @@ GEOMETRIC = 16
 """Number of values the seeded geometric variable takes: 0..15."""
 _SEED = np.uint64(0x706F696E74676C61)  # any constant would do; fixed, so that a scan always gives the same layers
 _ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 2**n, by de Bruijn's sequence 0x09AF
+_BACK = _ZEROS // STEP  # layers back from the finest
+_PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
 
 
 @compiled(inline="always")
-def geometric(index):
-    """Trailing zeros of a seeded hash (splitmix64) of a point's running number: 0 for half of all points, 1 for a
-    quarter, ..., at most GEOMETRIC - 1."""
+def _draw(index):
+    """Which entry of _ZEROS tells the trailing zeros of a seeded hash (splitmix64) of a point's running number."""
     z = np.uint64(index) * np.uint64(0x9E3779B97F4A7C15) + _SEED
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z = (z ^ (z >> np.uint64(31))) | np.uint64(1 << (GEOMETRIC - 1))
     lowest = z & (~z + np.uint64(1))
-    return _ZEROS[(lowest * np.uint64(0x09AF) >> np.uint64(12)) & np.uint64(15)]
+    return (lowest * np.uint64(0x09AF) >> np.uint64(12)) & np.uint64(15)
+
+
+@compiled(inline="always")
+def geometric(index):
+    """Those zeros: 0 for half of all points, 1 for a quarter, ..., at most GEOMETRIC - 1."""
+    return _ZEROS[_draw(index)]
 
 
 @compiled(inline="always")
@@ -127,7 +134,7 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
         qx = np.uint32(min(np.int64((x - fx) * 65536.0), 65535))
         qy = np.uint32(min(np.int64((y - fy) * 65536.0), 65535))
         qz = np.uint32(min(np.int64((z - fz) * 65536.0), 65535))
-        bucket = max(finest - geometric(first + i) // STEP, 0) * cells + cell
+        bucket = max(finest - _BACK[_draw(first + i)], 0) * cells + cell
         even = bucket & 1 == 0
         place = front if even else back
         front += even
@@ -153,8 +160,8 @@ def place_points(buckets, words, start, stop, stride, runs, points):
         size = runs[bucket + 1, 0] - first
         runs[bucket, 1] = number + 1
         if number < size:
-            part = PART_OF[number % PARTS]
-            place = first + (size // PARTS) * part + PART_EXTRA[size % PARTS, part] + number // PARTS
+            part = PART_OF[number & _PART_MASK]
+            place = first + (size >> _PART_BITS) * part + PART_EXTRA[size & _PART_MASK, part] + (number >> _PART_BITS)
             points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
 
 
