@@ -52,6 +52,17 @@ def test_weighed_frame_agrees_with_twin(renderer_of, scale, unknown, seed):
             assert_agrees(frame, twin_frame(scene, camera, settings))
 
 
+def test_scan_numbers_beyond_those_that_are_listed_are_unknown(renderer_of, seed):
+    """The 256th scan and all later ones share a number that stands for none of them."""
+    scene = scanned(seed)
+    scene.points[::3, 2] |= np.uint32(0xFF000000)
+    scene.points[1::7, 2] |= np.uint32(0x50000000)
+    renderer = renderer_of(scene)
+    for kind in ("compute", "points"):
+        camera, settings = camera_in(scene, seed), Settings(raster=kind)
+        assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+
+
 @pytest.mark.parametrize("preset", list(FILTERS))
 @pytest.mark.parametrize("size", [(4, 4), (97, 61), (256, 131)])
 def test_every_filter_and_odd_sizes_agree_with_twin(renderer_of, preset, size, seed):

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from model.places import told_apart
 from viewer.cloud.build import open_scene
 from viewer.cloud.cache import CacheError
@@ -31,6 +29,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "sources": meta.get("sources", []),
         "format": meta.get("format"),
         "points": scene.count,
+        "stations": "weighed" if told_apart(scene.station_places) else "equal",
         "bounds": {"min": low, "max": high},
         "size": [b - a for a, b in zip(low, high, strict=True)],
         "spacing": scene.spacing,
@@ -82,7 +81,7 @@ def format_text(info: dict) -> str:
     for scan in info["scans"]:
         place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
         rows.append(("scan", f"{scan['name']}: {scan['count']:,} points, {place}"))
-    if told_apart(_places(info["scans"])):
+    if info["stations"] == "weighed":
         rows.append(("stations", "colours come from those that looked the way the eye looks (--stations equal averages them)"))
     if grid := info.get("grid"):
         rows.append(("grid", f"{grid['cells']:,} cells of {grid['cell_size']:g}, {len(grid['layers'])} layers"))
@@ -100,10 +99,6 @@ def _exposures(found: dict) -> str:
         f"{found['matched']} of {found['stations']} stations matched, gains {found['smallest_gain']:.2f} to "
         f"{found['largest_gain']:.2f} (--exposures as-scanned leaves them)"
     )
-
-
-def _places(scans: list[dict]) -> np.ndarray:
-    return np.array([scan["position"] or (np.nan,) * 3 for scan in scans], np.float64).reshape(-1, 3)
 
 
 def _vector(values) -> str:

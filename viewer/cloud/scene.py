@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from model.places import places_of
+
 STEPS = 65536
 """Positions a coordinate can take inside a cell."""
 CHUNK = 65536
@@ -65,8 +67,7 @@ class Scene:
         """(S, 3) float64 file coordinates: where the scanner of each scan number stood, NaN where the files do not say, or say
         what cannot be: farther outside the measured points than STATION_REACH times their extent.  S is at most 255: later
         scans share a number."""
-        scans = (self.meta.get("scans") or [])[:255]
-        places = np.array([scan.get("position") or (np.nan,) * 3 for scan in scans], np.float64).reshape(-1, 3)
+        places = places_of(scan.get("position") for scan in self.meta.get("scans") or [])
         reach = STATION_REACH * np.ptp(self.bounds, axis=0).max()
         with np.errstate(invalid="ignore"):
             away = (places < self.bounds[0] - reach) | (places > self.bounds[1] + reach)

@@ -21,6 +21,7 @@ from viewer.render.batches import BatchTable, PageMap
 from viewer.render.cull import DrawList
 from viewer.render.occlusion import HiddenCells, History, worthwhile
 from viewer.render.shader import BINDINGS
+from viewer.render.stations import MOST_STATIONS
 
 if TYPE_CHECKING:
     import moderngl
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from viewer.render.points import PointPages
 
 _SUM_BYTES, _CARRY_BYTES = 8, 16  # a pixel, in common_sums.glsl
-MOST_STATIONS = 256  # what the eight bits of a packed point can tell apart
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )
@@ -74,13 +74,15 @@ class Rasteriser:
         self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self._record = np.zeros((), FRAME_FIELDS)
         self.programs = programs
+        self._resolves: dict[bool, moderngl.ComputeShader] = {}
         self.weighed = False  # whether points have weights in this picture
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", *, streaming: bool = False,
             history: History | None = None, stations: np.ndarray | None = None) -> bool:
         """Rasterises a draw list.
 
-        stations: (S, 4) float32 view position of each scan's scanner, and 1, or 0 where unknown; None: all count the same.
+        stations: (MOST_STATIONS, 4) float32 view position of each scan's scanner, and 1, or 0 where unknown; None: all points
+        count the same.
         streaming: with the points that are on the GPU, the others come later.  history: hidden cells may be left out, where
         this rasteriser can and it is worth it.  Returns whether history was used.
         """
@@ -122,11 +124,13 @@ class Rasteriser:
         """Takes note of where the stations are; returns the program of the last step."""
         self.weighed = stations is not None
         if stations is not None:
-            self.stations.write(stations[:MOST_STATIONS])
+            self.stations.write(stations)
             self.stations.bind_to_uniform_block(BINDINGS["STATIONS"])
             if self.weight is None:
                 self.weight = self.context.texture(self.size, 1, dtype="f1")
-        return self.programs.compute("resolve.comp", FROM_KEYS=self.from_keys, **self.weights)
+        if self.weighed not in self._resolves:
+            self._resolves[self.weighed] = self.programs.compute("resolve.comp", FROM_KEYS=self.from_keys, **self.weights)
+        return self._resolves[self.weighed]
 
     @property
     def weights(self) -> dict[str, object]:

@@ -33,11 +33,18 @@ class ComputeRasteriser(Rasteriser):
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
         self.table = BatchTable(4, (0, 1, 2), BATCH)
         self._lanes = LANES[device.software]
+        self._steps: dict[tuple[bool, int | None], list[moderngl.ComputeShader]] = {}
 
     def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
         """Depth and colour.  appended: 1 for the list that the hider makes."""
-        depth, colour = ({"LANES": self._lanes, "APPENDED": appended, **more} for more in ({}, self.weights))
-        return [self.programs.compute("raster_depth.comp", **depth), self.programs.compute("raster_colour.comp", **colour)]
+        key = self.weighed, appended
+        if key not in self._steps:
+            shared = {"LANES": self._lanes, "APPENDED": appended}
+            self._steps[key] = [
+                self.programs.compute(f"raster_{name}.comp", **shared, **more)
+                for name, more in (("depth", {}), ("colour", self.weights))
+            ]
+        return self._steps[key]
 
     def _bind(self) -> None:
         self.upload.buffer.bind_to_storage_buffer(BINDINGS["BATCHES"])

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from viewer.cloud.scene import Scene
     from viewer.settings import Settings
 
+MOST_STATIONS = 256
+"""What the eight bits of a packed point can tell apart."""
+
 
 class Places:
     """Of one scene's scanners, by scan number.  known: whether two are known to have stood apart."""
@@ -26,12 +29,12 @@ class Places:
     def __init__(self, scene: "Scene"):
         self._world = scene.station_places
         self.known = told_apart(self._world)
-        self._view = np.zeros((len(self._world), 4), np.float32)
-        self._view[:, 3] = ~np.isnan(self._world).any(axis=1)
+        self._view = np.zeros((MOST_STATIONS, 4), np.float32)  # all of them: what is not written would be anything
+        self._view[: len(self._world), 3] = ~np.isnan(self._world).any(axis=1)
 
     def seen_from(self, camera: "Camera") -> np.ndarray:
-        """(S, 4) float32: view position, and 1 where it is known, 0 where not.  Overwritten by the next call."""
-        self._view[:, :3] = np.nan_to_num((self._world - camera.position) @ camera.view_rotation.T)
+        """(MOST_STATIONS, 4) float32: view position, and 1 where it is known, 0 where not.  Overwritten by the next call."""
+        self._view[: len(self._world), :3] = np.nan_to_num((self._world - camera.position) @ camera.view_rotation.T)
         return self._view
 
 

@@ -22,6 +22,7 @@ from model.depth_filter import keep_mask
 from model.exposure import match_exposures
 from model.light import TO_LINEAR, TO_SRGB
 from model.metrics import masked_psnr
+from model.places import places_of
 from model.project import network_input
 from model.train import TrainConfig, train
 from model.weights import load_weights, save_weights, weights_dir, weights_name
@@ -81,8 +82,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
         raise InputError(f"{path}: {len(xyz)} usable points are too few to tune with")
     if station.max() > 0:
         rgb = match_exposures(xyz, rgb, station)
-    places = np.array([scan.position or (np.nan,) * 3 for scan in source.scans[:255]], np.float64).reshape(-1, 3)
-    return Scan(xyz, rgb, station, places)
+    return Scan(xyz, rgb, station, places_of(scan.position for scan in source.scans))
 
 
 def _blurred(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
