@@ -1,10 +1,11 @@
-// Would nothing of a cell show?  Its box's highest inverse depth against the lowest of the pyramid over its rectangle.
+// Would nothing of a cell show?  The highest inverse depth of its points' box against the lowest of the pyramid over its rectangle.
 // FINAL: all cells, 1 = seen, for the next frame; else those not drawn yet: 2 = to be drawn now, 0 = hidden.
 #include "common_project.glsl"
 #include "common_occlusion.glsl"
+#define SHARE 4096.0  // steps in a sixteenth of a cell
 
 layout(local_size_x = CELLS_A_GROUP) in;
-layout(std430, binding = CELLS_BINDING) readonly buffer Cells { vec4 cells[]; };  // view position of step (0,0,0)
+layout(std430, binding = CELLS_BINDING) readonly buffer Cells { vec4 cells[]; };  // view position of step (0,0,0), box of points
 layout(std430, binding = FLAGS_BINDING) buffer Flags { uint flags[]; };           // 1: seen in the last frame
 #ifndef FINAL
 layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
@@ -12,12 +13,15 @@ uniform uint tally;  // where in it the hidden cells are counted
 #endif
 uniform uint cell_count;
 
-bool hidden(vec3 origin) {
+bool hidden(vec4 cell) {
+    uint box = uint(cell.w);  // as viewer/render/cull_kernels.py packs it
+    vec3 first_step = SHARE * vec3(box & 15u, box >> 4 & 15u, box >> 8 & 15u);
+    vec3 last_step = SHARE * vec3((box >> 12 & 15u) + 1u, (box >> 16 & 15u) + 1u, (box >> 20 & 15u) + 1u) - 1.0;
     vec2 low = vec2(1e30), high = vec2(-1e30);
     float nearest = 1e30;
     for (uint corner = 0u; corner < 8u; ++corner) {
-        vec3 q = 65535.0 * vec3(corner & 1u, (corner >> 1) & 1u, corner >> 2);
-        vec3 p = origin + vec3(dot(axis_x.xyz, q), dot(axis_y.xyz, q), dot(axis_z.xyz, q));
+        vec3 q = mix(first_step, last_step, bvec3(corner & 1u, corner & 2u, corner & 4u));
+        vec3 p = cell.xyz + vec3(dot(axis_x.xyz, q), dot(axis_y.xyz, q), dot(axis_z.xyz, q));
         if (!(p.z > 0.0)) return false;  // crosses the camera's plane
         vec2 at = lens.xy * (p.xy / p.z) + lens.zw + soft.z;
         low = min(low, at);
@@ -45,10 +49,10 @@ void main() {
     uint cell = gl_WorkGroupID.y * gl_NumWorkGroups.x * CELLS_A_GROUP + gl_GlobalInvocationID.x;
     if (cell >= cell_count) return;
 #ifdef FINAL
-    flags[cell] = hidden(cells[cell].xyz) ? 0u : 1u;
+    flags[cell] = hidden(cells[cell]) ? 0u : 1u;
 #else
     if (flags[cell] == 1u) return;
-    bool away = hidden(cells[cell].xyz);
+    bool away = hidden(cells[cell]);
     flags[cell] = away ? 0u : 2u;
     if (away) atomicAdd(commands[tally], 1u);
 #endif

@@ -1,4 +1,5 @@
 // Sums and nearest depths of one band -> the raw picture and its depth (view-space z, +inf where empty).
+// CARRIED: the colours of pixels whose sums did not fit, which are few and mostly none.
 #include "common_project.glsl"
 #include "common_sums.glsl"
 
@@ -18,12 +19,18 @@ void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
     if (pixel.x >= size.x || pixel.y >= size.w) return;
     uint index = pixel.y * size.x + pixel.x;
+#ifdef CARRIED
+    uvec4 mean;
+    if (!carried_colour(index, mean)) return;
+#else
     uvec4 mean = mean_colour(index);
+#endif
     ivec2 at = ivec2(pixel.x, pixel.y + size.z);
     imageStore(colour, at, vec4(vec3(mean.rgb) / 255.0, mean.w > 0u ? 1.0 : 0.0));
 #ifdef WEIGHED
     imageStore(weight, at, vec4(float(min(mean.w, uint(HEAVIEST))) / 255.0));
 #endif
+#ifndef CARRIED
 #ifdef FROM_KEYS
     uint key = keys[index];
     float z = key == 0u ? uintBitsToFloat(0x7F800000u) : uintBitsToFloat(~key);
@@ -31,4 +38,5 @@ void main() {
     float z = texelFetch(nearest, ivec2(pixel), 0).x;
 #endif
     imageStore(depth, at, vec4(z));
+#endif
 }

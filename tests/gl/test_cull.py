@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from viewer.camera import Camera, look_at
 from viewer.cloud import scene_from_arrays, unpack
+from viewer.cloud.boxes import SHARES, WHOLE
 from viewer.cloud.faces import SQUARES, UNKNOWN
 from viewer.cloud.layers import morton_order
 from viewer.cloud.scene import Scene
@@ -42,14 +43,27 @@ def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
     left, right = camera.cx + 1.0, camera.width - camera.cx + 1.0
     top, bottom = camera.cy + 1.0, camera.height - camera.cy + 1.0
     planes = np.array([(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)])
-    reach = np.abs(planes @ r).sum(axis=1) * (0.5 * size * (1 + 1e-9))
     px, py, pz = ((scene.cell_coords + 0.5) * size + (scene.origin - camera.position)).T
     x, y, z = (r[k, 0] * px + r[k, 1] * py + r[k, 2] * pz for k in range(3))
+    corner = r @ np.full(3, 0.5 * (scene.step - size))
+    view = np.zeros((len(x), 4), np.float32)
+    view[:, :3] = np.stack([x + corner[0], y + corner[1], z + corner[2]], axis=1)
+    boxes = np.tile(WHOLE, (len(x), 1)) if scene.boxes is None else scene.boxes
+    view[:, 3] = boxes.astype(float) @ 16.0 ** np.arange(6)
+    share = 0.5 * size / SHARES
+    low, high = boxes[:, :3].astype(int), boxes[:, 3:].astype(int)
+    half = (high - low + 1) * share * (1 + 1e-9)
+    if scene.boxes is not None:
+        dx, dy, dz = ((low + high + 1 - SHARES) * share).T
+        px, py, pz = px + dx, py + dy, pz + dz
+        x, y, z = (at + (r[k, 0] * dx + r[k, 1] * dy + r[k, 2] * dz) for k, at in enumerate((x, y, z)))
+    sloping = np.abs(planes @ r)
+    reach = [s[0] * half[:, 0] + s[1] * half[:, 1] + s[2] * half[:, 2] for s in sloping]
     sides = (camera.fx * x + left * z, right * z - camera.fx * x, camera.fy * y + top * z, bottom * z - camera.fy * y, z)
     rows = np.flatnonzero(np.all([side + extra >= 0.0 for side, extra in zip(sides, reach, strict=True)], axis=0))
     counts = np.diff(scene.offsets).reshape(scene.layers, -1)[:, rows]
     if lod is not None:
-        nearest = np.maximum(z[rows] - 0.5 * size * np.abs(r[2]).sum(), 1e-9 * size)
+        nearest = np.maximum((z - reach[4])[rows], 1e-9 * size)
         need = lod * ((size * camera.fx / nearest) * (size * camera.fy / nearest))
         if scene.faces is not None:
             shares = scene.faces[rows].astype(float)
@@ -64,12 +78,9 @@ def plain_select(scene: Scene, camera: Camera, lod: float | None) -> dict:
             taken = int(np.ceil(scene.parts * (need[slot] - before[layer, slot]) / len(number)))
             counts[layer, slot] = np.isin(number % scene.parts, order[:taken]).sum()
     layer, slot = np.nonzero(counts)
-    corner = r @ np.full(3, 0.5 * (scene.step - size))
-    view = np.zeros((len(rows), 4), np.float32)
-    view[:, :3] = np.stack([x[rows] + corner[0], y[rows] + corner[1], z[rows] + corner[2]], axis=1)
     first = np.asarray(scene.offsets)[:-1].reshape(scene.layers, -1)[layer, rows[slot]]
     return {
-        "first": first, "count": counts[layer, slot], "slot": slot, "cells": rows, "cell_view": view,
+        "first": first, "count": counts[layer, slot], "slot": slot, "cells": rows, "cell_view": view[rows],
         "axes": (r * scene.step).astype(np.float32), "points": int(counts.sum()),
     }  # fmt: skip
 
@@ -93,8 +104,10 @@ def cells_only(rng, cells: int, scale: float, reach: float) -> Scene:
     empty = np.zeros((0, 3), np.uint32)
     faces = rng.integers(1, SQUARES + 1, (len(coords), 3)).astype(np.uint8)
     faces[rng.random(len(coords)) < 0.2] = UNKNOWN
+    sides = np.sort(rng.integers(0, SHARES, (2, len(coords), 3)), axis=0).astype(np.uint8)
+    boxes = np.hstack(list(sides)) if rng.integers(2) else None
     return Scene(empty, coords, offsets, origin, size, layers, int(offsets[-1]), 0.01 * size, np.array([low, high]),
-                 parts=int(rng.choice([1, 8, 64])), faces=faces if rng.integers(2) else None)  # fmt: skip
+                 parts=int(rng.choice([1, 8, 64])), faces=faces if rng.integers(2) else None, boxes=boxes)  # fmt: skip
 
 
 def any_camera(rng, scene: Scene) -> Camera:

@@ -164,7 +164,7 @@ def test_sums_past_sixteen_bits_are_carried_and_gone_in_the_next_frame(context, 
             assert np.array_equal(shown(number), scenes[number][1])
         rasteriser = renderers[0]._rasterisers[kind]
         with monkeypatch.context() as patch:
-            patch.setattr(rasteriser, "_weigh", lambda stations: None)  # the sums are made, and nobody reads them
+            patch.setattr(rasteriser, "_weigh", lambda stations: (None, None))  # the sums are made, and nobody reads them
             with pytest.raises(AttributeError):
                 shown(0)
         assert np.array_equal(shown(1), scenes[1][1])
@@ -179,7 +179,7 @@ def test_pages_and_bands_change_no_pixel(context, drawn, monkeypatch):
     scene, whole = drawn
     camera = camera_in(scene, 31, (160, 120))
     small = Renderer(context, scene)
-    limited = 16 * 160 * 17  # 17 rows of colour sums
+    limited = 16 + 16 * 160 * 17  # 17 rows of colour sums
     small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited})
     small.pages.release()
     from viewer.render.points import PointPages

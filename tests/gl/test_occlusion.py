@@ -16,6 +16,7 @@ from model.pyramid import parents
 from viewer.bench.occlusion import LEVELS, LIMIT, VIEWS, compare, walk
 from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
 from viewer.camera import Camera, from_fov, look_at
+from viewer.cloud.boxes import SHARES
 from viewer.render.cull import Culler
 from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, WORTH, Occlusion
 from viewer.render.renderer import Renderer
@@ -151,9 +152,11 @@ def test_what_hides_is_what_the_filter_says(floor):
 
     draw = Culler(scene).select(camera)
     flags = np.frombuffer(hider._flags.buffer.read(), np.uint32)[: len(draw.cells)]
-    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T * scene.cell_size
+    pick = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
     agreed = 0
     for cell, seen in zip(draw.cells, flags, strict=True):
+        sides = scene.boxes[cell].reshape(2, 3) + np.array([[0], [1]])
+        corners = np.where(pick == 1, sides[1], sides[0]) * (scene.cell_size / SHARES)
         x, y, z = camera.view_rotation @ (scene.cell_min[cell] + corners - camera.position).T
         if z.min() <= 0:
             assert seen

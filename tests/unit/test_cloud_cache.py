@@ -65,7 +65,7 @@ print([m for m in ("numba", "scipy", "laspy", "pye57", "open3d", "torch") if m i
 @pytest.mark.parametrize(
     "damage",
     ["short points", "short offsets", "no meta", "half meta", "version", "magic", "dtype", "sizes", "offsets", "checksums",
-     "faces"],
+     "faces", "boxes"],
 )
 def test_a_damaged_cache_is_rebuilt_and_never_read(scan, damage):
     open_scene(scan)
@@ -93,6 +93,8 @@ def test_a_damaged_cache_is_rebuilt_and_never_read(scan, damage):
             (folder / "checksums.npy").unlink()
         case "faces":
             np.save(folder / "faces.npy", np.zeros((1, 3), np.uint8))
+        case "boxes":
+            np.save(folder / "boxes.npy", np.zeros((len(fresh.cell_coords), 6), np.uint16))
     assert cache.load(folder, [scan]) is None
     same(open_scene(scan), fresh)
     assert cache.load(folder, [scan]) is not None
@@ -221,13 +223,14 @@ def test_convert_makes_a_folder_that_opens_like_a_scan(scan, tmp_path):
     convert([scan], out)
     same(open_scene(out), open_scene(scan, cache=False))
     convert([scan], out)  # again: replaces its own
-    names = ["cell_coords.npy", "checksums.npy", "faces.npy", "meta.json", "offsets.npy", "points.npy"]
+    names = ["boxes.npy", "cell_coords.npy", "checksums.npy", "faces.npy", "meta.json", "offsets.npy", "points.npy"]
     assert sorted(p.name for p in out.iterdir()) == names
-    (out / "faces.npy").unlink()  # as an earlier version left it
-    head = json.loads((out / "meta.json").read_text())
-    del head["shapes"]["faces"]
-    (out / "meta.json").write_text(json.dumps(head))
-    assert open_scene(out).faces is None
+    for missing in ("boxes", "faces"):  # as earlier versions left it
+        (out / f"{missing}.npy").unlink()
+        head = json.loads((out / "meta.json").read_text())
+        del head["shapes"][missing]
+        (out / "meta.json").write_text(json.dumps(head))
+        assert getattr(open_scene(out), missing) is None
     os.truncate(out / "points.npy", 1000)
     with pytest.raises(InputError, match="damaged grid"):
         open_scene(out)

@@ -27,11 +27,11 @@ from viewer.progress import progress
 
 MAGIC, VERSION = "pointglass grid", 4
 # How colours are made, and points ordered: a grid in the cache made otherwise is made anew, a folder of convert stays as it is.
-COLOURS, ORDER = 2, 3
+COLOURS, ORDER = 2, 4
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
-           "faces": np.dtype("u1")}
-_LATER = {"faces"}  # what folders of earlier versions do without
+           "faces": np.dtype("u1"), "boxes": np.dtype("u1")}
+_LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _SPARE = 64 << 20  # bytes left free on the disk
@@ -103,8 +103,8 @@ def _read(folder: Path, identity: list | None) -> Scene:
     parts = int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1))
     if parts not in (1, EARLIER_PARTS, PARTS):
         raise ValueError(f"its points lie in {parts} parts")
-    faces = np.array(arrays["faces"]) if "faces" in arrays else None
-    fits = fits and (faces is None or faces.shape == cells.shape)
+    later = {name: np.array(arrays[name]) for name in _LATER if name in arrays}
+    fits = fits and all(array.shape == (len(cells), _LATER[name]) for name, array in later.items())
     if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
         raise ValueError("its arrays do not fit together")
     origin, bounds = np.array(head["origin"], np.float64), np.array(head["bounds"], np.float64)
@@ -114,7 +114,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
         points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        np.array(arrays["checksums"]), parts, faces,
+        np.array(arrays["checksums"]), parts, **later,
     )  # fmt: skip
 
 
@@ -162,8 +162,7 @@ def _points_file(work: Path, count: int) -> np.ndarray:
 
 def _write(work: Path, scene: Scene, identity: list) -> None:
     arrays = {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
-    if scene.faces is not None:
-        arrays["faces"] = scene.faces
+    arrays |= {name: known for name in _LATER if (known := getattr(scene, name)) is not None}
     for name, array in arrays.items():
         np.save(work / f"{name}.npy", array.astype(_ARRAYS[name]), allow_pickle=False)
     head = {

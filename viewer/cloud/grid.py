@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from viewer.cloud import kernels, layers
+from viewer.cloud.boxes import boxes_of
 from viewer.cloud.colour import Colours
 from viewer.cloud.faces import cover_of_faces
 from viewer.cloud.histogram import dense_table_of, merge, power_of_two, table_of
@@ -89,10 +90,10 @@ def build_grid(
         clock.lap("count")
         points = allocate(survey.count)
         layout, steps = choose_layout(survey), 0.0
-        coinciding, coarsest = 0.0, None
+        coinciding, coarsest, boxes = 0.0, None, None
         for attempt in range(_ATTEMPTS):
             clock.lap("cells")
-            _scatter(sources, colours, survey, layout, points, pool)
+            boxes = _scatter(sources, colours, survey, layout, points, pool)
             clock.lap("place")
             steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
             clock.lap("spacing")
@@ -112,14 +113,14 @@ def build_grid(
             layout = choose_layout(survey, size)
         if coarsest and coarsest[1] is not layout and coinciding > _PARTED * coarsest[3]:
             survey, layout, steps, _ = coarsest  # the same points over and over: no cells part them
-            _scatter(sources, colours, survey, layout, points, pool)
+            boxes = _scatter(sources, colours, survey, layout, points, pool)
             clock.lap("place")
         faces = cover_of_faces(points, layout.offsets, layout.layers, pool)
         clock.lap("faces")
-    return _finish(sources, survey, layout, points, steps, faces, meta)
+    return _finish(sources, survey, layout, points, steps, (faces, boxes), meta)
 
 
-def _finish(sources, survey: Survey, layout: Layout, points, steps: float, faces, meta: dict) -> Scene:
+def _finish(sources, survey: Survey, layout: Layout, points, steps: float, cover, meta: dict) -> Scene:
     if 0 < steps < _STEPS_APART:
         meta["warnings"].append("points lie too close together for so wide a scan, positions are rounded; split it")
     spacing = (steps or STEPS / 64) * layout.cell_size / STEPS
@@ -130,7 +131,7 @@ def _finish(sources, survey: Survey, layout: Layout, points, steps: float, faces
     origin = np.asarray(layout.base * layout.cell_size)
     return Scene(
         points, layout.cells, layout.offsets, origin, layout.cell_size, layout.layers, survey.count, spacing,
-        survey.bounds, meta, parts=PARTS, faces=faces,
+        survey.bounds, meta, parts=PARTS, faces=cover[0], boxes=cover[1],
     )  # fmt: skip
 
 
@@ -161,13 +162,15 @@ def _typical(counts: np.ndarray) -> float:
     return bulk / (np.searchsorted(fullest, bulk) + 1)
 
 
-def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Executor) -> None:
-    """Pass 2: packs blocks of points on all processors, then places them, one half of the runs beside the other."""
+def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Executor) -> np.ndarray:
+    """Pass 2: packs blocks of points on all processors, then places them, one half of the runs beside the other.  Returns
+    the cells' boxes."""
     cells, parts = layout.cells, processors()
     runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
     dense = dense_table_of(cells)
     table = table_of(cells[:1] if dense.size else cells)
     buckets, words = np.empty(_BLOCK, np.int32), np.empty((_BLOCK, 3), np.uint32)
+    marks = np.zeros((parts, len(cells)), np.int64)
     none, inverse, first = np.zeros(_BLOCK, np.uint16), 1 / layout.cell_size, 0
     for number, chunk in numbered_chunks(sources, "building the grid"):
         xyz = np.ascontiguousarray(chunk.xyz, np.float64)
@@ -177,12 +180,13 @@ def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Exe
             size = min(_BLOCK, len(xyz) - start)
             edges = [size * i // parts for i in range(parts + 1)]
             jobs = []
-            for a, b in itertools.pairwise(edges):
+            for marked, (a, b) in zip(marks, itertools.pairwise(edges), strict=True):
                 rows = slice(start + a, start + b)
                 intensity = none[: b - a] if chunk.intensity is None else chunk.intensity[rows]
                 jobs.append(pool.submit(
                     kernels.pack_points, xyz[rows], rgb[rows], intensity, scan[rows], first + start + a, inverse,
                     layout.base, survey.reach, dense, table, len(cells), layout.layers, buckets[a:b], words[a:b],
+                    marked,
                 ))  # fmt: skip
             filled = [job.result() for job in jobs]
             fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
@@ -192,6 +196,7 @@ def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Exe
         first += len(xyz)
     if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
         raise InputError(f"{sources[0].path}: changed while it was read; try again")
+    return boxes_of(marks)
 
 
 def _place(pieces, buckets, words, runs, points) -> None:

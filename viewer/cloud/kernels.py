@@ -10,6 +10,7 @@ cell size is a power of two.
 import numpy as np
 
 from model.compiled import compiled
+from viewer.cloud.boxes import SHARE_BITS, SHARES
 from viewer.cloud.layers import PART_EXTRA, PART_OF, PARTS, STEP
 
 GEOMETRIC = 16
@@ -18,6 +19,7 @@ _SEED = np.uint64(0x706F696E74676C61)  # any constant would do; fixed, so that a
 _ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 2**n, by de Bruijn's sequence 0x09AF
 _BACK = _ZEROS // STEP  # layers back from the finest
 _PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
+_TO_SHARE = 16 - SHARE_BITS
 
 
 @compiled(inline="always")
@@ -100,11 +102,12 @@ def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, 
 
 
 @compiled(nogil=True)
-def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words):
+def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words, marks):
     """Packs a slice of points and names each one's bucket, layer * cells + cell.
 
     rgb: (n, 3) uint8.  intensity: (n,) uint16.  scan: (n,) uint8.  base: of
     the cells.  dense: (X, Y, Z) int32 cell numbers, or empty, then ``table`` has them.  Others as in count_points.
+    marks: (C,) int64, one bit set for each sixteenth of a cell that holds a point (viewer.cloud.boxes).
     Writes buckets (n,) int32 and words (n, 3) uint32: points of even buckets from the front in their order, the others from
     the back in reverse, so that two threads can place them.
     Returns (points at the front, points at the back); points out of reach are left out.
@@ -134,6 +137,7 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
         qx = np.uint32(min(np.int64((x - fx) * 65536.0), 65535))
         qy = np.uint32(min(np.int64((y - fy) * 65536.0), 65535))
         qz = np.uint32(min(np.int64((z - fz) * 65536.0), 65535))
+        marks[cell] |= 1 << (qx >> _TO_SHARE) | 1 << (SHARES + (qy >> _TO_SHARE)) | 1 << (2 * SHARES + (qz >> _TO_SHARE))
         bucket = max(finest - _BACK[_draw(first + i)], 0) * cells + cell
         even = bucket & 1 == 0
         place = front if even else back

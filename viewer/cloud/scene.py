@@ -41,6 +41,7 @@ class Scene:
         evenly as all; 1: in no order.
     faces: (C, 3) uint8, how much of each cell its points cover, seen along x, y and z (viewer.cloud.faces); None where an
         earlier version did not look.
+    boxes: (C, 6) uint8, the sixteenths of each cell that its points lie in (viewer.cloud.boxes); None likewise.
     """
 
     points: np.ndarray
@@ -56,6 +57,7 @@ class Scene:
     checksums: np.ndarray | None = None
     parts: int = 1
     faces: np.ndarray | None = None
+    boxes: np.ndarray | None = None
 
     @property
     def step(self) -> float:

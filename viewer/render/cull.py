@@ -26,7 +26,8 @@ _MARGIN = 1.0  # pixels: covers float32 rounding and the rounded pixel of the pu
 @dataclass(frozen=True)
 class DrawList:
     """first (R,) int64, count (R,) int64, slot (R,) int32: runs of points and the row of ``cell_view`` of their cell,
-    by ascending first.  cell_view (V, 4) float32: view position of each visible cell's first step centre, w unused.
+    by ascending first.  cell_view (V, 4) float32: view position of each visible cell's first step centre, w the
+    box of its points: six sixteenths (viewer.cloud.boxes), first x, y, z and last x, y, z, four bits each from the lowest.
     axes (3, 3) float32: view rotation times the step.  cells: rows of the scene's cells (V,) int32, ascending.
     points: how many are drawn.  The arrays belong to the Culler and are valid until its next ``select``."""
 
@@ -60,6 +61,7 @@ class Culler:
         self._need = np.empty(cells)
         self._extra = part_extra(scene.parts)
         self._faces = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
+        self._boxes = np.zeros((0, 6), np.uint8) if scene.boxes is None else np.ascontiguousarray(scene.boxes)
         self._held = np.empty(cells, np.int64)
         self._active = np.empty(cells, np.int32)
         self._room(0)
@@ -78,7 +80,7 @@ class Culler:
     def visible(self, camera: "Camera", lod: float = 0.0) -> np.ndarray:
         """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
 
-        Conservative: a cell is left out only if all of it lies beyond one of the four sides, a pixel further out, or
+        Conservative: a cell is left out only if the box of its points lies beyond one of the four sides, a pixel further out, or
         behind the camera.  lod: points wanted a pixel, noted for each cell; 0 where all are.
         """
         size, rotation = self.scene.cell_size, np.ascontiguousarray(camera.view_rotation)
@@ -87,13 +89,12 @@ class Culler:
         planes = np.array(
             [(camera.fx, 0, left), (-camera.fx, 0, right), (0, camera.fy, top), (0, -camera.fy, bottom), (0, 0, 1)]
         )
-        reach = np.abs(planes @ rotation).sum(axis=1) * (0.5 * size * (1 + 1e-9))
-        behind = 0.5 * size * np.abs(rotation[2]).sum()
+        sides = np.abs(planes @ rotation)
         corner = rotation @ np.full(3, 0.5 * (self.scene.step - size))
         found = visible_cells(
             self._coords, self._blocks, self._block, size, self.scene.origin - camera.position, rotation,
-            np.array([camera.fx, camera.fy, left, right, top, bottom]), reach, corner, lod,
-            np.array([camera.fx, camera.fy, behind]), self._faces, self._cells, self._cell_view, self._need,
+            np.array([camera.fx, camera.fy, left, right, top, bottom]), sides, corner, lod, self._faces, self._boxes,
+            self._cells, self._cell_view, self._need,
         )  # fmt: skip
         return self._cells[:found]
 

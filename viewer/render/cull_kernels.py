@@ -7,31 +7,44 @@ expressions gives the same bits.
 import numpy as np
 
 from model.compiled import compiled
+from viewer.cloud.boxes import SHARE_BITS, SHARES, WHOLE
 from viewer.cloud.faces import SQUARES, UNKNOWN
 
 SLACK = 1e-8
 """Of a block's reach, by which its test errs towards looking at its cells: above the 1e-9 that each cell is given."""
 ROUNDING = 1e-12
 """Of a coordinate: above what float64 loses between a block's test and that of its cells."""
+WIDER = 1 + 1e-9
+"""By how much a cell's box is taken to be larger: above what float64 loses on the way to the frustum's sides."""
+
+
+@compiled(inline="always")
+def code_of_box(x0, y0, z0, x1, y1, z1):
+    """The w of DrawList.cell_view: whole, and below 2**24, as which float32 holds it exactly."""
+    low = x0 | y0 << SHARE_BITS | z0 << 2 * SHARE_BITS
+    return low | (x1 | y1 << SHARE_BITS | z1 << 2 * SHARE_BITS) << 3 * SHARE_BITS
+
+
+WHOLE_CODE = code_of_box(*(int(side) for side in WHOLE))
 
 
 @compiled(nogil=True)
-def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corner, lod, focal, faces, cells, cell_view, need):
+def visible_cells(coords, blocks, per, size, shift, rotation, lens, sides, corner, lod, faces, boxes, cells, cell_view, need):
     """Cells that touch the frustum, by ascending row.  Returns how many.
 
     coords: (C, 3) int32.  blocks: (B, 6) float64, middle and half extent of each ``per`` consecutive cells, in cells.
     size: of a cell.  shift: (3,) from the camera to the grid's origin.  rotation: (3, 3) world to view.  lens: (6,) fx, fy
-    and the four sides' distances from the middle of the picture in pixels (left, right, top, bottom).  reach: (5,) by how
-    much a cell's corner comes nearer to each side, and forward.  corner: (3,) view vector from a cell's middle to its first
-    step's.  lod: points wanted a pixel, 0 for all.  focal: (3,) fx, fy and how far a cell's middle lies behind its nearest
-    corner.  faces: (C, 3) uint8 as in Scene, or (0, 3): each cell's need is that of a wall across all of it, seen squarely.
+    and the four sides' distances from the middle of the picture in pixels (left, right, top, bottom).  sides: (5, 3) by
+    how much one comes nearer to each side, and forward, on the way along x, y and z.  corner: (3,) view vector from a cell's
+    middle to its first step's.  lod: points wanted a pixel, 0 for all.  faces: (C, 3) uint8 as in Scene, or (0, 3): each
+    cell's need is that of a wall across all of it, seen squarely.  boxes: (C, 6) uint8 as in Scene, or (0, 6): the cells'.
     Writes cells (C,) int32, cell_view (C, 4) float32, need (C,) float64, the points wanted of the cell.
     """
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
     r10, r11, r12 = rotation[1, 0], rotation[1, 1], rotation[1, 2]
     r20, r21, r22 = rotation[2, 0], rotation[2, 1], rotation[2, 2]
     fx, fy, left, right, top, bottom = lens[0], lens[1], lens[2], lens[3], lens[4], lens[5]
-    found = 0
+    found, share, half = 0, 0.5 * size / SHARES, 0.5 * size
     for block in range(blocks.shape[0]):
         px = blocks[block, 0] * size + shift[0]
         py = blocks[block, 1] * size + shift[1]
@@ -70,22 +83,34 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, reach, corne
             x = r00 * px + r01 * py + r02 * pz
             y = r10 * px + r11 * py + r12 * pz
             z = r20 * px + r21 * py + r22 * pz
-            if not inside and not (
-                fx * x + left * z + reach[0] >= 0.0
-                and right * z - fx * x + reach[1] >= 0.0
-                and fy * y + top * z + reach[2] >= 0.0
-                and bottom * z - fy * y + reach[3] >= 0.0
-                and z + reach[4] >= 0.0
-            ):
-                continue
             cells[found] = row
             cell_view[found, 0] = x + corner[0]
             cell_view[found, 1] = y + corner[1]
             cell_view[found, 2] = z + corner[2]
-            cell_view[found, 3] = 0.0
+            cell_view[found, 3] = WHOLE_CODE
+            hx, hy, hz = half, half, half
+            if row < boxes.shape[0]:  # from the cell to the box of its points
+                x0, y0, z0 = np.int64(boxes[row, 0]), np.int64(boxes[row, 1]), np.int64(boxes[row, 2])
+                x1, y1, z1 = np.int64(boxes[row, 3]), np.int64(boxes[row, 4]), np.int64(boxes[row, 5])
+                cell_view[found, 3] = code_of_box(x0, y0, z0, x1, y1, z1)
+                hx, hy, hz = (x1 - x0 + 1) * share, (y1 - y0 + 1) * share, (z1 - z0 + 1) * share
+                dx, dy, dz = (x0 + x1 + 1 - SHARES) * share, (y0 + y1 + 1 - SHARES) * share, (z0 + z1 + 1 - SHARES) * share
+                px, py, pz = px + dx, py + dy, pz + dz
+                x += r00 * dx + r01 * dy + r02 * dz
+                y += r10 * dx + r11 * dy + r12 * dz
+                z += r20 * dx + r21 * dy + r22 * dz
+            hx, hy, hz = hx * WIDER, hy * WIDER, hz * WIDER
+            if not inside and not (
+                fx * x + left * z + (sides[0, 0] * hx + sides[0, 1] * hy + sides[0, 2] * hz) >= 0.0
+                and right * z - fx * x + (sides[1, 0] * hx + sides[1, 1] * hy + sides[1, 2] * hz) >= 0.0
+                and fy * y + top * z + (sides[2, 0] * hx + sides[2, 1] * hy + sides[2, 2] * hz) >= 0.0
+                and bottom * z - fy * y + (sides[3, 0] * hx + sides[3, 1] * hy + sides[3, 2] * hz) >= 0.0
+                and z + (sides[4, 0] * hx + sides[4, 1] * hy + sides[4, 2] * hz) >= 0.0
+            ):
+                continue
             if lod > 0.0:
-                nearest = max(z - focal[2], 1e-9 * size)
-                need[found] = lod * ((size * focal[0] / nearest) * (size * focal[1] / nearest))
+                nearest = max(z - (sides[4, 0] * hx + sides[4, 1] * hy + sides[4, 2] * hz), 1e-9 * size)
+                need[found] = lod * ((size * fx / nearest) * (size * fy / nearest))
                 if row < faces.shape[0] and faces[row, 0] != UNKNOWN:
                     seen = faces[row, 0] * abs(px) + faces[row, 1] * abs(py) + faces[row, 2] * abs(pz)
                     need[found] *= seen / (SQUARES * max(z, nearest))

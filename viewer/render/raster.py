@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from viewer.render.points import PointPages
 
 _SUM_BYTES, _CARRY_BYTES = 8, 16  # a pixel, in common_sums.glsl
+_CARRY_HEAD = 16  # the command of the pass over what was carried
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )
@@ -60,11 +61,11 @@ class Rasteriser:
         context = programs.context
         self.context, self.size = context, size
         width, height = size
-        self.band_rows = max(1, min(height, device.storage_limit // (_CARRY_BYTES * width)))
+        self.band_rows = max(1, min(height, (device.storage_limit - _CARRY_HEAD) // (_CARRY_BYTES * width)))
         self.colour = context.texture(size, 4, dtype="f1")
         self.depth = context.texture(size, 1, dtype="f4")
         self.sums = context.buffer(reserve=_SUM_BYTES * width * self.band_rows)
-        self.carries = context.buffer(reserve=_CARRY_BYTES * width * self.band_rows)
+        self.carries = context.buffer(reserve=_CARRY_HEAD + _CARRY_BYTES * width * self.band_rows)
         self._clean = False  # whether the carries are zero, as resolve.comp leaves them
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
         self.cells = shader.Grown(context)
@@ -74,7 +75,7 @@ class Rasteriser:
         self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self._record = np.zeros((), FRAME_FIELDS)
         self.programs = programs
-        self._resolves: dict[bool, moderngl.ComputeShader] = {}
+        self._resolves: dict[bool, list[moderngl.ComputeShader]] = {}
         self.weighed = False  # whether points have weights in this picture
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", *, streaming: bool = False,
@@ -96,7 +97,7 @@ class Rasteriser:
         rounds = pages.prepare(draw.first, draw.count, streaming=streaming)
         self._loaded = None
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
-        resolve = self._weigh(stations)
+        resolve, carried = self._weigh(stations)
         hiding = history is not None and self.can_hide and len(rounds) == 1 and worthwhile(draw, self.size)
         for first_row in range(0, height, self.band_rows):
             rows = min(self.band_rows, height - first_row)
@@ -105,6 +106,8 @@ class Rasteriser:
             self.sums.clear()
             if not self._clean:
                 self.carries.clear()
+            if not self._clean or self.band_rows < height:
+                self.carries.write(np.array([0, shader.groups(width, rows)[1], 1, 0], np.uint32))
             self._clean = False
             if hiding and history is not None:
                 self.draw_hiding(pages, draw, rounds[0], history)
@@ -117,11 +120,13 @@ class Rasteriser:
                 self.weight.bind_to_image(2, read=False, write=True)
             resolve.run(*shader.groups(width, rows))
             self.context.memory_barrier()
+            carried.run_indirect(self.carries)
+            self.context.memory_barrier()
             self._clean = True
         return hiding
 
-    def _weigh(self, stations: np.ndarray | None) -> "moderngl.ComputeShader":
-        """Takes note of where the stations are; returns the program of the last step."""
+    def _weigh(self, stations: np.ndarray | None) -> "list[moderngl.ComputeShader]":
+        """Takes note of where the stations are; returns the programs of the last steps."""
         self.weighed = stations is not None
         if stations is not None:
             self.stations.write(stations)
@@ -129,7 +134,10 @@ class Rasteriser:
             if self.weight is None:
                 self.weight = self.context.texture(self.size, 1, dtype="f1")
         if self.weighed not in self._resolves:
-            self._resolves[self.weighed] = self.programs.compute("resolve.comp", FROM_KEYS=self.from_keys, **self.weights)
+            self._resolves[self.weighed] = [
+                self.programs.compute("resolve.comp", FROM_KEYS=self.from_keys, CARRIED=carried, **self.weights)
+                for carried in (None, 1)
+            ]
         return self._resolves[self.weighed]
 
     @property
