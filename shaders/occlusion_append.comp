@@ -13,7 +13,7 @@ void main() {
     uint number = gl_WorkGroupID.y * gl_NumWorkGroups.x * CELLS_A_GROUP + gl_GlobalInvocationID.x;
     if (number >= batch_count) return;
     uvec4 batch = batches[first_batch + number];
-    if (flags[batch.z] != 2u) {
+    if (flags[batch.z] != 3u) {
         atomicAdd(commands[tally + 1u], batch.y);
         return;
     }

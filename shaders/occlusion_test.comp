@@ -1,16 +1,16 @@
-// Would nothing of a cell show?  The highest inverse depth of its points' box against the lowest of the pyramid over its rectangle.
-// FINAL: all cells, 1 = seen, for the next frame; else those not drawn yet: 2 = to be drawn now, 0 = hidden.
+// Would nothing of a cell show?  The highest inverse depth of its points' box against the lowest of the pyramid over its
+// rectangle.
+// Of cells drawn already (flag 1 before): 1 where it could, 2 where it is hidden by others; of the rest 3 where it could,
+// so that it is to be drawn, and 0 where it is hidden.  The lowest bit: to be drawn first in the next frame.
 #include "common_project.glsl"
 #include "common_occlusion.glsl"
 #define SHARE 4096.0  // steps in a sixteenth of a cell
 
 layout(local_size_x = CELLS_A_GROUP) in;
 layout(std430, binding = CELLS_BINDING) readonly buffer Cells { vec4 cells[]; };  // view position of step (0,0,0), box of points
-layout(std430, binding = FLAGS_BINDING) buffer Flags { uint flags[]; };           // 1: seen in the last frame
-#ifndef FINAL
+layout(std430, binding = FLAGS_BINDING) buffer Flags { uint flags[]; };
 layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
 uniform uint tally;  // where in it the hidden cells are counted
-#endif
 uniform uint cell_count;
 
 bool hidden(vec4 cell) {
@@ -48,12 +48,7 @@ bool hidden(vec4 cell) {
 void main() {
     uint cell = gl_WorkGroupID.y * gl_NumWorkGroups.x * CELLS_A_GROUP + gl_GlobalInvocationID.x;
     if (cell >= cell_count) return;
-#ifdef FINAL
-    flags[cell] = hidden(cells[cell]) ? 0u : 1u;
-#else
-    if (flags[cell] == 1u) return;
-    bool away = hidden(cells[cell]);
-    flags[cell] = away ? 0u : 2u;
-    if (away) atomicAdd(commands[tally], 1u);
-#endif
+    bool drawn = flags[cell] == 1u, away = hidden(cells[cell]);
+    flags[cell] = away ? (drawn ? 2u : 0u) : (drawn ? 1u : 3u);
+    if (away && !drawn) atomicAdd(commands[tally], 1u);
 }

@@ -80,8 +80,8 @@ class Culler:
     def visible(self, camera: "Camera", lod: float = 0.0) -> np.ndarray:
         """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
 
-        Conservative: a cell is left out only if the box of its points lies beyond one of the four sides, a pixel further out, or
-        behind the camera.  lod: points wanted a pixel, noted for each cell; 0 where all are.
+        Conservative: a cell is left out only if the box of its points lies beyond one of the four sides, a pixel further
+        out, or behind the camera.  lod: points wanted a pixel, noted for each cell; 0 where all are.
         """
         size, rotation = self.scene.cell_size, np.ascontiguousarray(camera.view_rotation)
         left, right = camera.cx + _MARGIN, camera.width - camera.cx + _MARGIN

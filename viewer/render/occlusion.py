@@ -1,10 +1,10 @@
 """Occlusion in two phases within one frame: cells seen last time are drawn, then what they do not hide.
 
 1. The depth of the cells seen in the last frame.  2. From it, by the depth filter's own passes, the depth behind which a
-point would show nowhere: neither in front, nor through a gap, since the filter would take it away there.  3. Each other
-cell's box against a pyramid of that; cells that could show are drawn too.  4. The pyramid again, with all that was drawn:
-what is seen now is drawn first next time.  What comes into view is thus drawn in the frame that it does.  Where little is
-known, in a first frame and after a jump, the nearest cells are drawn first.
+point would show nowhere: neither in front, nor through a gap, since the filter would take it away there.  3. Each
+cell's box against a pyramid of that: of those not drawn yet the ones that could show are drawn too, and what could show, drawn
+now or before, is drawn first next time.  What comes into view is thus drawn in the frame that it does.  Where little is known,
+in a first frame and after a jump, the nearest cells are drawn first.
 
 A strict test against the depth alone would hide nothing, since 1x1 points leave gaps everywhere; and a plain closing of
 gaps hides what the filter lets through.  So it is for pictures behind the filter, and the filter that says what hides.
@@ -41,6 +41,8 @@ REACH = 4
 NEAREST = 0.25
 """Share of the points, those of the nearest cells, that are drawn first where less than half as much is known (of the cells,
 too, which is sooner counted)."""
+SEEN = 1
+"""Set in a cell's flag where it could show."""
 _LEVELS = 16
 _CELLS_A_GROUP = 64
 
@@ -83,7 +85,7 @@ class Occlusion:
             self._rows = np.zeros(cells, np.int32)
         last, known = self._rows[: self._count], self._known[: len(draw.cells)]
         if self._pending is not None and (flags := hider.flags_of(*self._pending)) is not None:
-            self._seen[last] = flags
+            self._seen[last] = flags & SEEN
         np.take(self._seen, draw.cells, out=known)
         self._seen[last] = 0
         self._count = len(draw.cells)
@@ -130,7 +132,6 @@ class HiddenCells:
         self._blocks = programs.compute("occlusion_blocks.comp", BLOCK_SHIFT=BLOCK_SHIFT)
         self._reduce = programs.compute("occlusion_reduce.comp", **shared)
         self._test = programs.compute("occlusion_test.comp", **test)
-        self._final = programs.compute("occlusion_test.comp", FINAL=1, **test)
         self._append = programs.compute("occlusion_append.comp", MAX_GROUPS=MAX_GROUPS, **cells)
         self._words = np.zeros(0, np.uint32)
         self._visible = self._pages = self._serial = 0
@@ -141,7 +142,8 @@ class HiddenCells:
         return self._serial
 
     def flags_of(self, made_by: "HiddenCells", serial: int) -> np.ndarray | None:
-        """(V,) uint32 cells seen in frame ``serial``, if this made it and no other since; waits for the GPU."""
+        """(V,) uint32 flags of frame ``serial`` as occlusion_test.comp left them, if this made it and no other since; waits for
+        the GPU."""
         if made_by is not self or serial != self._serial or self._visible == 0:
             return None
         words = self._words[: self._visible]
@@ -184,17 +186,16 @@ class HiddenCells:
             self._reduce.run(*shader.groups(*self._sizes[level]))
             self.context.memory_barrier()
 
-    def test(self, cells: moderngl.Buffer, *, final: bool = False) -> None:
-        """Tests the cells; ``final``: for the next frame."""
-        program = self._final if final else self._test
+    def test(self, cells: moderngl.Buffer) -> None:
+        """Tests the cells: which are to be drawn now, and which first in the next frame."""
+        program = self._test
         cells.bind_to_storage_buffer(BINDINGS["CELLS"])
         self._pyramid.bind_to_storage_buffer(BINDINGS["PYRAMID"])
         self._flags.buffer.bind_to_storage_buffer(BINDINGS["FLAGS"])
         program["levels"] = self._levels
         program["cell_count"] = self._visible
-        if not final:
-            self._commands.buffer.bind_to_storage_buffer(BINDINGS["COMMANDS"])
-            program["tally"] = 4 * self._pages
+        self._commands.buffer.bind_to_storage_buffer(BINDINGS["COMMANDS"])
+        program["tally"] = 4 * self._pages
         _run(program, self._visible)
         self.context.memory_barrier()
 

@@ -174,10 +174,6 @@ class Rasteriser:
         """The same without cells that are hidden, for the whole picture."""
         raise NotImplementedError
 
-    def remember(self, history: History) -> None:
-        """After the filter has run on what draw_hiding drew: notes what is seen, for the next frame."""
-        raise NotImplementedError
-
     def release(self) -> None:
         grown = self.cells.buffer, self.upload.buffer
         for resource in (self.colour, self.depth, self.sums, self.carries, self.frame, self.light, self.stations, self.weight,

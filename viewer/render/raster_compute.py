@@ -102,11 +102,6 @@ class ComputeRasteriser(Rasteriser):
                     hider.draw(appended, buffer, page, int(bounds[2 * page + 1]))
             self.context.memory_barrier()
 
-    def remember(self, history: History) -> None:
-        assert self.hider is not None
-        self.hider.build(self.depth, history)
-        self.hider.test(self.cells.buffer, final=True)
-
     def release(self) -> None:
         super().release()
         self.keys.release()

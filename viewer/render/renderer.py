@@ -115,8 +115,6 @@ class Renderer:
             step = self._filter_for(settings)
             stages.run("filter", lambda: step.run(
                 rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre))
-            if wanted is not None and hid[0]:
-                stages.run("occlusion", lambda: rasteriser.remember(wanted))
             textures["filtered"], mask = step.filtered, step.mask
             if {"filled", "neural"} & set(views):
                 neural = self._neural_for(settings) if "neural" in views else None
