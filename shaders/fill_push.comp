@@ -1,85 +1,20 @@
-// Pull-push fill, push: what a pixel's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
-// At level 0 (BASE) it writes the filled picture, void where neither the picture nor the directions around the camera
-// surround a hole (viewer/render/void.py; CLOSED: all directions in view do, or none does), and, with NETWORK, the network's input: eight half-precision channels
-// a pixel (channels last): filled RGB, keep-mask or trust, filled depth feature, 1 where the network may not open
-// what is filled (inside a room), 1 where void, zero.
+// Pull-push fill, push: what a block's weight leaves open comes from the coarser level.  Twin: model/pull_push.py.
 #include "common_pyramid.glsl"
-#include "common_fill.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
+uniform sampler2D value;
+uniform sampler2D weight;
 uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
 uniform sampler2D whole_weight;
-#ifdef BASE
-uniform sampler2D inside;         // blocks of 2x2 pixels surrounded by measured ones
-#ifndef CLOSED
-uniform isampler2D closed;        // directions surrounded by scanned ones: six cube faces one above the other
-uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
-uniform vec4 lens;                // fx, fy, cx, cy in pixels
-#endif
-uniform int enclosed;             // 1: the camera stands in a room, nearly all directions close around it
-layout(rgba8, binding = 0) uniform writeonly image2D filled;
-#ifdef NETWORK
-layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[]; };
-#endif
-#else
-uniform sampler2D value;
-uniform sampler2D weight;
 layout(rgba32f, binding = 0) uniform writeonly image2D out_value;
-#endif
-
-#if defined(BASE) && !defined(CLOSED)
-// The cube face and cell of a direction, as viewer/render/void.py numbers them.
-ivec2 cell_of(vec3 d) {
-    vec3 a = abs(d);
-    int axis = a.x >= a.y && a.x >= a.z ? 0 : (a.y >= a.z ? 1 : 2);
-    float along = d[axis], u = d[(axis + 1) % 3] / abs(along), v = d[(axis + 2) % 3] / abs(along);
-    int face = 2 * axis + (along < 0.0 ? 1 : 0), side = textureSize(closed, 0).x;
-    ivec2 cell = clamp(ivec2((vec2(u, v) * 0.5 + 0.5) * float(side)), ivec2(0), ivec2(side - 1));
-    return ivec2(cell.x, face * side + cell.y);
-}
-
-bool closed_towards(ivec2 at) {
-    vec3 ray = to_world * vec3((vec2(at) + 0.5 - lens.zw) / lens.xy, 1.0);
-    return texelFetch(closed, cell_of(ray), 0).x != 0;
-}
-#endif
-
-vec4 from_coarse(ivec2 at) {
-    vec4 v = bilinear(coarse, at);
-    if (coarse_is_sum == 1) v = v / max(texelFetch(whole_weight, ivec2(0), 0).x, 1e-20);
-    return v;
-}
 
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
-#ifdef BASE
-    ivec2 extent = textureSize(mask, 0);
-    if (any(greaterThanEqual(at, extent))) return;
-    vec4 v;
-    float w = measured(at, v);
-    if (w < 1.0) {
-        precise vec4 mixed = v + (1.0 - w) * from_coarse(at);
-        v = mixed;
-    }
-#ifdef CLOSED
-    const bool is_closed = CLOSED == 1;
-#else
-    bool is_closed = closed_towards(at);
-#endif
-    bool is_void = !is_closed && texelFetch(inside, at >> 1, 0).x < 0.5;
-    // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    float alpha = w == 0.0 && (is_void || texelFetch(whole_weight, ivec2(0), 0).x == 0.0) ? 0.0 : 1.0;
-    imageStore(filled, at, vec4(v.xyz * alpha, alpha));
-#ifdef NETWORK
-    pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, enclosed == 1 && is_closed ? 1.0 : 0.0)),
-              packHalf2x16(vec2(1.0 - alpha, 0.0)));
-#endif
-#else
     if (any(greaterThanEqual(at, imageSize(out_value)))) return;
     float w = texelFetch(weight, at, 0).x;
-    precise vec4 v = texelFetch(value, at, 0) + (1.0 - w) * from_coarse(at);
+    vec4 behind = bilinear(coarse, at);
+    if (coarse_is_sum == 1) behind = behind / max(texelFetch(whole_weight, ivec2(0), 0).x, 1e-20);
+    precise vec4 v = texelFetch(value, at, 0) + (1.0 - w) * behind;
     imageStore(out_value, at, v);
-#endif
 }

@@ -48,10 +48,10 @@ class Fill:
         ]
         self._pull_base = programs.compute("fill_pull.comp", BASE=1, **_CONSTANTS)
         self._pull = programs.compute("fill_pull.comp", **_CONSTANTS)
-        self._push = programs.compute("fill_push.comp", **_CONSTANTS)
+        self._push = programs.compute("fill_push.comp")
         self._push_base = {
             (wanted, view): programs.compute(
-                "fill_push.comp", BASE=1, NETWORK=wanted or None, CLOSED=None if view is None else int(view), **_CONSTANTS
+                "fill_picture.comp", BASE=1, NETWORK=wanted or None, CLOSED=None if view is None else int(view), **_CONSTANTS
             )
             for wanted in (False, True) for view in (None, False, True)
         }
@@ -87,7 +87,7 @@ class Fill:
         if "enclosed" in push:
             push["enclosed"] = int(closed.mean() > ENCLOSED)
         inputs = {**base, "coarse": coarse, "inside": self._inside[0], "closed": self._closed}
-        self._pass(push, self.size, [self.filled], inputs, feature_scale, is_sum)
+        self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale, is_sum)
 
     def _pass(self, program: moderngl.ComputeShader, size: tuple[int, int], outputs: list[moderngl.Texture],
               inputs: dict[str, moderngl.Texture], feature_scale: float, is_sum: int = 0) -> None:

@@ -36,7 +36,7 @@ def _programs(programs: shader.Programs, preset: str) -> dict[str, moderngl.Comp
             "down": programs.compute("filter_down.comp", **_SHARED),
             "top": programs.compute("filter_up.comp", TOP=1, **_SHARED),
             "up": programs.compute("filter_up.comp", **_SHARED),
-            "base": programs.compute("filter_up.comp", BASE=1, **_SHARED),
+            "quads": programs.compute("filter_keep.comp", **_SHARED),
         }
     flavour = {"paper-code": {"PUBLISHED": 1}, "npbg++": {"NPBG": 1}}.get(preset, {})
     made = {
@@ -66,7 +66,8 @@ class DepthFilter:
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, *, strength: float = 1.0, metre: float = 1.0) -> None:
         """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance.  metre: file units in a metre."""
         tolerance, top = self._climb(depth, strength, metre, self.levels)
-        self._pass("base", self.size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
+        name, size = ("quads", level_sizes(self.size, 1)[0]) if "quads" in self._programs else ("base", self.size)
+        self._pass(name, size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
 
     def _climb(self, depth: moderngl.Texture, strength: float, metre: float, levels: int) -> tuple[tuple, moderngl.Texture]:
         """Down ``levels`` and up again to level 1.  Returns the tolerances and what level 0 is compared with."""
