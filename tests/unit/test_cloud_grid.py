@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from viewer.cloud import arrays as arrays_module
 from viewer.cloud import grid as grid_module
-from viewer.cloud import layers, scene_from_arrays, unpack
+from viewer.cloud import kernels, layers, scene_from_arrays, unpack
 from viewer.errors import InputError
 
 PARTS = [int(f"{number:06b}"[::-1], 2) for number in range(64)]
-"""Of each eight points of a layer and cell, the one that goes into the first part, the second, ..."""
+"""Of each 64 points of a layer and cell, the one that goes into the first part, the second, ..."""
 SLOW = settings(deadline=None, max_examples=15, suppress_health_check=list(HealthCheck))
 
 
@@ -25,6 +25,16 @@ def trailing_zeros(count):
     z ^= z >> np.uint64(31)
     bits = (z[:, None] >> np.arange(15, dtype=np.uint64)) & np.uint64(1)
     return np.where(bits.any(axis=1), bits.argmax(axis=1), 15)
+
+
+def test_cells_are_counted_up_to_a_limit(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(60):
+        xyz = rng.normal(size=(int(rng.integers(1, 4000)), 3)) * 10.0 ** rng.uniform(-3, 3) + 10.0 ** rng.uniform(-3, 19)
+        size, limit = 2.0 ** rng.integers(-8, 12), int(rng.integers(1, 5000))
+        room = np.empty((2 << limit.bit_length(), 3))
+        cells = len(np.unique(np.floor(xyz / size), axis=0))
+        assert kernels.occupied(xyz, 1 / size, limit, room) == min(cells, limit + 1)
 
 
 def morton(cell):

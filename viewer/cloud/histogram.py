@@ -129,7 +129,8 @@ class Histogram:
 
 def _near(xyz: np.ndarray) -> np.ndarray:
     """(n,) bool: points that are positions, and no NaN, infinity or number beyond any place."""
-    return np.abs(xyz).max(axis=1) <= _FARTHEST
+    x, y, z = np.abs(xyz).T  # a comparison with NaN is false
+    return (x <= _FARTHEST) & (y <= _FARTHEST) & (z <= _FARTHEST)
 
 
 def _first_cell_size(sample: np.ndarray, wanted: int) -> float:
@@ -144,19 +145,10 @@ def _first_cell_size(sample: np.ndarray, wanted: int) -> float:
     if not extent > 0:
         return power_of_two(max(1.0, finest))
     size = power_of_two(max(extent / 4096, 2 * finest))
-    cells = np.floor(sample / size)
-    while True:
-        cells = np.unique(cells, axis=0) if np.abs(cells).max() >= 2**20 else _unique(cells)
-        if len(cells) <= wanted:
-            return size
-        cells, size = np.floor(cells / 2), 2 * size
-
-
-def _unique(cells: np.ndarray) -> np.ndarray:
-    """Different rows of whole numbers below 2**20 in magnitude, faster than np.unique by rows."""
-    numbers = cells.astype(np.int64) + (1 << 20)
-    _, first = np.unique(numbers[:, 0] << 42 | numbers[:, 1] << 21 | numbers[:, 2], return_index=True)
-    return cells[first]
+    sample, seen = np.ascontiguousarray(sample, np.float64), np.empty((2 << wanted.bit_length(), 3))
+    while kernels.occupied(sample, 1 / size, wanted, seen) > wanted:
+        size *= 2
+    return size
 
 
 def _table(limit: int) -> np.ndarray:

@@ -52,6 +52,30 @@ def _slot(table, x, y, z):
 
 
 @compiled(nogil=True)
+def occupied(xyz, inverse, limit, seen):
+    """How many cells points xyz (n, 3) float64 occupy; stops beyond ``limit``.
+
+    inverse: 1 / cell size, any that keeps the cells' numbers finite.  seen: scratch, (2**k, 3) float64, more rows than ``limit``."""
+    seen[:, 0] = np.nan  # free
+    mask, found = np.uint64(seen.shape[0] - 1), 0
+    for i in range(xyz.shape[0]):
+        x, y, z = np.floor(xyz[i, 0] * inverse), np.floor(xyz[i, 1] * inverse), np.floor(xyz[i, 2] * inverse)
+        h = np.uint64(0)
+        for v in (x, y, z):
+            h = (h ^ np.uint64(np.int64(min(max(v, -4e18), 4e18)))) * np.uint64(0x9E3779B97F4A7C15)
+            h ^= h >> np.uint64(29)
+        slot = h & mask
+        while seen[slot, 0] == seen[slot, 0] and (seen[slot, 0] != x or seen[slot, 1] != y or seen[slot, 2] != z):
+            slot = (slot + np.uint64(1)) & mask
+        if seen[slot, 0] != seen[slot, 0]:
+            seen[slot, 0], seen[slot, 1], seen[slot, 2] = x, y, z
+            found += 1
+            if found > limit:
+                break
+    return found
+
+
+@compiled(nogil=True)
 def fill_table(table, cells):
     """Enters cells (C, 3) int32, all different, under their row numbers into an empty table."""
     for i in range(cells.shape[0]):
@@ -170,22 +194,46 @@ def place_points(buckets, words, start, stop, stride, runs, points):
 
 
 @compiled(nogil=True)
-def neighbour_distances(xyz, queries, k, out):
-    """Squared distance from each query (a row number of xyz) to its k-th nearest other point of xyz, by full search.
+def gather_steps(points, starts, sizes, xyz):
+    """Positions in the cell of the points of some runs, one after the other as far as there is room.
 
-    xyz: (n, 3) float64, n > k.  queries: (m,) int64.  out: (m,) float64.
+    points: (N, 3) uint32 as in Scene.  starts, sizes: (R,) int64.  Writes xyz (3, n) float64, in packed
+    steps; returns how many.
     """
+    done = 0
+    for run in range(starts.shape[0]):
+        for i in range(starts[run], starts[run] + min(sizes[run], xyz.shape[1] - done)):
+            xyz[0, done], xyz[1, done] = points[i, 0] & 0xFFFF, points[i, 0] >> 16
+            xyz[2, done] = points[i, 1] & 0xFFFF
+            done += 1
+    return done
+
+
+@compiled(nogil=True)
+def neighbour_distances(xyz, queries, k, squared, out):
+    """Squared distance from each query (a column of xyz) to its k-th nearest other point, by full search.
+
+    xyz: (3, n) float64, n > k; rows, so that the first loop runs in vector instructions.  queries: (m,) int64.
+    squared: scratch, (n,) float64.  out: (m,) float64.
+    """
+    xs, ys, zs = xyz[0], xyz[1], xyz[2]
     nearest = np.empty(k)
     for j in range(queries.shape[0]):
         nearest[:] = np.inf
         q = queries[j]
-        x, y, z = xyz[q, 0], xyz[q, 1], xyz[q, 2]
-        for i in range(xyz.shape[0]):
-            d = (xyz[i, 0] - x) ** 2 + (xyz[i, 1] - y) ** 2 + (xyz[i, 2] - z) ** 2
-            if d < nearest[k - 1] and i != q:
+        x, y, z = xs[q], ys[q], zs[q]
+        for i in range(xs.shape[0]):
+            dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
+            squared[i] = (dx * dx + dy * dy) + dz * dz
+        squared[q] = np.inf
+        worst = np.inf
+        for i in range(xs.shape[0]):
+            d = squared[i]
+            if d < worst:
                 at = k - 1
                 while at > 0 and nearest[at - 1] > d:
                     nearest[at] = nearest[at - 1]
                     at -= 1
                 nearest[at] = d
-        out[j] = nearest[k - 1]
+                worst = nearest[k - 1]
+        out[j] = worst

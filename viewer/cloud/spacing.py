@@ -22,48 +22,44 @@ def measure_spacing(points, cells, offsets, layers: int, pool: Executor) -> tupl
     """
     count = int(offsets[-1])
     if count <= _CANDIDATES:
-        everything = _steps(points, np.repeat(np.tile(np.arange(len(cells)), layers), np.diff(offsets)), cells)
-        sets = [(everything, 1.0)]
-        queries, weights = _CELLS * _QUERIES, np.ones(1)
+        cell = np.repeat(np.tile(np.arange(len(cells)), layers), np.diff(offsets))
+        found, weights = [_distances(_steps(points, cells[cell]), _CELLS * _QUERIES)], np.ones(1)
     else:
         runs = offsets.reshape(-1)[:-1].reshape(layers, -1)
         sizes = np.diff(offsets).reshape(layers, -1)
         share = sizes.sum(axis=0).cumsum()
         places = np.searchsorted(share, (np.arange(_CELLS) + 0.5) / _CELLS * share[-1], side="right")
         chosen, weights = np.unique(places, return_counts=True)
-        sets = [_candidates(points, runs[:, cell], sizes[:, cell]) for cell in chosen]
-        queries = _QUERIES
-    jobs = [pool.submit(_median_distances, xyz, queries) for xyz, _ in sets]
-    found = [job.result() * scale for job, (_, scale) in zip(jobs, sets, strict=True)]
+        jobs = [pool.submit(_of_cell, points, runs[:, cell].copy(), sizes[:, cell].copy()) for cell in chosen]
+        found = [job.result() for job in jobs]
     distances = np.concatenate(found)
     apart = distances[distances > 0]
     coinciding = np.average([(d == 0).mean() if len(d) else 0.0 for d in found], weights=weights)
     return float(np.median(apart)) if len(apart) else 0.0, float(coinciding)
 
 
-def _candidates(points, starts: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, float]:
-    """Points of one cell, coarse layers first, up to a limit; and sqrt(share taken), which undoes the thinning."""
-    room, parts = _CANDIDATES, []
-    for start, size in zip(starts, sizes, strict=True):
-        parts.append(points[start : start + min(size, room)])
-        room -= len(parts[-1])
-    words = np.concatenate(parts)
-    xyz = _steps(words, np.zeros(len(words), np.int64), np.zeros((1, 3)))
-    return xyz, float(np.sqrt(len(words) / sizes.sum()))
+def _of_cell(points, starts: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Distances in one cell, among its coarse layers' points first, up to a limit; times sqrt(share taken), which undoes the
+    thinning."""
+    taken = min(int(sizes.sum()), _CANDIDATES)
+    xyz = np.empty((3, taken))
+    kernels.gather_steps(points, starts, sizes, xyz)
+    return _distances(xyz, _QUERIES) * float(np.sqrt(taken / sizes.sum()))
 
 
-def _steps(words, cell_of_points, cells) -> np.ndarray:
-    """(n, 3) float64 positions in packed steps from the grid's origin."""
+def _steps(words, cells: np.ndarray) -> np.ndarray:
+    """(3, n) float64 positions in packed steps from the grid's origin.  words: (n, 3) packed points.  cells: (n, 3)."""
     words = np.asarray(words)
-    q = np.stack([words[:, 0] & 0xFFFF, words[:, 0] >> 16, words[:, 1] & 0xFFFF], axis=1)
-    return np.asarray(cells, np.float64)[cell_of_points] * 65536.0 + q
+    return cells.T * 65536.0 + np.stack([words[:, 0] & 0xFFFF, words[:, 0] >> 16, words[:, 1] & 0xFFFF])
 
 
-def _median_distances(xyz: np.ndarray, queries: int) -> np.ndarray:
-    k = min(_NEIGHBOURS, len(xyz) - 1)
+def _distances(xyz: np.ndarray, queries: int) -> np.ndarray:
+    """Of some of the points xyz (3, n): the spacing that the distance to the eighth nearest tells of."""
+    count = xyz.shape[1]
+    k = min(_NEIGHBOURS, count - 1)
     if k < 1:
         return np.zeros(0)
-    chosen = np.unique(np.linspace(0, len(xyz) - 1, min(queries, len(xyz))).astype(np.int64))
-    squared = np.empty(len(chosen))
-    kernels.neighbour_distances(np.ascontiguousarray(xyz), chosen, k, squared)
-    return np.sqrt(squared * (np.pi / k))
+    chosen = np.unique(np.linspace(0, count - 1, min(queries, count)).astype(np.int64))
+    found = np.empty(len(chosen))
+    kernels.neighbour_distances(np.ascontiguousarray(xyz), chosen, k, np.empty(count), found)
+    return np.sqrt(found * (np.pi / k))
