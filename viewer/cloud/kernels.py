@@ -55,7 +55,9 @@ def _slot(table, x, y, z):
 def occupied(xyz, inverse, limit, seen):
     """How many cells points xyz (n, 3) float64 occupy; stops beyond ``limit``.
 
-    inverse: 1 / cell size, any that keeps the cells' numbers finite.  seen: scratch, (2**k, 3) float64, more rows than ``limit``."""
+    inverse: 1 / cell size, any that keeps the cells' numbers finite.  seen: scratch, (2**k, 3) float64, more rows than
+    ``limit``.
+    """
     seen[:, 0] = np.nan  # free
     mask, found = np.uint64(seen.shape[0] - 1), 0
     for i in range(xyz.shape[0]):
