@@ -20,6 +20,9 @@ _ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 
 _BACK = _ZEROS // STEP  # layers back from the finest
 _PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
 _TO_SHARE = 16 - SHARE_BITS
+_SIDE_BIT = 4
+"""Of a bucket's number: which of two threads places its points.  Not the lowest: neighbouring buckets' counters lie in one line of
+the cache, and two threads that take turns at it are slower together than one alone."""
 
 
 @compiled(inline="always")
@@ -134,8 +137,8 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
     rgb: (n, 3) uint8.  intensity: (n,) uint16.  scan: (n,) uint8.  base: of
     the cells.  dense: (X, Y, Z) int32 cell numbers, or empty, then ``table`` has them.  Others as in count_points.
     marks: (C,) int64, one bit set for each sixteenth of a cell that holds a point (viewer.cloud.boxes).
-    Writes buckets (n,) int32 and words (n, 3) uint32: points of even buckets from the front in their order, the others from
-    the back in reverse, so that two threads can place them.
+    Writes buckets (n,) int32 and words (n, 3) uint32: points of one half of the buckets from the front in their order, those of
+    the other from the back in reverse, so that two threads can place them.
     Returns (points at the front, points at the back); points out of reach are left out.
     """
     n = xyz.shape[0]
@@ -165,10 +168,10 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
         qz = np.uint32(min(np.int64((z - fz) * 65536.0), 65535))
         marks[cell] |= 1 << (qx >> _TO_SHARE) | 1 << (SHARES + (qy >> _TO_SHARE)) | 1 << (2 * SHARES + (qz >> _TO_SHARE))
         bucket = max(finest - _BACK[_draw(first + i)], 0) * cells + cell
-        even = bucket & 1 == 0
-        place = front if even else back
-        front += even
-        back -= not even
+        ahead = bucket >> _SIDE_BIT & 1 == 0
+        place = front if ahead else back
+        front += ahead
+        back -= not ahead
         buckets[place] = bucket
         words[place, 0] = qx | qy << np.uint32(16)
         words[place, 1] = qz | np.uint32(intensity[i]) << np.uint32(16)
