@@ -21,8 +21,8 @@ _BACK = _ZEROS // STEP  # layers back from the finest
 _PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
 _TO_SHARE = 16 - SHARE_BITS
 _SIDE_BIT = 4
-"""Of a bucket's number: which of two threads places its points.  Not the lowest: neighbouring buckets' counters lie in one line of
-the cache, and two threads that take turns at it are slower together than one alone."""
+"""Of a bucket's number: which of two threads places its points.  Not the lowest: neighbouring buckets' counters lie in one line
+of the cache, and two threads that take turns at it are slower together than one alone."""
 
 
 @compiled(inline="always")
