@@ -25,6 +25,7 @@ sys.meta_path.insert(0, Absent())
 
 @pytest.fixture(scope="module")
 def run():
+    sys.path.insert(0, str(SCRIPT.parent))  # as Python does for a script
     spec = importlib.util.spec_from_file_location("gpu_run", SCRIPT)
     assert spec and spec.loader
     module = importlib.util.module_from_spec(spec)
@@ -32,6 +33,7 @@ def run():
     spec.loader.exec_module(module)
     yield module
     del sys.modules["gpu_run"]
+    sys.path.remove(str(SCRIPT.parent))
 
 
 @pytest.mark.gl

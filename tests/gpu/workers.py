@@ -1,0 +1,190 @@
+"""The parts of tests/gpu/run.py that are more than a bench: ``python tests/gpu/workers.py NAME FOLDER``, JSON on the last line.
+
+Each runs in a process of its own.
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from plan import DRY, Plan
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+
+def make_scan(plan: Plan, work: Path) -> dict:
+    """The benches' scan, as a folder that `pointglass` opens."""
+    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+
+    begun = time.perf_counter()
+    scan = ProceduralScan(plan.points)
+    scene = procedural_scene(scan, work / "scan")
+    return {"scan": scan.label, "points": scene.count, "seconds": time.perf_counter() - begun}
+
+
+def projected(plan: Plan, _work: Path) -> dict:
+    """Both compute passes over a whole scan, by timer queries: milliseconds by named view, with the points drawn in each."""
+    from statistics import median
+
+    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+    from viewer.bench.subject import machine
+    from viewer.bench.views import named_views
+    from viewer.render.context import create_context
+    from viewer.render.renderer import Renderer
+    from viewer.settings import Settings
+
+    scan = ProceduralScan(plan.many)
+    scene = procedural_scene(scan)
+    context = create_context()
+    renderer = Renderer(context, scene, raster="compute", device="cpu")
+    settings = Settings(view="raw", raster="compute")
+    size = tuple(int(side) for side in plan.sizes[min(1, len(plan.sizes) - 1)].split("x"))
+    rows = []
+    for camera in named_views(scene, (size[0], size[1])):
+        spent = [renderer.render(camera, settings).stats for _ in range(max(3, plan.repeats // 2))][2:]
+        milliseconds, points = median(stats["stages"]["raster"] for stats in spent), spent[0]["points_drawn"]
+        rows.append({
+            "view": camera.name, "points": points, "raster_ms": milliseconds,
+            "cull_ms": median(stats["stages"]["cull"] for stats in spent),
+            "ms_per_100M": milliseconds * 1e8 / max(points, 1), "approximations": spent[0]["approximations"],
+        })
+    most = max(rows, key=lambda row: row["points"])
+    facts = {"opengl": renderer.device.renderer, "driver": renderer.device.version}
+    renderer.release()
+    context.release()
+    return {"scan": scan.label, "size": list(size), **facts, "machine": machine(), "most": most, "views": rows}
+
+
+def engines(plan: Plan, _work: Path) -> dict:
+    """The network's time by engine, and the bridge's by kind, at every size; each with what stopped it where it failed."""
+    from viewer.bench.subject import machine
+
+    return {"machine": machine(), "network": _networks(plan), "bridge": _bridges(plan)}
+
+
+def _measured(work: Callable[[], object], plan: Plan) -> float:
+    """Milliseconds, the middle of the runs."""
+    import torch
+
+    for _ in range(3):
+        work()
+    spent = []
+    for _ in range(plan.repeats):
+        if plan.device == "cuda":
+            start, stop = torch.cuda.Event(enable_timing=True), torch.cuda.Event(enable_timing=True)
+            start.record()
+            work()
+            stop.record()
+            stop.synchronize()
+            spent.append(start.elapsed_time(stop))
+        else:
+            begun = time.perf_counter()
+            work()
+            spent.append((time.perf_counter() - begun) * 1e3)
+    return sorted(spent)[len(spent) // 2]
+
+
+def _networks(plan: Plan) -> list[dict]:
+    """A row for each network, size and engine."""
+    import torch
+
+    from model.engines import ENGINES, Runner
+    from model.reconstruct import PACKED_IN, Reconstructor
+    from model.unet import mac_per_pixel, make_network
+    from model.weights import shipped
+
+    on_gpu, begun = plan.device == "cuda", time.perf_counter()
+    qualities = [q for q in ("balanced", "fast", "best") if f"{q}-filtered" in shipped()]
+    jobs = [(q, size, engine, False) for size in plan.sizes for q in qualities for engine in ("eager", "graph")]
+    middle = plan.sizes[min(1, len(plan.sizes) - 1)]
+    jobs += [("balanced", middle, *last) for last in (("graph", True), ("tensorrt", False), ("compile", False))]
+    rows: list[dict] = []
+    networks: dict[str, Reconstructor] = {}
+    costs: dict[str, float] = {}
+    for quality, size, engine, tuned in jobs if on_gpu else jobs[:1]:
+        width, height = (int(side) for side in size.split("x"))
+        row: dict = {"quality": quality, "size": [width, height], "engine": engine, "cudnn_benchmark": tuned}
+        rows.append(row)
+        try:
+            network = networks.setdefault(quality, Reconstructor(quality, filtered=True, device=plan.device))
+            torch.backends.cudnn.benchmark = tuned
+            runner = Runner(network, height, width, engine=engine)
+            packed = torch.rand((height, width, PACKED_IN), generator=torch.Generator().manual_seed(1)).half().to(plan.device)
+            with torch.inference_mode():
+                gap = (runner(packed).float() - network.made(packed).float()).abs().max().item()
+            row |= {"runs": ENGINES[runner.engine], "problem": runner.problem, "largest_difference": gap}
+            row["ms"] = _measured(lambda runner=runner, packed=packed: runner(packed), plan)
+            row["mac_per_pixel"] = costs.get(quality) or costs.setdefault(quality, mac_per_pixel(make_network(quality), 64))
+            runner.release()
+        except Exception as error:  # one engine that fails does not end the rest
+            row["problem"] = f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else ''}"
+        row["at_s"] = round(time.perf_counter() - begun, 1)
+        print(row, file=sys.stderr)
+    return rows
+
+
+class _Through:
+    """A network that costs nothing but its pixels."""
+
+    def __init__(self, device: str):
+        self.device = device
+
+    def __call__(self, packed):
+        from model.reconstruct import PACKED_OUT
+
+        return packed[..., :PACKED_OUT]
+
+
+def _bridges(plan: Plan) -> list[dict]:
+    """A row for each kind of bridge and size."""
+    import torch
+
+    from viewer.errors import DeviceError
+    from viewer.render.bridge import ReadBackBridge
+    from viewer.render.context import create_context
+    from viewer.render.cuda_bridge import MAPPERS, CudaBridge
+    from viewer.render.shader import Programs
+
+    on_gpu = plan.device == "cuda"
+    programs, rows = Programs(create_context()), []
+    for size in plan.sizes:
+        width, height = (int(side) for side in size.split("x"))
+        for kind in (*(MAPPERS if on_gpu else ()), "read-back"):
+            row: dict = {"kind": kind, "size": [width, height]}
+            rows.append(row)
+            try:
+                bridge = (ReadBackBridge(programs.context, (width, height)) if kind == "read-back"
+                          else CudaBridge(programs, (width, height), (kind,)))
+                spent = []
+                for _ in range(plan.repeats + 3):
+                    programs.context.finish()
+                    start = time.perf_counter()
+                    bridge.run(_Through(plan.device))
+                    programs.context.finish()
+                    if on_gpu:
+                        torch.cuda.synchronize()
+                    spent.append((time.perf_counter() - start) * 1e3)
+                row["ms"] = sorted(spent[3:])[len(spent[3:]) // 2]
+                bridge.release()
+            except DeviceError as error:
+                row["problem"] = str(error)
+    return rows
+
+
+WORKERS = {"scan": make_scan, "projected": projected, "engines": engines}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("name", choices=list(WORKERS))
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--dry", action="store_true")
+    options = parser.parse_args()
+    print(json.dumps(WORKERS[options.name](DRY if options.dry else Plan(), options.folder)))
+
+
+if __name__ == "__main__":
+    main()
