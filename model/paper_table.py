@@ -18,8 +18,8 @@ import torch
 from PIL import Image
 from torch import Tensor, nn
 
-from model.data.pairs import Projected, project_scan, raster_of, scan_spacing
 from model.data.photo_place import PhotoPlace
+from model.data.projected import Projected, project_scan, raster_of, scan_spacing
 from model.data.truth import DataError, MemoryPicture, Scan, TruePicture, TruePlace
 from model.depth_filter import keep_mask
 from model.losses import SqueezeDistance

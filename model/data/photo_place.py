@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from model.data.pairs import Projected, project_scan, raster_of, scan_spacing
+from model.data.projected import Projected, project_scan, raster_of, scan_spacing
 from model.data.truth import DataError, Scan, TruePicture
 from model.depth_filter import keep_mask
 from model.project import SoftZ

@@ -16,7 +16,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.data.pairs import Projected
+from model.data.projected import Projected
 from model.depth_filter import keep_mask
 from model.evaluation.open3d_points import POINT_SIZES, Open3DPoints
 from model.project import Raster, SoftZ, network_input

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from model.data.pairs import Projected, picture
+from model.data.projected import Projected, picture
 from model.metrics import psnr
 from model.reconstruct import PRECISIONS
 from model.unet import CompactUNet
@@ -78,7 +78,7 @@ def precision_table(weights: Path, inputs: Sequence[PrecisionInput]) -> list[dic
 
 def precision_of_scene(folder: Path, weights: Sequence[Path], densities: Sequence[float], seed: int = 11) -> list[dict]:
     """:func:`precision_table` of every weights file on the first view of a scene, at every density and scale."""
-    from model.data.pairs import project_scan, scan_spacing
+    from model.data.projected import project_scan, scan_spacing
     from model.data.stations import load_scene, scan_stations
     from model.evaluation.methods import thinned
     from model.evaluation.scene import pick_views, truth_of

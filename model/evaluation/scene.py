@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from model.data.pairs import Projected, project_scan, scan_spacing
+from model.data.projected import Projected, project_scan, scan_spacing
 from model.data.stations import Shot, StationScene, load_scene, scan_stations
 from model.data.truth import DataError, Scan, TruePicture
 from model.evaluation.figures import Truth

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.compiled import compiled
+from model.synth.hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)
-EPSILON = 1e-6  # metres: hits nearer than this are the surface that the ray leaves
 _STACK = 64
 
 
@@ -94,94 +94,6 @@ def make_shapes(kind, params, centre, rotation, casts=None) -> Shapes:
 
 
 @compiled(nogil=True)
-def _box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz):
-    """Where a ray enters and leaves the box |x| <= hx, ...: (near, far), near > far where it misses."""
-    near, far = -np.inf, np.inf
-    for axis in range(3):
-        o, d, h = (ox, dx, hx) if axis == 0 else ((oy, dy, hy) if axis == 1 else (oz, dz, hz))
-        if d == 0.0:
-            if abs(o) > h:
-                return np.inf, -np.inf
-        else:
-            a, b = (-h - o) / d, (h - o) / d
-            near, far = max(near, min(a, b)), min(far, max(a, b))
-    return near, far
-
-
-@compiled(nogil=True)
-def _hit_tube(ox, oy, oz, dx, dy, dz, r0, r1, h, caps):
-    """First t > EPSILON on the side of a cone frustum, and on its end discs where ``caps``; inf for none."""
-    best = np.inf
-    m, k = 0.5 * (r0 + r1), 0.5 * (r1 - r0) / h
-    w, g = m + k * oz, k * dz
-    a = dx * dx + dy * dy - g * g
-    b = ox * dx + oy * dy - w * g
-    c = ox * ox + oy * oy - w * w
-    disc = b * b - a * c
-    if disc >= 0.0 and abs(a) > 1e-15:
-        root = np.sqrt(disc)
-        for sign in (-1.0, 1.0):
-            t = (-b + sign * root) / a
-            if EPSILON < t < best and abs(oz + t * dz) <= h:
-                best = t
-    if caps > 0.0 and dz != 0.0:
-        for end in (-1.0, 1.0):
-            t = (end * h - oz) / dz
-            r = r0 if end < 0.0 else r1
-            if EPSILON < t < best and (ox + t * dx) ** 2 + (oy + t * dy) ** 2 <= r * r:
-                best = t
-    return best
-
-
-@compiled(nogil=True)
-def _hit_ellipsoid(ox, oy, oz, dx, dy, dz, rx, ry, rz):
-    """First t > EPSILON on an ellipsoid; inf for none."""
-    ox, oy, oz, dx, dy, dz = ox / rx, oy / ry, oz / rz, dx / rx, dy / ry, dz / rz
-    a, b, c = dx * dx + dy * dy + dz * dz, ox * dx + oy * dy + oz * dz, ox * ox + oy * oy + oz * oz - 1.0
-    disc = b * b - a * c
-    if disc < 0.0:
-        return np.inf
-    root = np.sqrt(disc)
-    if (-b - root) / a > EPSILON:
-        return (-b - root) / a
-    return (-b + root) / a if (-b + root) / a > EPSILON else np.inf
-
-
-@compiled(nogil=True)
-def _hit_round(ox, oy, oz, dx, dy, dz, hx, hy, hz, r):
-    """First t on a rounded box, by sphere tracing between the plain box's two faces; inf for none."""
-    near, far = _box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz)
-    t = max(near, EPSILON)
-    for _ in range(96):
-        if not t < far:
-            break
-        qx = max(abs(ox + t * dx) - hx + r, 0.0)
-        qy = max(abs(oy + t * dy) - hy + r, 0.0)
-        qz = max(abs(oz + t * dz) - hz + r, 0.0)
-        gap = np.sqrt(qx * qx + qy * qy + qz * qz) - r
-        if gap < 2e-5:
-            return t
-        t += gap
-    return np.inf
-
-
-@compiled(nogil=True)
-def _hit_quad(ox, oy, oz, dx, dy, dz, hx, hy, outline):
-    """t where the ray passes through the outline in z = 0; inf for none."""
-    if dz == 0.0 or -oz / dz <= EPSILON:
-        return np.inf
-    t = -oz / dz
-    x, y = (ox + t * dx) / hx, (oy + t * dy) / hy
-    if outline == 1.0:
-        inside = x * x + y * y <= 1.0
-    elif outline == 2.0:
-        inside = abs(x) <= 1.0 and abs(y) <= 1.0 - x * x
-    else:
-        inside = abs(x) <= 1.0 and abs(y) <= 1.0
-    return t if inside else np.inf
-
-
-@compiled(nogil=True)
 def _hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
     """t of a world ray on primitive i; inf for none."""
     px, py, pz = px - centre[i, 0], py - centre[i, 1], pz - centre[i, 2]
@@ -194,19 +106,19 @@ def _hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
     p0, p1, p2, p3 = params[i, 0], params[i, 1], params[i, 2], params[i, 3]
     k = kind[i]
     if k == BOX:
-        near, far = _box_span(ox, oy, oz, dx, dy, dz, p0, p1, p2)
+        near, far = box_span(ox, oy, oz, dx, dy, dz, p0, p1, p2)
         if near > far or far <= EPSILON:
             return np.inf
         return near if near > EPSILON else far
     if k == QUAD:
-        return _hit_quad(ox, oy, oz, dx, dy, dz, p0, p1, p2)
+        return hit_quad(ox, oy, oz, dx, dy, dz, p0, p1, p2)
     if k == CYLINDER:
-        return _hit_tube(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
+        return hit_tube(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
     if k == SPHERE:
-        return _hit_ellipsoid(ox, oy, oz, dx, dy, dz, p0, p1, p2)
+        return hit_ellipsoid(ox, oy, oz, dx, dy, dz, p0, p1, p2)
     if k == ROUND:
-        return _hit_round(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
-    best = _hit_tube(ox, oy, oz, dx, dy, dz, p0, p0, p1, 0.0)
+        return hit_round(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
+    best = hit_tube(ox, oy, oz, dx, dy, dz, p0, p0, p1, 0.0)
     for end in (-p1, p1):
         # Both roots: from inside the tube, the first meets the end's sphere within it.
         z = oz - end

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.data.pairs import project_scan
+from model.data.projected import project_scan
 from model.data.stations import load_scene, scan_stations
 from model.depth_filter import keep_mask
 from model.evaluation import true_visibility

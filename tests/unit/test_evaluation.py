@@ -10,7 +10,7 @@ from PIL import Image
 
 import model.evaluation.methods as methods_module
 import model.evaluation.scene as scene_module
-from model.data.pairs import project_scan
+from model.data.projected import project_scan
 from model.data.stations import load_scene, scan_stations
 from model.data.truth import DataError
 from model.depth_filter import keep_mask

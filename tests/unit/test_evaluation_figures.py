@@ -9,7 +9,7 @@ import torch
 from evaluation_files import rgb_of
 
 import model.evaluation.scene as scene_module
-from model.data.pairs import Projected, project_scan
+from model.data.projected import Projected, project_scan
 from model.data.stations import ScanModel, load_scene, scan_stations
 from model.data.truth import Scan
 from model.evaluation import precision_table

@@ -10,9 +10,10 @@ from PIL import Image
 from walls import LENSES, SIZE, bend, cast, look, rays_of, straight_view, wall_scan
 
 from model.data.lens import Lens
-from model.data.pairs import place_pairs, project_scan, raster_of
+from model.data.pairs import place_pairs
 from model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
 from model.data.photos import Photograph
+from model.data.projected import project_scan, raster_of
 from model.data.truth import MemoryPicture, Scan
 
 pytestmark = pytest.mark.usefixtures("one_thread")

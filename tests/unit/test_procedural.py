@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from model.data.pairs import build, project_scan
+from model.data.pairs import build
 from model.data.procedural import ProceduralPlace, procedural_places
+from model.data.projected import project_scan
 
 
 def _small(kind, seed=1):

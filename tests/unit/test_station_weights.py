@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.data.pairs import project_scan
+from model.data.projected import project_scan
 from model.data.truth import MemoryPicture, Scan
 from model.places import told_apart
 from model.project import SoftZ, network_input, rasterise

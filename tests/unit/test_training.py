@@ -14,7 +14,8 @@ import torch
 from rooms import make_room
 
 from model.data.crops import Ahead, Crops
-from model.data.pairs import build, flow_to, project_scan
+from model.data.pairs import build, flow_to
+from model.data.projected import project_scan
 from model.data.stations import load_scene
 from model.data.truth import DataError, MemoryPicture
 from model.objective import Objective, inside_flow, warp

@@ -8,7 +8,7 @@ import pytest
 from cloud_files import write_ply
 from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
 
-from model.data.pairs import scan_spacing
+from model.data.projected import scan_spacing
 from model.weights import load_weights, weights_dir
 from viewer.cloud.e57_images import read_photographs
 from viewer.errors import InputError

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from model.data.lens import Lens
-from model.data.pairs import project_scan
+from model.data.projected import project_scan
 from model.data.truth import MemoryPicture, Scan
 
 SIZE = np.array([4.0, 3.0, 2.5])

@@ -15,8 +15,9 @@ import numpy as np
 import torch
 from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, gaussian_filter
 
-from model.data.pairs import Projected, build, project_scan, raster_of, scan_spacing
+from model.data.pairs import build
 from model.data.photo_place import PhotoPlace
+from model.data.projected import Projected, project_scan, raster_of, scan_spacing
 from model.data.truth import MemoryPicture, Scan
 from model.depth_filter import keep_mask
 from model.exposure import match_exposures

@@ -1,0 +1,82 @@
+"""A scan as a camera sees it: its points in their pixels, before any are left out, and what is made of those kept."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from model.data.spacing import median_spacing
+from model.data.truth import Scan, TruePicture
+from model.depth_filter import keep_mask
+from model.places import told_apart
+from model.project import Raster, SoftZ, network_input, pixels, rasterise
+from model.station_weights import station_weights
+
+
+@dataclass(frozen=True)
+class Projected:
+    """A scan seen from a shot, before decimation: the points inside the picture, in random order.
+
+    index (M,) int64 pixel, z (M,) float32, rgb (M, 3) uint8, station (M,) uint8, rank (M,) float32 in 0..1: a decimation to a
+    share s keeps the points of rank < s.  weight (M,) int64 by where the scanners stood, None where the scan does not say.
+    """
+
+    index: Tensor
+    z: Tensor
+    rgb: Tensor
+    station: Tensor
+    rank: Tensor
+    camera: SimpleNamespace
+    weight: Tensor | None = None
+
+    def chosen(self, keep: Tensor) -> "Projected":
+        """The points of ``keep`` (M,) bool."""
+        index, z, rgb, station, rank = (part[keep] for part in (self.index, self.z, self.rgb, self.station, self.rank))
+        return Projected(index, z, rgb, station, rank, self.camera, None if self.weight is None else self.weight[keep])
+
+    def raster(self, soft: SoftZ) -> Raster:
+        """The points in their pixels, through the soft z-buffer."""
+        return rasterise(self.index, self.z, self.rgb, self.camera.width, self.camera.height, soft, self.weight)
+
+
+def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
+                 camera_to_world: np.ndarray | None = None) -> Projected:
+    """Projects a scan in float64, then float32 as the renderer does, into a picture ``reduce`` times smaller.
+
+    The rank of each point depends on the seed and the scan alone, not on the camera.  camera_to_world: instead of the shot's.
+    """
+    matrix = shot.camera_to_world if camera_to_world is None else camera_to_world
+    to_view = matrix[:3, :3] * (1.0, -1.0, -1.0)
+    view = torch.from_numpy(((scan.xyz - matrix[:3, 3]) @ to_view).astype(np.float32))
+    camera = SimpleNamespace(
+        width=shot.width // reduce, height=shot.height // reduce, fx=shot.fl / reduce, fy=shot.fl / reduce,
+        cx=shot.cx / reduce, cy=shot.cy / reduce,
+    )
+    x, y, z = view.unbind(1)
+    index, inside = pixels(x, y, z, camera)
+    rank = torch.rand(len(view), generator=torch.Generator().manual_seed(seed))
+    z, rgb, station = z[inside], torch.from_numpy(scan.rgb)[inside], torch.from_numpy(scan.station)[inside]
+    weight = None
+    if scan.places is not None and told_apart(scan.places):
+        places = torch.from_numpy(((scan.places - matrix[:3, 3]) @ to_view).astype(np.float32))
+        weight = station_weights(x[inside], y[inside], z, station.long(), places)
+    return Projected(index, z, rgb, station, rank[inside], camera, weight)
+
+
+def raster_of(seen: Projected, keep: Tensor, spacing: float) -> Raster:
+    """The points selected by ``keep`` through the soft z-buffer.  spacing: of the decimated scan, file units."""
+    return seen.chosen(keep).raster(SoftZ.preset("auto", spacing, 1.0))
+
+
+def picture(seen: Projected, keep: Tensor, spacing: float, preset: str = "auto", strength: float = 1.0) -> Tensor:
+    """(5, H, W) network input from the points selected by ``keep``.  spacing: of the decimated scan, file units."""
+    raster = raster_of(seen, keep, spacing)
+    return network_input(raster, keep_mask(raster.depth, preset, strength=strength), seen.camera.fx, spacing)
+
+
+def scan_spacing(scan: Scan) -> float:
+    """Median spacing of a scan, from a sample of it."""
+    pick = np.random.default_rng(0).choice(len(scan.xyz), min(len(scan.xyz), 2_000_000), replace=False)
+    return median_spacing(scan.xyz[pick]) * float(np.sqrt(len(pick) / len(scan.xyz)))
