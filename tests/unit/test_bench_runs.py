@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
-from viewer.bench import approximations, errors, frames, scaling, views
+from viewer.bench import approximations, errors, frames, room, scaling, views
+from viewer.paths import cache_dir
 
 
 @pytest.fixture(scope="module")
@@ -37,15 +38,15 @@ def test_the_front_holds_what_nothing_beats():
 
 def test_what_does_not_fit_is_said_and_not_attempted(monkeypatch, capsys, tmp_path):
     gb = 1 << 30
-    assert scaling.problem(1_000_000, scaling.Room(8 * gb, 8 * gb)) is None
-    assert scaling.problem(10**9, scaling.Room(8 * gb, 100 * gb)) is None, "memory does not grow with the scan"
-    assert "of memory" in (scaling.problem(10**9, scaling.Room(4 * gb, 100 * gb)) or "")
-    assert "of disk" in (scaling.problem(10**9, scaling.Room(100 * gb, 8 * gb)) or "")
-    assert scaling.needed(10**9).memory < 4 * 10**9 and scaling.needed(10**9).disk > 12 * 10**9
-    real = scaling.available(tmp_path / "not" / "there" / "yet")
+    assert room.problem(1_000_000, room.Room(8 * gb, 8 * gb)) is None
+    assert room.problem(10**9, room.Room(8 * gb, 100 * gb)) is None, "memory does not grow with the scan"
+    assert "of memory" in (room.problem(10**9, room.Room(4 * gb, 100 * gb)) or "")
+    assert "of disk" in (room.problem(10**9, room.Room(100 * gb, 8 * gb)) or "")
+    assert room.needed(10**9).memory < 4 * 10**9 and room.needed(10**9).disk > 12 * 10**9
+    real = room.available(tmp_path / "not" / "there" / "yet")
     assert real.memory > 0 and real.disk > 0
 
-    monkeypatch.setattr(scaling, "available", lambda folder: scaling.Room(1 << 20, 1 << 20))
+    monkeypatch.setattr(scaling, "available", lambda folder: room.Room(1 << 20, 1 << 20))
     monkeypatch.setattr(scaling, "procedural_scene", lambda *a: pytest.fail("attempted"))
     assert run("bench", "scale", "--points", "1M,1G", "--size", "64x48", "--json", tmp_path / "s.json") == 0
     made = json.loads((tmp_path / "s.json").read_text())
@@ -61,6 +62,8 @@ def test_growth_is_from_ten_million_up():
     found = [row(10**6, 5.0), row(10**7, 10.0), row(10**8, 12.0), row(10**9, 0.0, False)]
     assert scaling.growth(found) == {"rooms": {"from": 10**7, "to": 10**8, "raw": 1.2, "filled": 1.2}}
     assert scaling.growth(found[:1]) == {}
+    found[2]["growth"] = {"raw": 1.1, "filled": 1.3}  # taken side by side
+    assert scaling.growth(found) == {"rooms": {"from": 10**7, "to": 10**8, "raw": 1.1, "filled": 1.3}}
 
 
 @pytest.mark.gl
@@ -92,7 +95,8 @@ def test_bench_grid(tmp_path):
 
 
 @pytest.mark.gl
-def test_bench_scale(tmp_path):
+def test_bench_scale(tmp_path, monkeypatch):
+    monkeypatch.setattr(scaling, "YARDSTICK", 20_000)
     made = made_by("scale", tmp_path, "--points", "20k,40k,100G", "--repeats", "1")
     assert made.keys() >= COMMON | {"lod", "rows", "growth", "size"}
     assert [(r["series"], r["points"], r["fits"]) for r in made["rows"]] == [
@@ -102,6 +106,10 @@ def test_bench_scale(tmp_path):
             assert row["packed_bytes"] == 12 * row["points"] and row["resident_bytes"] > row["packed_bytes"]
             assert row["open_to_first_picture_s"] > 0 and set(row["milliseconds"]) == {"raw", "filled"}
     assert set(made["growth"]) == {"rooms", "density"} and made["lod"] == scaling.LOD
+    for first, second in (made["rows"][0:2], made["rows"][3:5]):
+        assert first["growth"] is None and all(0.1 < second["growth"][view] < 10 for view in ("raw", "filled"))
+        assert made["growth"][first["series"]] == {"from": 20_000, "to": 40_000, **second["growth"]}
+    assert not list(cache_dir().glob("pointglass-scale-*"))
 
 
 @pytest.mark.gl

@@ -3,15 +3,14 @@
 The camera turns inside one room, so that what it sees of a larger floor stays the same.  Each size is made on the spot into
 a folder of its own, opened from there as any scan is, drawn, and removed again, unless it is to be kept.  Points are streamed
 into a pool of fixed size and hidden cells left out, as the window does; frames are timed once all that they need has come.
+Each frame of a larger scan is timed between two of the 10M one, so that how far time grows is told by neighbours in time.
 What would not fit into the memory or on the disk at hand is computed beforehand, said, and not attempted.
 """
 
-import shutil
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,11 +19,12 @@ import numpy as np
 from viewer.bench.frames import summary
 from viewer.bench.plots import INK, MARKS, figure, save
 from viewer.bench.procedural_scan import POINTS_PER_ROOM, STATIONS, ProceduralScan, procedural_scene
+from viewer.bench.room import POINT_BYTES, POOL, available, problem, resident
 from viewer.camera import Camera, from_fov, look_at
 from viewer.errors import InputError
 from viewer.paths import cache_dir
 from viewer.progress import progress
-from viewer.settings import Memory, Settings
+from viewer.settings import Settings
 
 if TYPE_CHECKING:
     import moderngl
@@ -36,75 +36,13 @@ LADDER = (1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000, 300_000_000
 SERIES = ("rooms", "density")
 DENSITY_ROOMS = 2
 """Rooms of the density series; the two meet at this many times POINTS_PER_ROOM."""
+YARDSTICK = 10_000_000
+"""Points of the scan whose frames those of larger ones are taken beside."""
 LOD = 1.0
 VIEWS = ("raw", "filled")
 TURNS, TURN = 24, 3.75
 """Frames, and degrees from one to the next: a brisk look around."""
-POOL = Memory(gpu=2 << 30)
-"""What points may take, so that a billion of them fly with gigabytes to spare."""
-_POINT = 12
-_OVERHEAD = 1.1  # cell tables
-_BASE = 400 << 20  # bytes: the process, OpenGL, one chunk of each thread
 _PATIENCE = 60.0  # seconds for the points of one picture to come
-_SPARE = 1 << 30  # bytes left free on the disk
-_SHARE = 0.5  # of the memory at hand
-
-
-@dataclass(frozen=True)
-class Room:
-    """What there is: bytes of memory and, where the cache lies, of disk."""
-
-    memory: int
-    disk: int
-
-
-def available(folder: Path) -> Room:
-    """Memory that can be had without swapping (a container's limit counts), and disk in the nearest folder that exists."""
-    try:
-        lines = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
-        memory = int(lines["MemAvailable"].split()[0]) * 1024
-    except (OSError, KeyError, ValueError):
-        memory = 4 << 30  # a system that does not say is taken for a small one
-    try:
-        limit = int(Path("/sys/fs/cgroup/memory.max").read_text())
-        memory = min(memory, limit - int(Path("/sys/fs/cgroup/memory.current").read_text()))
-    except (OSError, ValueError):
-        pass
-    while not folder.exists():
-        folder = folder.parent
-    return Room(memory, shutil.disk_usage(folder).free)
-
-
-def needed(points: int) -> Room:
-    """What a scan of that many points takes: on the disk its grid, in memory the renderer's pool and what is read ahead."""
-    grid = int(points * _POINT * _OVERHEAD)
-    return Room(min(grid, (POOL.gpu or 0) + POOL.read_ahead) + _BASE, grid + _SPARE)
-
-
-def problem(points: int, there: Room) -> str | None:
-    """Why that many points do not fit, in one line; None where they do."""
-    need = needed(points)
-    for what, wanted, given, share in (("memory", need.memory, there.memory, _SHARE), ("disk", need.disk, there.disk, 1.0)):
-        if wanted > share * given:
-            part = f"half of the {given / 1e9:.1f} GB" if share < 1 else f"the {given / 1e9:.1f} GB"
-            return f"does not fit: needs {wanted / 1e9:.1f} GB of {what}, {part} at hand {'is' if share < 1 else 'are'} less"
-    return None
-
-
-def resident() -> int:
-    """Bytes of memory this process holds, mapped files included."""
-    try:
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmRSS:"):
-                return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    try:
-        import resource
-    except ImportError:
-        return 0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024
 
 
 def scan_of(series: str, points: int, seed: int) -> ProceduralScan:
@@ -133,27 +71,27 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
     device = None
     with progress(len(SERIES) * len(sizes), "scale", "size") as meter:
         for series in SERIES:
+            beside: Flight | None = None
             for points in sizes:
                 scan = scan_of(series, points, seed)
                 row = {"series": series, "points": points, "rooms": scan.rooms, "fits": True}
-                parent = cache_dir()
-                kept = keep / f"{series}-{points}-{seed}" if keep is not None else None
-                if kept is None or not kept.is_dir():
-                    why = problem(points, available(keep or parent))
-                else:
-                    why = None
+                parent = cache_dir() if keep is None else keep
+                kept = None if keep is None else keep / f"{series}-{points}-{seed}"
+                why = None if kept is not None and kept.is_dir() else problem(points, available(parent))
                 if why:
                     found.append(row | {"fits": False, "why": why})
-                elif kept is not None:
-                    kept.parent.mkdir(parents=True, exist_ok=True)
-                    measured, device = _measure(context, scan, kept, size, settings, repeats)
-                    found.append(row | measured)
                 else:
                     parent.mkdir(parents=True, exist_ok=True)
-                    with tempfile.TemporaryDirectory(prefix="pointglass-scale-", dir=parent) as folder:
-                        measured, device = _measure(context, scan, Path(folder) / "grid", size, settings, repeats)
-                        found.append(row | measured)
+                    flight = Flight(context, scan, kept, parent, size, settings)
+                    found.append(row | flight.measure(repeats, beside))
+                    device = flight.renderer.device
+                    if beside is None and points >= YARDSTICK:
+                        beside = flight
+                    else:
+                        flight.release()
                 meter.update(1)
+            if beside is not None:
+                beside.release()
     context.release()
     facts = {} if device is None else {"opengl": device.renderer, "driver": device.version}
     return {
@@ -162,49 +100,72 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
     }
 
 
-def _measure(context: "moderngl.Context", scan: ProceduralScan, folder: Path, size: tuple[int, int], settings: Settings,
-             repeats: int):
-    """One size: seconds to make (None where ``folder`` is there), to open and to draw first; frame times; memory."""
-    from viewer.cloud import open_scene
-    from viewer.render.occlusion import Occlusion
-    from viewer.render.renderer import Renderer
+class Flight:
+    """A look around in one scan, opened, with its first picture drawn.
 
-    seconds = None
-    if not folder.is_dir():
+    Made into the folder ``kept`` where it is not there yet, or into one under ``parent`` that goes when this is released.
+    """
+
+    def __init__(self, context: "moderngl.Context", scan: ProceduralScan, kept: Path | None, parent: Path,
+                 size: tuple[int, int], settings: Settings):
+        from viewer.cloud import open_scene
+        from viewer.render.occlusion import Occlusion
+        from viewer.render.renderer import Renderer
+
+        self._own = None if kept else tempfile.TemporaryDirectory(prefix="pointglass-scale-", dir=parent)
+        folder = kept or Path(self._own.name if self._own else "") / "grid"
+        self.made_s = None
+        if not folder.is_dir():
+            start = time.perf_counter()
+            procedural_scene(scan, folder)
+            self.made_s = time.perf_counter() - start
+        self.cameras, self.settings = inside(scan, size), settings
+        self.before = resident()
         start = time.perf_counter()
-        procedural_scene(scan, folder)
-        seconds = time.perf_counter() - start
-    cameras = inside(scan, size)
-    before = resident()
-    start = time.perf_counter()
-    scene: Scene = open_scene(folder)
-    renderer = Renderer(context, scene, memory=POOL)
-    renderer.render(cameras[0], settings, views=("raw",), streaming=True).image("raw")
-    opened = time.perf_counter() - start
-    times: dict[str, dict] = {}
-    drawn: list[int] = []
-    stats: dict = {}
-    filling: list[float] = []
-    for view in VIEWS:
-        seen = Occlusion() if view != "raw" else None
-        renderer.render(cameras[-1], settings, (view,), seen, streaming=True)
-        spent = []
-        for camera in cameras * repeats:
-            filling.append(_fill(renderer, camera, settings))
-            stats = renderer.render(camera, settings, (view,), seen, streaming=True).stats
-            spent.append(stats["total_ms"])
-            drawn.append(stats["points_drawn"])
-        times[view] = summary(spent)
-    held = resident()
-    device = renderer.device
-    row = {
-        "make_s": seconds, "open_to_first_picture_s": opened, "to_full_picture_s": max(filling), "milliseconds": times,
-        "points_drawn": float(np.mean(drawn)), "pool_bytes": renderer.pages.nbytes,
-        "packed_bytes": scene.count * _POINT, "resident_bytes": held, "resident_before_bytes": before,
-        "cells": len(scene.cell_coords), "layers": scene.layers, "spacing": scene.spacing, "raster": stats["raster"],
-    }
-    renderer.release()
-    return row, device
+        self.scene: Scene = open_scene(folder)
+        self.renderer = Renderer(context, self.scene, memory=POOL)
+        self.renderer.render(self.cameras[0], settings, views=("raw",), streaming=True).image("raw")
+        self.opened_s = time.perf_counter() - start
+        self.waited_s = 0.0
+        self._seen = Occlusion()
+
+    def release(self) -> None:
+        self.renderer.release()
+        if self._own is not None:
+            self._own.cleanup()
+
+    def frame(self, number: int, view: str) -> dict:
+        """The stats of one frame, once all its points are there."""
+        camera = self.cameras[number % len(self.cameras)]
+        self.waited_s = max(self.waited_s, _fill(self.renderer, camera, self.settings))
+        seen = self._seen if view != "raw" else None
+        return self.renderer.render(camera, self.settings, (view,), seen, streaming=True).stats
+
+    def measure(self, repeats: int, beside: "Flight | None") -> dict:
+        """Seconds to make (None where it was there), to open and to draw first; frame times; memory; and ``growth``, the middle
+        ratio of its frames to those of ``beside`` from the same place, each taken next to the other."""
+        times: dict[str, dict] = {}
+        growth: dict[str, float] = {}
+        drawn: list[int] = []
+        stats: dict = {}
+        for view in VIEWS:
+            spent, other = [], []
+            for number in range(-1, len(self.cameras) * repeats):
+                stats = self.frame(number, view)
+                reference = beside.frame(number, view) if beside is not None else stats
+                if number >= 0:
+                    spent.append(stats["total_ms"])
+                    other.append(reference["total_ms"])
+                    drawn.append(stats["points_drawn"])
+            times[view] = summary(spent)
+            growth[view] = float(np.median(np.divide(spent, other)))
+        return {
+            "make_s": self.made_s, "open_to_first_picture_s": self.opened_s, "to_full_picture_s": self.waited_s,
+            "milliseconds": times, "growth": growth if beside is not None else None, "points_drawn": float(np.mean(drawn)),
+            "pool_bytes": self.renderer.pages.nbytes, "packed_bytes": self.scene.count * POINT_BYTES,
+            "resident_bytes": resident(), "resident_before_bytes": self.before, "cells": len(self.scene.cell_coords),
+            "layers": self.scene.layers, "spacing": self.scene.spacing, "raster": stats["raster"],
+        }
 
 
 def _fill(renderer: "Renderer", camera: Camera, settings: Settings) -> float:
@@ -218,16 +179,17 @@ def _fill(renderer: "Renderer", camera: Camera, settings: Settings) -> float:
 
 
 def growth(found: list[dict]) -> dict[str, dict[str, float]]:
-    """By series and view: p50 at the largest size that ran over that at 10M (or, smaller ladders, at the smallest)."""
+    """By series and view: frame time at the largest size that ran over that at YARDSTICK (or, smaller ladders, at the
+    smallest): frame by frame where they were taken side by side, else of the p50."""
     out: dict[str, dict[str, float]] = {}
     for series in SERIES:
         ran = sorted((row for row in found if row["series"] == series and row["fits"]), key=lambda row: row["points"])
         if len(ran) > 1:
-            base = next((row for row in ran if row["points"] >= 10_000_000), ran[-1])
+            base = next((row for row in ran if row["points"] >= YARDSTICK), ran[-1])
             base = ran[0] if base is ran[-1] else base
-            out[series] = {"from": base["points"], "to": ran[-1]["points"]} | {
-                view: ran[-1]["milliseconds"][view]["p50"] / base["milliseconds"][view]["p50"] for view in VIEWS
-            }
+            last = ran[-1]
+            out[series] = {"from": base["points"], "to": last["points"]} | (last.get("growth") or {
+                view: last["milliseconds"][view]["p50"] / base["milliseconds"][view]["p50"] for view in VIEWS})
     return out
 
 
