@@ -111,10 +111,10 @@ def scale(files: dict[str, dict]) -> str:
                          f"{row['packed_bytes'] / 1e6:,.0f} | {row['resident_bytes'] / 1e6:,.0f} |")
         else:
             lines.append(f"{head} {row['why']} | | | | |")
-    paired = any(row.get("growth") for row in found["rows"])
+    how = ", frame by frame, side by side" if any(row.get("growth") for row in found["rows"]) else ""
     for series, grown in found["growth"].items():
         lines.append(f"\nBy {series}, from {grown['from'] / 1e6:,.0f} M to {grown['to'] / 1e6:,.0f} M points: raw "
-                     f"{grown['raw']:.2f}x, filled {grown['filled']:.2f}x" + (", frame by frame, side by side." if paired else "."))
+                     f"{grown['raw']:.2f}x, filled {grown['filled']:.2f}x{how}.")
     return "\n".join(lines)
 
 
