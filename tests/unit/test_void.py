@@ -14,7 +14,27 @@ def closed_plainly(points: np.ndarray, position: np.ndarray) -> np.ndarray:
     scanned = np.zeros(6 * SIDE * SIDE, bool)
     scanned[cell_of(ray[np.abs(ray).max(axis=1) > 0])] = True
     hits = scanned[void._walks()].any(axis=2).sum(axis=1)
-    return (hits >= void._NEEDED).reshape(6 * SIDE, SIDE)
+    return settled_plainly(scanned, hits >= void._NEEDED).reshape(6 * SIDE, SIDE)
+
+
+def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
+    """Hole by hole, as sets."""
+    beside = [set(cells) for cells in void._walks()[:, :, 0].tolist()]
+    below = void._centres()[:, 2] < 0
+    enclosed = (~scanned).mean() <= 1 / void.ENCLOSES
+    closed, left = surrounded.copy(), set(np.flatnonzero(~scanned).tolist())
+    while left:
+        hole, new = set(), {min(left)}
+        while new:
+            hole |= new
+            left -= new
+            new = set().union(*(beside[cell] for cell in new)) & left
+        cells = list(hole)
+        closed[cells] = surrounded[cells].mean() >= 0.5 or (enclosed and below[cells].all())
+    for cell in np.flatnonzero(scanned):
+        open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
+        closed[cell] |= bool(open_or_not) and all(open_or_not)
+    return closed
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
@@ -28,6 +48,36 @@ def test_the_compiled_loop_closes_what_numpy_does(seed, scale):
         surroundings._points = points
         for position in (np.zeros(3), rng.normal(size=3) * scale):
             assert np.array_equal(surroundings.closed(position), closed_plainly(points, position)), (count, position)
+
+
+def walls(rng, roof: bool = True) -> np.ndarray:
+    """Points on the six sides of a room of 6 x 5 x 3 m, or on five."""
+    points = rng.random((60_000, 3)) * (6, 5, 3)
+    side = rng.integers(0, 6 if roof else 5, len(points))
+    points[np.arange(len(points)), side // 2] = np.array([6.0, 5.0, 3.0])[side // 2] * (side % 2)
+    return points
+
+
+@pytest.mark.parametrize("height", [0.9, 1.3, 1.6, 2.5])
+def test_what_the_tripod_hid_is_closed_as_a_whole_however_low_the_eye(seed, height):
+    """A disc without points in the floor, 1.4 m around the station, seen from above it and from beside."""
+    points = walls(np.random.default_rng(seed))
+    points = points[(points[:, 2] > 0) | (np.hypot(points[:, 0] - 3, points[:, 1] - 2.5) > 1.4)]
+    surroundings = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
+    for eye in ((3.0, 2.5, height), (3.7, 2.1, height)):
+        assert (surroundings.closed(np.array(eye)) == 1).all()
+
+
+def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
+    """Four walls without a roof: what is not wall or floor is sky, none of it closed, though a walk from its middle meets all
+    four walls."""
+    points = walls(np.random.default_rng(seed), roof=False)
+    surroundings = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
+    eye = np.array([3.0, 2.5, 1.5])
+    closed = surroundings.closed(eye).ravel()
+    up = np.flatnonzero(void._centres()[:, 2] > np.cos(np.radians(50)))  # the walls reach to 53 degrees from the zenith
+    assert not closed[up].any()
+    assert closed[void._centres()[:, 2] < 0.3].all()
 
 
 def test_all_rays_of_a_picture_have_in_common_what_is_said(seed):

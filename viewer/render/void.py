@@ -2,8 +2,10 @@
 
 A hole in a room's floor is surrounded by floor on all sides, even where the picture ends in the middle of it; the sky
 over a street and the space around a statue are not.  The directions around the camera are sorted into the cells of a
-cube; a cell is closed where, walking from it in eight directions, each meets a scanned cell within 60 degrees.
-World axes, no OpenGL.
+cube; a cell is surrounded where, walking from it in eight directions, each meets a scanned cell within 60 degrees.  Cells
+without a point that touch are one hole, and get one answer: closed where most of them are surrounded, or where the hole lies
+below the horizon of a camera that the scan encloses (what a tripod hid, seen from low down).
+World axes, z up, no OpenGL.
 """
 
 from functools import cache
@@ -25,6 +27,8 @@ _CELL_RADIUS = np.arctan(np.sqrt(2.0) / SIDE) * (1 + 1e-6)
 _STEPS = np.radians(np.arange(6.0, 61.0, 6.0))
 _WALKS = 8
 _NEEDED = 8
+ENCLOSES = 3
+"""A scan encloses the camera where no more than one in so many cells is without a point."""
 _SAMPLES = 24576
 
 
@@ -98,6 +102,48 @@ def close_directions(points, position, side, walks, needed, scanned, closed):
         closed[cell] = hits >= needed
 
 
+@compiled(nogil=True)
+def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
+    """One answer for each hole: cells without a point that touch, and the scanned cells around them.
+
+    scanned (cells,) bool and closed (cells,) int8: from close_directions; closed is changed.  walks: as in _walks; the first
+    cell of each is taken for a neighbour.  below: (cells,) bool.  enclosing: ENCLOSES.  hole, queue: scratch, (cells,) int32.
+    """
+    cells = len(scanned)
+    hole[:] = -1
+    enclosed = enclosing * (cells - scanned.sum()) <= cells
+    for first in range(cells):
+        if scanned[first] or hole[first] >= 0:
+            continue
+        queue[0], size, at, surrounded, lies_below = first, 1, 0, 0, True
+        hole[first] = first
+        while at < size:
+            cell = queue[at]
+            at += 1
+            surrounded += closed[cell]
+            lies_below = lies_below and below[cell]
+            for walk in range(walks.shape[1]):
+                beside = walks[cell, walk, 0]
+                if not scanned[beside] and hole[beside] < 0:
+                    hole[beside] = first
+                    queue[size] = beside
+                    size += 1
+        answer = 2 * surrounded >= size or (enclosed and lies_below)
+        for i in range(size):
+            closed[queue[i]] = answer
+    for cell in range(cells):
+        if not scanned[cell]:
+            continue
+        holes, of_them_open = 0, 0
+        for walk in range(walks.shape[1]):
+            beside = walks[cell, walk, 0]
+            if not scanned[beside]:
+                holes += 1
+                of_them_open += closed[beside] == 0
+        if holes > 0 and of_them_open == 0:
+            closed[cell] = 1
+
+
 def closed_in_view(closed: np.ndarray, camera: "Camera") -> bool | None:
     """Whether all directions of a picture are closed (True) or none is (False); None where they differ.
 
@@ -128,6 +174,8 @@ class Surroundings:
 
     def closed(self, position: np.ndarray) -> np.ndarray:
         """(6 * SIDE, SIDE) int8: 1 where a hole in that direction from ``position`` (3,) is to be filled."""
-        scanned, closed = np.empty(6 * SIDE * SIDE, bool), np.empty(6 * SIDE * SIDE, np.int8)
+        cells = 6 * SIDE * SIDE
+        scanned, closed = np.empty(cells, bool), np.empty(cells, np.int8)
         close_directions(self._points, np.asarray(position, np.float64), SIDE, _walks(), _NEEDED, scanned, closed)
+        settle_holes(scanned, _walks(), _centres()[:, 2] < 0, ENCLOSES, closed, *np.empty((2, cells), np.int32))
         return closed.reshape(6 * SIDE, SIDE)
