@@ -1,8 +1,4 @@
-// Pyramid access shared by filter and fill: empty beyond the border, or the border repeated.
-
-vec4 fetch_or_empty(sampler2D image, ivec2 at, ivec2 extent) {
-    return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, extent)) ? texelFetch(image, at, 0) : vec4(0.0);
-}
+// Levels of the fill's pyramid, their borders repeated.
 
 vec4 fetch_clamped(sampler2D image, ivec2 at, ivec2 extent) {
     return texelFetch(image, clamp(at, ivec2(0), extent - 1), 0);

@@ -74,10 +74,13 @@ void main() {
     vec4 s = fetch_clamped(coarse, above + ivec2(0, 1), bounds), n = fetch_clamped(coarse, above - ivec2(0, 1), bounds);
     vec4 se = fetch_clamped(coarse, above + ivec2(1, 1), bounds), nw = fetch_clamped(coarse, above - ivec2(1, 1), bounds);
     vec4 ne = fetch_clamped(coarse, above + ivec2(1, -1), bounds), sw = fetch_clamped(coarse, above - ivec2(1, -1), bounds);
-#if defined(CLOSED) && CLOSED == 1
-    const bool surrounded = true;  // nobody asks
+    bool surrounded = true;
+#ifdef CLOSED
+#if CLOSED == 0
+    surrounded = texelFetch(inside, above, 0).x >= 0.5;
+#endif
 #else
-    bool surrounded = texelFetch(inside, above, 0).x >= 0.5;
+    surrounded = texelFetch(inside, above, 0).x >= 0.5;
 #endif
     write(at, extent, corner_sum(own, w, n, nw) / unit, whole, surrounded);
     write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, whole, surrounded);

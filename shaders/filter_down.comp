@@ -1,6 +1,5 @@
 // Depth filter, going down: nearest inverse depth of each block and how many level-0 pixels lie on its surface.
 // Twin: model/depth_filter.py, _near_pyramid.
-#include "common_pyramid.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(rg32f, binding = 0) uniform writeonly image2D coarse;
