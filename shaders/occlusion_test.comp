@@ -4,7 +4,6 @@
 // so that it is to be drawn, and 0 where it is hidden.  The lowest bit: to be drawn first in the next frame.
 #include "common_project.glsl"
 #include "common_occlusion.glsl"
-#define SHARE 4096.0  // steps in a sixteenth of a cell
 
 layout(local_size_x = CELLS_A_GROUP) in;
 layout(std430, binding = CELLS_BINDING) readonly buffer Cells { vec4 cells[]; };  // view position of step (0,0,0), box of points
@@ -13,10 +12,16 @@ layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
 uniform uint tally;  // where in it the hidden cells are counted
 uniform uint cell_count;
 
+// Three sides of a box, x lowest, as viewer/render/cull_kernels.py packs them.
+vec3 box_sides(uint code) {
+    const uint mask = (1u << SHARE_BITS) - 1u;
+    return vec3(code & mask, code >> SHARE_BITS & mask, code >> 2 * SHARE_BITS & mask);
+}
+
 bool hidden(vec4 cell) {
-    uint box = uint(cell.w);  // as viewer/render/cull_kernels.py packs it
-    vec3 first_step = SHARE * vec3(box & 15u, box >> 4 & 15u, box >> 8 & 15u);
-    vec3 last_step = SHARE * vec3((box >> 12 & 15u) + 1u, (box >> 16 & 15u) + 1u, (box >> 20 & 15u) + 1u) - 1.0;
+    const float steps = float(65536 >> SHARE_BITS);  // of a cell's side in one of its shares
+    vec3 first_step = steps * box_sides(uint(cell.w));
+    vec3 last_step = steps * (box_sides(uint(cell.w) >> 3 * SHARE_BITS) + 1.0) - 1.0;
     vec2 low = vec2(1e30), high = vec2(-1e30);
     float nearest = 1e30;
     for (uint corner = 0u; corner < 8u; ++corner) {

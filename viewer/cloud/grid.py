@@ -115,12 +115,12 @@ def build_grid(
             survey, layout, steps, _ = coarsest  # the same points over and over: no cells part them
             boxes = _scatter(sources, colours, survey, layout, points, pool)
             clock.lap("place")
-        faces = cover_of_faces(points, layout.offsets, layout.layers, pool)
+        known = {"faces": cover_of_faces(points, layout.offsets, layout.layers, pool), "boxes": boxes}
         clock.lap("faces")
-    return _finish(sources, survey, layout, points, steps, (faces, boxes), meta)
+    return _finish(sources, survey, layout, points, steps, known, meta)
 
 
-def _finish(sources, survey: Survey, layout: Layout, points, steps: float, cover, meta: dict) -> Scene:
+def _finish(sources, survey: Survey, layout: Layout, points, steps: float, known: dict, meta: dict) -> Scene:
     if 0 < steps < _STEPS_APART:
         meta["warnings"].append("points lie too close together for so wide a scan, positions are rounded; split it")
     spacing = (steps or STEPS / 64) * layout.cell_size / STEPS
@@ -131,7 +131,7 @@ def _finish(sources, survey: Survey, layout: Layout, points, steps: float, cover
     origin = np.asarray(layout.base * layout.cell_size)
     return Scene(
         points, layout.cells, layout.offsets, origin, layout.cell_size, layout.layers, survey.count, spacing,
-        survey.bounds, meta, parts=PARTS, faces=cover[0], boxes=cover[1],
+        survey.bounds, meta, parts=PARTS, **known,
     )  # fmt: skip
 
 

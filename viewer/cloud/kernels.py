@@ -56,7 +56,8 @@ def _slot(table, x, y, z):
 
 @compiled(nogil=True)
 def occupied(xyz, inverse, limit, seen):
-    """How many cells points xyz (n, 3) float64 occupy; stops beyond ``limit``.
+    """How many cells points xyz (n, 3) float64 occupy; stops beyond ``limit``.  In float64 and not by _slot: there is no base
+    yet to number cells from, and int32 would not hold them.
 
     inverse: 1 / cell size, any that keeps the cells' numbers finite.  seen: scratch, (2**k, 3) float64, more rows than
     ``limit``.

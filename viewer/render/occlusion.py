@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
+from viewer.cloud.boxes import SHARE_BITS
 from viewer.render import shader
 from viewer.render.shader import BINDINGS
 
@@ -127,7 +128,7 @@ class HiddenCells:
         self._appended = shader.Grown(context)
         shared = {"LEVELS": _LEVELS, "BLOCK_SHIFT": BLOCK_SHIFT}
         cells = {"CELLS_A_GROUP": _CELLS_A_GROUP}
-        test = {"TEXELS": TEXELS, "REACH": REACH, **shared, **cells}
+        test = {"TEXELS": TEXELS, "REACH": REACH, "SHARE_BITS": SHARE_BITS, **shared, **cells}
         self._depth = programs.compute("occlusion_depth.comp")
         self._blocks = programs.compute("occlusion_blocks.comp", BLOCK_SHIFT=BLOCK_SHIFT)
         self._reduce = programs.compute("occlusion_reduce.comp", **shared)

@@ -170,12 +170,14 @@ class Surroundings:
         head = int(ends[min(np.searchsorted(ends, _SAMPLES), len(ends) - 1)])  # coarse layers: an even sample
         points, *_ = unpack(scene, slice(0, head, max(1, head // _SAMPLES)))
         self._points = np.concatenate([centres, points])
+        self._below = _centres()[:, 2] < 0
+        self._scanned = np.empty(len(self._below), bool)
+        self._hole, self._queue = np.empty((2, len(self._below)), np.int32)
         self.closed(np.zeros(3))  # compiled now, or read from the cache, and not in the first frame
 
     def closed(self, position: np.ndarray) -> np.ndarray:
         """(6 * SIDE, SIDE) int8: 1 where a hole in that direction from ``position`` (3,) is to be filled."""
-        cells = 6 * SIDE * SIDE
-        scanned, closed = np.empty(cells, bool), np.empty(cells, np.int8)
-        close_directions(self._points, np.asarray(position, np.float64), SIDE, _walks(), _NEEDED, scanned, closed)
-        settle_holes(scanned, _walks(), _centres()[:, 2] < 0, ENCLOSES, closed, *np.empty((2, cells), np.int32))
+        closed, walks = np.empty(len(self._scanned), np.int8), _walks()
+        close_directions(self._points, np.asarray(position, np.float64), SIDE, walks, _NEEDED, self._scanned, closed)
+        settle_holes(self._scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
         return closed.reshape(6 * SIDE, SIDE)
