@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from viewer.cloud.chunk_reader import CHUNK
-from viewer.cloud.residency import OVERVIEW, Residency, available_memory, byte_count, overview_chunks
+from viewer.cloud.residency import OVERVIEW, Residency, available_memory, byte_count, opening_chunks, overview_chunks
 from viewer.errors import InputError
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -18,12 +18,15 @@ SEEDS = st.integers(0, 2**32 - 1)
 class PlainPool:
     """The twin: an ordered dict of chunk -> slot, the one to go first in front."""
 
-    def __init__(self, slots: int, pinned: int):
+    def __init__(self, chunks: int, slots: int, pinned: int):
+        self.chunks, self.slots = chunks, slots
         self.held, self.empty, self.pinned = OrderedDict(), list(range(slots)), pinned
 
     def frame(self, needed: list[int], limit: int | None) -> dict[int, int]:
         """chunk -> slot of what is to be loaded."""
         missing = [chunk for chunk in needed if chunk not in self.held][:limit]
+        if self.slots >= self.chunks:
+            return {chunk: chunk for chunk in missing}
         room = self.empty + [
             slot for chunk, slot in self.held.items() if chunk >= self.pinned and chunk not in needed
         ]
@@ -56,7 +59,7 @@ def test_the_pool_agrees_with_a_plain_twin(seed):
     chunks, slots = int(rng.integers(1, 120)), int(rng.integers(2, 60))
     pinned = int(rng.integers(0, slots // 2 + 1))
     residency = Residency(chunks * 64 - int(rng.integers(0, 64)), slots, chunk_points=64, pinned=pinned)
-    twin = PlainPool(residency.slots, residency.pinned)
+    twin = PlainPool(residency.chunks, residency.slots, residency.pinned)
     for _ in range(60):
         needed = some(rng, chunks, slots)
         limit = None if rng.random() < 0.5 else int(rng.integers(0, 8))
@@ -73,6 +76,7 @@ def test_the_pool_agrees_with_a_plain_twin(seed):
         assert held == dict(twin.held) and len(set(held.values())) == len(held) <= slots
         assert {int(c): s for s, c in enumerate(residency.chunk_of_slot) if c >= 0} == held
         assert pinned_before <= set(held)
+        assert residency.absent == chunks - len(held) and residency.complete == (len(held) == chunks)
 
 
 def test_of_chunks_needed_equally_long_ago_the_finest_goes_first():
@@ -143,6 +147,12 @@ def test_pinned_chunks_hold_the_coarse_layers_but_never_the_whole_pool():
     scene = SimpleNamespace(offsets=parts * (OVERVIEW // 300 + 1), cell_coords=np.zeros((2, 3)))
     assert overview_chunks(scene, 10**6) == -(-int(scene.offsets[4]) // CHUNK)
     assert overview_chunks(scene, 80) == 10 and overview_chunks(scene, 7) == 0
+
+
+def test_a_first_picture_waits_for_whole_layers_at_least_the_coarsest():
+    scene = SimpleNamespace(offsets=np.array([0, 60, 100, 200, 300, 500, 700]), cell_coords=np.zeros((2, 3)))
+    waits = [opening_chunks(scene, 10, points) for points in (0, 99, 100, 299, 300, 699, 700, 10**9)]
+    assert waits == [10, 10, 10, 10, 30, 30, 70, 70]
 
 
 def test_a_pool_in_which_nothing_could_move_is_refused():

@@ -52,6 +52,7 @@ def run_frames(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
     with progress(len(sizes) * len(VIEWS) * repeats * len(made), "timing", "frame") as meter:
         for size in sizes:
             renderer = Renderer(context, scene)
+            renderer.pages.load_all()
             cameras = [camera.resized(*size) for camera in made]
             run: dict = {"size": list(size), "views": {}}
             for view in VIEWS:

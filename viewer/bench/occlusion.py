@@ -143,6 +143,7 @@ def run_occlusion(rooms: int = ROOMS, points: int = 100_000_000, size: tuple[int
     scene = scene or procedural_scene(scan)
     context = create_context()
     renderer = Renderer(context, scene, raster="compute")
+    renderer.pages.load_all()
     cameras, jump = walk(scan, size, frames)
     with progress(len(cameras), "occlusion", "frame") as meter:
         rows, _ = compare(renderer, cameras, Settings(view="filled", raster="compute", lod=lod), lambda: meter.update(1))

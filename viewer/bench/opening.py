@@ -10,12 +10,16 @@ from viewer.bench.subject import Subject
 from viewer.bench.views import named_views
 from viewer.settings import Settings
 
-FIRST, FULL = "cache to first picture", "cache to full quality"
+FIRST, EVERY, FULL = "cache to first picture", "cache to every point in view", "cache to full quality"
 
 
 def run_open(subject: Subject, size: tuple[int, int], settings: Settings) -> dict:
-    """Opens in a temporary cache folder: first from the files, then again from the cache, then pictures: raw, the first to
-    be seen, and neural, in full quality.  The files of the cache have just been written and may still be in memory."""
+    """Opens in a temporary cache folder: first from the files, then again from the cache, then pictures: the first to be
+    seen, raw, of the coarse layers, as the window shows it; raw with every point; neural, in full quality.
+
+    ``first_picture``: the share of the points in view that the first one has.  The files of the cache have just been
+    written and may still be in memory.
+    """
     from viewer.bench.procedural_scan import procedural_scene
     from viewer.cloud import open_scene
     from viewer.render.context import create_context
@@ -41,11 +45,19 @@ def run_open(subject: Subject, size: tuple[int, int], settings: Settings) -> dic
                 timed("from the files", lambda: open_scene(list(subject.scans)))
                 scene = timed("from the cache", lambda: open_scene(list(subject.scans)))
             context = timed("OpenGL context", create_context)
-            renderer = timed("points to the GPU", lambda: Renderer(context, scene))
             camera = named_views(scene, size)[0]
-            timed("first raw picture", lambda: renderer.render(camera, settings, views=("raw",)).image("raw"))
-            timed("second raw picture", lambda: renderer.render(camera, settings, views=("raw",)).image("raw"))
-            timed("first neural picture", lambda: renderer.render(camera, settings, views=("neural",)).image("neural"))
+            renderer = timed("coarse layers to the GPU", lambda: Renderer(context, scene))
+
+            def shown(*, streaming: bool = False, view: str = "raw") -> dict:
+                frame = renderer.render(camera, settings, views=(view,), streaming=streaming)
+                frame.image(view)
+                return frame.stats
+
+            first = timed("first raw picture", lambda: shown(streaming=True))
+            every = timed("raw picture of every point", shown)
+            timed("the same again", shown)
+            timed("first neural picture", lambda: shown(view="neural"))
+            timed("all other points", renderer.pages.load_all)
             device = renderer.device
             facts = subject.facts(scene, device)
             renderer.release()
@@ -55,15 +67,18 @@ def run_open(subject: Subject, size: tuple[int, int], settings: Settings) -> dic
                 del os.environ["POINTGLASS_CACHE"]
             else:
                 os.environ["POINTGLASS_CACHE"] = before
-    names = ("from the cache", "OpenGL context", "points to the GPU", "first raw picture")
+    names = ("from the cache", "OpenGL context", "coarse layers to the GPU", "first raw picture")
     times[FIRST] = sum(times[name] for name in names)
-    times[FULL] = times[FIRST] + times["first neural picture"]
-    return {**facts, "size": list(size), "milliseconds": times}
+    times[EVERY] = times[FIRST] + times["raw picture of every point"]
+    times[FULL] = times[EVERY] + times["first neural picture"]
+    share = first["points_drawn"] / max(every["points_drawn"], 1)
+    return {**facts, "size": list(size), "milliseconds": times, "first_picture": share}
 
 
 def rows(result: dict) -> list[tuple[str, str]]:
     """For the table on the terminal."""
-    return [(name, f"{value:.0f} ms") for name, value in result["milliseconds"].items()]
+    return [*((name, f"{value:.0f} ms") for name, value in result["milliseconds"].items()),
+            ("points in the first picture", f"{result['first_picture']:.0%} of those in view")]
 
 
 def plot(result: dict, path: Path) -> None:

@@ -126,6 +126,7 @@ class Flight:
         self.renderer = Renderer(context, self.scene, memory=POOL)
         self.renderer.render(self.cameras[0], settings, views=("raw",), streaming=True).image("raw")
         self.opened_s = time.perf_counter() - start
+        self.renderer.pages.load_all()
         self.waited_s = 0.0
         self._seen = Occlusion()
 

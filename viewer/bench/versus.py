@@ -54,6 +54,7 @@ def run_versus(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
     scene = subject.scene()
     context = create_context()
     renderer = Renderer(context, scene, device=device)
+    renderer.pages.load_all()
     open3d = Open3DContender(scene)
     count = frames or FRAMES[device]
     try:

@@ -38,6 +38,7 @@ class Round:
 class Residency:
     """The state of a pool of ``slots`` for a scene of ``points`` points.
 
+    A pool that has a slot for every chunk holds chunk c in slot c, and gives none up again.
     slot_of_chunk: (C,) int32, -1 where absent.  chunk_of_slot: (S,) int32, -1 where empty.  last_used: (C,) int64, the
     stamp of the last plan that needed a chunk.  The first ``pinned`` chunks, once in, are never evicted.
     """
@@ -57,6 +58,8 @@ class Residency:
         self.chunk_of_slot = np.full(self.slots, -1, np.int32)
         self.last_used = np.zeros(self.chunks, np.int64)
         self.stamp = 0
+        self.absent = self.chunks
+        """Chunks that are in no slot."""
         self.tally = np.zeros(self.chunks, np.int64)
         """Points of each chunk that the last draw list asked for."""
 
@@ -64,6 +67,11 @@ class Residency:
     def holds_all(self) -> bool:
         """Whether every chunk has a slot of its own."""
         return self.slots == self.chunks
+
+    @property
+    def complete(self) -> bool:
+        """Whether every chunk is there, chunk c in slot c."""
+        return self.absent == 0
 
     def need(self, first: np.ndarray, count: np.ndarray) -> np.ndarray:
         """Ascending numbers of the chunks that runs of points touch.  first, count: (R,) int64, in any order."""
@@ -87,8 +95,8 @@ class Residency:
         self.last_used[needed] = self.stamp
         missing = needed[self.slot_of_chunk[needed] < 0]
         missing = missing[:limit]
-        if not len(missing):
-            return missing, np.empty(0, np.int64)
+        if self.holds_all or not len(missing):
+            return missing, missing
         slots = np.flatnonzero(self.chunk_of_slot < 0)[: len(missing)]
         if len(slots) < len(missing):
             held = self.chunk_of_slot.astype(np.int64)
@@ -102,8 +110,16 @@ class Residency:
         before = self.chunk_of_slot[slot]
         if before >= 0:
             self.slot_of_chunk[before] = -1
+        self.absent += int(before >= 0) - int(self.slot_of_chunk[chunk] < 0)
         self.chunk_of_slot[slot] = chunk
         self.slot_of_chunk[chunk] = slot
+
+    def reach(self, needed: np.ndarray) -> int:
+        """How many slots, from the first on, there must be for the ascending chunks ``needed``, or what fits of them."""
+        if self.holds_all:
+            return int(needed[-1]) + 1 if len(needed) else 0
+        absent = int(np.count_nonzero(self.slot_of_chunk[needed] < 0))
+        return min(self.slots, int(np.count_nonzero(self.chunk_of_slot >= 0)) + absent)
 
     def rounds(self, needed: np.ndarray) -> list[Round]:
         """Parts of the scene, in order and without a gap, whose chunks of ``needed`` (ascending) fit the pool together.
@@ -120,9 +136,21 @@ class Residency:
 
 def overview_chunks(scene: "Scene", slots: int, chunk_points: int = CHUNK) -> int:
     """How many of the first chunks to pin: those of the coarse layers that hold OVERVIEW points together, or what fits."""
-    ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]  # points of the layers 0..k
+    ends = _layer_ends(scene)
     points = int(ends[min(np.searchsorted(ends, OVERVIEW), len(ends) - 1)])
     return min(-(-points // chunk_points), slots // PINNED_SHARE)
+
+
+def opening_chunks(scene: "Scene", chunk_points: int = CHUNK, points: int = OVERVIEW) -> int:
+    """How many of the first chunks a first picture waits for, where all will be there: those of the coarsest layer and of the
+    next ones while they hold at most ``points`` points together."""
+    ends = _layer_ends(scene)
+    return -(-int(ends[max(int(np.searchsorted(ends, points, side="right")) - 1, 0)]) // chunk_points)
+
+
+def _layer_ends(scene: "Scene") -> np.ndarray:
+    """(L,): points of the layers 0..k."""
+    return np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
 
 
 def available_memory() -> int | None:

@@ -2,7 +2,7 @@
 
 The one place that knows where a point is on the GPU.  Point p is of chunk c = p >> shift, in page slot_of_chunk[c] //
 slots_per_page, at index (slot_of_chunk[c] % slots_per_page << shift) + p % 2**shift of it (see viewer.render.points).
-Where the whole scene is there, chunk c in slot c, a piece may cross from chunk to chunk within a page.
+Once the whole scene is there, chunk c in slot c, a piece may cross from chunk to chunk within a page.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class PageMap:
     def of(pages: "PointPages", overlap: int) -> "PageMap":
         """That of ``pages`` as they are now."""
         shift = pages.chunk_points.bit_length() - 1
-        whole = pages.residency.holds_all
+        whole = pages.residency.complete
         return PageMap(pages.slot_of_chunk, pages.slots_per_page, shift, len(pages.buffers), whole, overlap if whole else 0)
 
 

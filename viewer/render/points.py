@@ -1,7 +1,8 @@
 """The scene's packed points on the GPU: a pool of slots, a chunk of points each, in pages no larger than a storage block.
 
-A scene that fits its budget is there whole, chunk c in slot c.  A larger one comes and goes by need: for an exact picture
-in rounds that each fit the pool, for a moving one as it arrives, coarse chunks first, so many bytes a frame.
+A scene that fits its budget has a slot for each chunk, chunk c in slot c; a larger one comes and goes by need.  Either way
+opening waits for the coarse layers only.  What an exact picture needs is waited for, in rounds that each fit the pool; a moving
+one is drawn with what is there, and more arrives, coarse chunks first, so many bytes a frame.
 
 Point p of chunk c = p // chunk_points is in page slot_of_chunk[c] // slots_per_page, at the index
 (slot_of_chunk[c] % slots_per_page) * chunk_points + p % chunk_points.  Neighbouring chunks need not be neighbours there,
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.cloud.chunk_reader import POINT_BYTES, READ_AHEAD, ChunkError, ChunkReader, ChunkSource
-from viewer.cloud.residency import Residency, Round, available_memory, overview_chunks
+from viewer.cloud.residency import OVERVIEW, Residency, Round, available_memory, opening_chunks, overview_chunks
 from viewer.cloud.scene import CHUNK
 from viewer.errors import DeviceError, InputError
 from viewer.render.context import describe_device
@@ -30,10 +31,11 @@ GPU_BUDGET = 4 << 30
 """Bytes of points on a GPU, unless told otherwise: OpenGL does not say how much memory one has."""
 UPLOAD = 32 << 20
 """Bytes of points uploaded in one frame of a moving picture, at most."""
-_UPLOAD_SECONDS = 0.008  # after which a frame of a moving picture uploads no more, one chunk at least
+UPLOAD_SECONDS = 0.008
+"""After which a frame of a moving picture uploads no more, one chunk at least."""
 LEAST_SLOTS = 16
 SOFTWARE_PAGE = 32 << 20
-"""Bytes of a page of a pool in software OpenGL, where making one means writing zeros over it: made when first needed."""
+"""Bytes of a page in software OpenGL, where making one means writing zeros over it: made when first needed."""
 _TAIL = BATCH * POINT_BYTES
 
 
@@ -49,6 +51,7 @@ class PointPages:
     storage_limit: bytes of a storage block.  software: OpenGL runs on the processor (None: ask).
     budget: bytes all buffers together may take; None: default_budget.
     read_ahead: bytes of main memory for chunks on their way.  upload: bytes uploaded in a frame while streaming.
+    overview: points that a first picture waits for at most, where all fit.
     wake: called on another thread when a chunk has arrived.
     Raises InputError where the points cannot be read or the budget is too small, DeviceError where there is no memory.
 
@@ -67,6 +70,7 @@ class PointPages:
         read_ahead: int = READ_AHEAD,
         chunk_points: int = CHUNK,
         upload: int = UPLOAD,
+        overview: int = OVERVIEW,
         wake: Callable[[], None] = lambda: None,
     ):
         most = (storage_limit - _TAIL) // POINT_BYTES
@@ -74,6 +78,8 @@ class PointPages:
         chunk_bytes = self.chunk_points * POINT_BYTES
         self.slots_per_page = max(1, most // self.chunk_points)
         software = describe_device(context).software if software is None else software
+        if software:
+            self.slots_per_page = max(1, min(self.slots_per_page, SOFTWARE_PAGE // chunk_bytes))
         budget = default_budget(software=software) if budget is None else budget
         total = len(scene.points)
         slots = -(-total // self.chunk_points)
@@ -86,45 +92,45 @@ class PointPages:
                 )
         self._context = context
         self.buffers: list[moderngl.Buffer] = []
-        whole = slots * self.chunk_points >= total
-        if software and not whole:
-            self.slots_per_page = max(1, min(self.slots_per_page, SOFTWARE_PAGE // chunk_bytes))
         self._upload_limit = max(1, upload // chunk_bytes)
         self.missing = self.left_out = self.lost = 0
         self.problem: str | None = None
         self._reader = ChunkReader(ChunkSource(scene, self.chunk_points), memory=read_ahead, wake=wake)
         try:
-            if whole or not software:
-                slots = self._make_pages(total, slots)
-            pinned = 0 if slots * self.chunk_points >= total else overview_chunks(scene, slots, self.chunk_points)
+            if not software:
+                slots = self._memory_for(total, slots)
+            whole = slots * self.chunk_points >= total
+            pinned = 0 if whole else overview_chunks(scene, slots, self.chunk_points)
             self.residency = Residency(total, slots, chunk_points=self.chunk_points, pinned=pinned)
             self._bad = np.zeros(self.residency.chunks, bool)
             self._whole = Round(0, total, np.arange(self.residency.chunks))
-            self.load(Round(0, total, self._whole.chunks[: slots if self.residency.holds_all else pinned]))
+            self._wanted = self._whole.chunks[:0]  # by the last draw list of a moving picture, ascending
+            ahead = opening_chunks(scene, self.chunk_points, overview) if whole else pinned
+            self.load(Round(0, total, self._whole.chunks[:ahead]))
         except BaseException:
             self.release()
             raise
-        if self.residency.holds_all:
-            self._reader.close()
 
-    def _make_pages(self, total: int, slots: int) -> int:
+    def _memory_for(self, total: int, slots: int) -> int:
         """Makes the pages of ``slots``; returns how many there is memory for."""
-        whole = slots * self.chunk_points >= total
         for first in range(0, slots, self.slots_per_page):
-            points = min(self.slots_per_page, slots - first) * self.chunk_points
-            if whole:  # no room for what is not there; and one batch more, for a rasteriser that cuts from a run's start
-                points = min(points + BATCH, total - first * self.chunk_points)
-            self._make_page(points, changing=not whole)
+            self._make_page(total, slots)
             if self._context.error != "GL_NO_ERROR":
                 self.buffers.pop().release()
-                slots, whole = first, False
+                slots = first
                 break
         if slots < min(LEAST_SLOTS, -(-total // self.chunk_points)):
             raise DeviceError("the GPU has no memory left for the points; close other programs or lower --gpu-memory")
         return slots
 
-    def _make_page(self, points: int, *, changing: bool) -> None:
-        self.buffers.append(self._context.buffer(reserve=points * POINT_BYTES, dynamic=changing))
+    def _make_page(self, total: int, slots: int) -> None:
+        """The next page, for the next of ``slots`` slots of a scene of ``total`` points."""
+        first = len(self.buffers) * self.slots_per_page
+        points = min(self.slots_per_page, slots - first) * self.chunk_points
+        whole = slots * self.chunk_points >= total
+        if whole:  # no room for what is not there; and one batch more, for a rasteriser that cuts from a run's start
+            points = min(points + BATCH, total - first * self.chunk_points)
+        self.buffers.append(self._context.buffer(reserve=points * POINT_BYTES, dynamic=not whole))
 
     @property
     def slot_of_chunk(self) -> np.ndarray:
@@ -172,26 +178,25 @@ class PointPages:
         """
         self.missing = self.left_out = self.lost = 0
         residency = self.residency
-        if residency.holds_all:
+        if residency.complete:
             return [self._whole]
         needed = residency.need(first, count)
         if not streaming:
-            self._grow(int((residency.slot_of_chunk[needed] < 0).sum()))  # now: buffers stay the same while rounds are drawn
+            self._grow(residency.reach(needed))  # now: buffers stay the same while rounds are drawn
             return residency.rounds(needed)
         wanted = residency.fitting(needed[~self._bad[needed]])
-        self._receive(wanted)
+        self._wanted = wanted
+        self._receive()
         there, tally = residency.slot_of_chunk >= 0, residency.tally
         self.lost = int(tally[self._bad & ~there].sum())
         self.missing = int(tally[wanted[~(there | self._bad)[wanted]]].sum())
         self.left_out = int(tally[~there].sum()) - self.lost - self.missing
         return [Round(0, residency.points, needed[:0])]
 
-    def _grow(self, chunks: int) -> None:
-        """Has the pages there that ``chunks`` more need, at most those of the pool: empty slots are filled in order."""
-        residency = self.residency
-        slots = min(residency.slots, int((residency.chunk_of_slot >= 0).sum()) + chunks)
-        while (made := len(self.buffers) * self.slots_per_page) < slots:
-            self._make_page(min(self.slots_per_page, residency.slots - made) * self.chunk_points, changing=True)
+    def _grow(self, slots: int) -> None:
+        """Has the pages of the first ``slots`` slots there."""
+        while len(self.buffers) * self.slots_per_page < slots:
+            self._make_page(self.residency.points, self.residency.slots)
 
     def load(self, part: Round) -> None:
         """Brings the chunks of a round into the pool and waits for them.  Raises InputError where one cannot be read."""
@@ -199,32 +204,55 @@ class PointPages:
         if len(chunks) == 0:
             return
         place = dict(zip(chunks.tolist(), slots.tolist(), strict=True))
-        self._grow(len(chunks))
         self._reader.request(chunks)
         for chunk, points in self._reader.arrivals(wait=True):
             self._put(chunk, place[chunk], points)
+        self._rest()
 
-    def _receive(self, wanted: np.ndarray) -> None:
-        """Uploads what has arrived, as much as a frame may, and asks for what is still missing."""
-        chunks, slots = self.residency.plan(wanted)
+    def load_all(self) -> None:
+        """Waits for every point, where there is a slot for each: what is timed from then on loads nothing."""
+        if self.residency.holds_all:
+            self.load(self._whole)
+
+    def take_in(self, seconds: float = UPLOAD_SECONDS) -> bool:
+        """Between two frames: uploads what has arrived, as much as a frame may, for ``seconds`` or a little longer.  Returns
+        whether more is waiting."""
+        self._receive(seconds)
+        return self.arrived
+
+    def _receive(self, seconds: float = UPLOAD_SECONDS) -> None:
+        """Uploads what has arrived, as much as a frame may, and asks for what is still missing: of the chunks that the last
+        draw list wanted, then, where there is a slot for each, of all others."""
+        residency, wanted = self.residency, self._wanted
+        if residency.holds_all:
+            others = (residency.slot_of_chunk < 0) & ~self._bad
+            others[wanted] = False
+            wanted = np.concatenate([wanted, np.flatnonzero(others)])
+        chunks, slots = residency.plan(wanted)
         self._reader.request(chunks)
-        self._grow(min(len(chunks), self._upload_limit))
         free = iter(slots.tolist())
-        left, until = self._upload_limit, perf_counter() + _UPLOAD_SECONDS
+        left, until = self._upload_limit, perf_counter() + seconds
         while left > 0:
             try:
                 for chunk, points in self._reader.arrivals(left):
-                    self._put(chunk, next(free), points)
+                    self._put(chunk, chunk if residency.holds_all else next(free), points)
                     left -= 1
                     if perf_counter() > until:
-                        return
-                return
+                        break
+                break
             except ChunkError as error:
                 self._bad[error.chunk] = True
                 self.problem = self.problem or str(error)
                 left -= 1
+        self._rest()
+
+    def _rest(self) -> None:
+        """Lets the reader go once nothing is left to read."""
+        if self.residency.complete:
+            self._reader.close()
 
     def _put(self, chunk: int, slot: int, points: np.ndarray) -> None:
+        self._grow(slot + 1)
         page, place = divmod(slot, self.slots_per_page)
         self.buffers[page].write(points, offset=place * self.chunk_points * POINT_BYTES)
         if page > 0 and place == 0 and self.residency.holds_all:

@@ -159,7 +159,7 @@ class Rasteriser:
         """Has the points of a round on the GPU and its batches in ``table``."""
         if part is self._loaded:
             return
-        if not pages.residency.holds_all:
+        if not pages.residency.complete:
             pages.load(part)
         where = PageMap.of(pages, self.overlap)
         groups = 1 if group is None else 2

@@ -145,11 +145,11 @@ class App:
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
-        self.painter.note_arrivals()
+        arriving = self.painter.note_arrivals()
         change = session.next_change()
         loading = session.loads.current is not None or session.choice.network_load is not None
         stirring = loading or perf_counter() < self._awake_until
-        busy = session.needs_picture or self._settle > 0 or change == 0.0
+        busy = arriving or session.needs_picture or self._settle > 0 or change == 0.0
         if wait and (not busy or min(session.size) == 0):
             glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
         else:

@@ -13,6 +13,7 @@ import numpy as np
 
 from viewer.errors import PointglassError
 from viewer.render.occlusion import Occlusion
+from viewer.render.points import UPLOAD_SECONDS
 from viewer.settings import Memory
 from viewer.window.loading import Loaded
 from viewer.window.present import Canvas, composite, split_column
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     import moderngl
 
     from viewer.render.renderer import Renderer
+
+_UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
 
 
 class Painter:
@@ -61,10 +64,14 @@ class Painter:
         self._intervals.clear()
         return True
 
-    def note_arrivals(self) -> None:
-        """Points of a scene larger than memory have come: the picture can have them."""
-        if self.renderer is not None and self.renderer.pages.arrived:
-            self._session.picture.dirty = True
+    def note_arrivals(self) -> bool:
+        """Takes in points that have come while no picture moves, which would take its own, and has the picture made again if
+        it waits for some.  Returns whether more are there for the next call."""
+        if self.renderer is None or not self.renderer.pages.arrived or self._session.flight.moving:
+            return False
+        pages, waiting = self.renderer.pages, self.renderer.pages.pending
+        self._session.picture.dirty |= waiting
+        return pages.take_in(_UPLOAD_SECONDS if waiting else UPLOAD_SECONDS)
 
     def paint(self) -> None:
         """Makes the picture that the session plans now."""
