@@ -56,14 +56,14 @@ def test_what_does_not_fit_is_said_and_not_attempted(monkeypatch, capsys, tmp_pa
 
 def test_growth_is_from_ten_million_up():
     def row(points, ms, fits=True):
-        times = {"raw": {"p50": ms}, "filled": {"p50": 2 * ms}}
+        times = {view: {"p50": factor * ms} for factor, view in enumerate(scaling.VIEWS, 1)}
         return {"series": "rooms", "points": points, "fits": fits, "milliseconds": times}
 
     found = [row(10**6, 5.0), row(10**7, 10.0), row(10**8, 12.0), row(10**9, 0.0, False)]
-    assert scaling.growth(found) == {"rooms": {"from": 10**7, "to": 10**8, "raw": 1.2, "filled": 1.2}}
+    assert scaling.growth(found) == {"rooms": {"from": 10**7, "to": 10**8, **dict.fromkeys(scaling.VIEWS, 1.2)}}
     assert scaling.growth(found[:1]) == {}
-    found[2]["growth"] = {"raw": 1.1, "filled": 1.3}  # taken side by side
-    assert scaling.growth(found) == {"rooms": {"from": 10**7, "to": 10**8, "raw": 1.1, "filled": 1.3}}
+    found[2]["growth"] = {"raw": 1.1, "filled": 1.3, "neural": 1.05}  # taken side by side
+    assert scaling.growth(found) == {"rooms": {"from": 10**7, "to": 10**8, **found[2]["growth"]}}
 
 
 @pytest.mark.gl
@@ -87,7 +87,8 @@ def test_bench_open(tmp_path):
     made = made_by("open", tmp_path)
     assert made.keys() >= COMMON | {"milliseconds", "size", "points"}
     times = made["milliseconds"]
-    assert times["cache to first picture"] < times["cache to full quality"] and "made and built" in times
+    assert times["cache to first picture"] < times["cache to every point in view"] < times["cache to full quality"]
+    assert "made and built" in times and made["first_picture"] == 1  # so few points are there at once
 
 
 def test_bench_grid(tmp_path):
@@ -104,10 +105,10 @@ def test_bench_scale(tmp_path, monkeypatch):
     for row in made["rows"]:
         if row["fits"]:
             assert row["packed_bytes"] == 12 * row["points"] and row["resident_bytes"] > row["packed_bytes"]
-            assert row["open_to_first_picture_s"] > 0 and set(row["milliseconds"]) == {"raw", "filled"}
+            assert row["open_to_first_picture_s"] > 0 and set(row["milliseconds"]) == set(scaling.VIEWS)
     assert set(made["growth"]) == {"rooms", "density"} and made["lod"] == scaling.LOD
     for first, second in (made["rows"][0:2], made["rows"][3:5]):
-        assert first["growth"] is None and all(0.1 < second["growth"][view] < 10 for view in ("raw", "filled"))
+        assert first["growth"] is None and all(0.1 < second["growth"][view] < 10 for view in scaling.VIEWS)
         assert made["growth"][first["series"]] == {"from": 20_000, "to": 40_000, **second["growth"]}
     assert not list(cache_dir().glob("pointglass-scale-*"))
 

@@ -105,20 +105,20 @@ def scale(files: dict[str, dict]) -> str:
     lines = [f"On {_on(found)}: a floor of rooms made on the spot, the camera in one of them, level of detail "
              f"{found['lod']:g} points a pixel, "
              f"{found['size'][0]}x{found['size'][1]}; p50 of whole frames.", "",
-             "| series | points | rooms | raw, ms | filled, ms | opens in, s | points packed, MB | memory held, MB |",
-             "|---|---|---|---|---|---|---|---|"]
+             "| series | points | rooms | raw, ms | filled, ms | neural, ms | opens in, s | packed, MB | memory held, MB |",
+             "|---|---|---|---|---|---|---|---|---|"]
     for row in found["rows"]:
         head = f"| by {row['series']} | {row['points'] / 1e6:,.0f} M | {row['rooms']} |"
         if row["fits"]:
-            raw, filled_ = (row["milliseconds"][view]["p50"] for view in ("raw", "filled"))
-            lines.append(f"{head} {raw:.0f} | {filled_:.0f} | {row['open_to_first_picture_s']:.2f} | "
+            times = " | ".join(f"{row['milliseconds'][view]['p50']:.0f}" for view in ("raw", "filled", "neural"))
+            lines.append(f"{head} {times} | {row['open_to_first_picture_s']:.2f} | "
                          f"{row['packed_bytes'] / 1e6:,.0f} | {row['resident_bytes'] / 1e6:,.0f} |")
         else:
-            lines.append(f"{head} {row['why']} | | | | |")
+            lines.append(f"{head} {row['why']} | | | | | |")
     how = ", frame by frame, side by side" if any(row.get("growth") for row in found["rows"]) else ""
     for series, grown in found["growth"].items():
-        lines.append(f"\nBy {series}, from {grown['from'] / 1e6:,.0f} M to {grown['to'] / 1e6:,.0f} M points: raw "
-                     f"{grown['raw']:.2f}x, filled {grown['filled']:.2f}x{how}.")
+        times = ", ".join(f"{view} {grown[view]:.2f}x" for view in ("raw", "filled", "neural"))
+        lines.append(f"\nBy {series}, from {grown['from'] / 1e6:,.0f} M to {grown['to'] / 1e6:,.0f} M points: {times}{how}.")
     return "\n".join(lines)
 
 

@@ -2,7 +2,8 @@
 
 The camera turns inside one room, so that what it sees of a larger floor stays the same.  Each size is made on the spot into
 a folder of its own, opened from there as any scan is, drawn, and removed again, unless it is to be kept.  Points are streamed
-into a pool of fixed size and hidden cells left out, as the window does; frames are timed once all that they need has come.
+into a pool of fixed size and, but for raw pictures, hidden cells left out, as the window does; frames are timed once all that
+they need has come.
 Each frame of a larger scan is timed between two of the 10M one, so that how far time grows is told by neighbours in time.
 What would not fit into the memory or on the disk at hand is computed beforehand, said, and not attempted.
 """
@@ -39,7 +40,7 @@ DENSITY_ROOMS = 2
 YARDSTICK = 10_000_000
 """Points of the scan whose frames those of larger ones are taken beside."""
 LOD = 1.0
-VIEWS = ("raw", "filled")
+VIEWS = ("raw", "filled", "neural")
 TURNS, TURN = 24, 3.75
 """Frames, and degrees from one to the next: a brisk look around."""
 _PATIENCE = 60.0  # seconds for the points of one picture to come
@@ -228,11 +229,11 @@ def plot(result: dict, path: Path) -> None:
         for colour, view in enumerate(VIEWS):
             left.plot(x, [row["milliseconds"][view]["p50"] for row in mine], style + MARKS[number], color=INK[colour],
                       label=f"{view}, by {series}", markersize=4)
-        left.plot(x, [1e3 * row["open_to_first_picture_s"] for row in mine], style + MARKS[number], color=INK[2], markersize=4,
+        left.plot(x, [1e3 * row["open_to_first_picture_s"] for row in mine], style + MARKS[number], color=INK[3], markersize=4,
                   label=f"open to first picture, by {series}")
-        right.plot(x, [row["packed_bytes"] / 1e6 for row in mine], style + MARKS[number], color=INK[3], markersize=4,
+        right.plot(x, [row["packed_bytes"] / 1e6 for row in mine], style + MARKS[number], color=INK[4], markersize=4,
                    label=f"packed points, by {series}")
-        right.plot(x, [row["resident_bytes"] / 1e6 for row in mine], style + MARKS[number], color=INK[4], markersize=4,
+        right.plot(x, [row["resident_bytes"] / 1e6 for row in mine], style + MARKS[number], color=INK[5], markersize=4,
                    label=f"resident, by {series}")
     from matplotlib.ticker import FuncFormatter, NullFormatter
 
