@@ -157,18 +157,31 @@ class Blender:
         self._pool = ThreadPoolExecutor(threads, "blend")
         self._lock = threading.Lock()
         self._room = np.empty(0, np.float32)
+        self._floats: dict[str, np.ndarray] = {}
 
-    def __call__(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> Tensor:
+    def __call__(self, packed: Tensor, blocks: Tensor, block: int) -> Tensor:
         """(H, W, 4) half, RGB and coverage 0..1.
 
-        packed: (H, W, 8) float32 as in model.reconstruct.  blocks: (h, w, (2 + BLENDS) * block**2) float32, the network's head
-        before its blocks become pixels, at least as large as the picture.
+        packed: (H, W, 8) as in model.reconstruct.  blocks: (h, w, (2 + BLENDS) * block**2), the network's head before its
+        blocks become pixels, at least as large as the picture.  Both of any precision, on the CPU.
         """
         with self._lock:  # until the result is the caller's own: the next call overwrites what is here
-            return torch.from_numpy(self.made(packed, blocks, block)).half()
+            made = self.made(self._float32("packed", packed), self._float32("blocks", blocks), block)
+            return torch.from_numpy(made).half()
+
+    def _float32(self, name: str, given: Tensor) -> np.ndarray:
+        """In float32, in an array kept under ``name``: memory that is new in every picture costs more than the conversion."""
+        if given.dtype == torch.float32 and given.is_contiguous():
+            return given.numpy()
+        kept = self._floats.get(name)
+        if kept is None or len(kept) < given.numel():
+            kept = self._floats[name] = np.empty(given.numel(), np.float32)
+        kept = kept[: given.numel()].reshape(given.shape)
+        torch.from_numpy(kept).copy_(given)
+        return kept
 
     def made(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> np.ndarray:
-        """The same in float32, overwritten by the next call, and for one thread at a time."""
+        """The same from float32 in float32, overwritten by the next call, and for one thread at a time."""
         height, width = packed.shape[:2]
         planes = self._planes(2 * _PLANES + 3 + 2 + 4, height * width)
         sums, blurred = (planes[i : i + _PLANES].reshape(_PLANES, height, width) for i in (0, _PLANES))

@@ -127,5 +127,4 @@ class Reconstructor:
         """The same, all but the convolutions in compiled loops."""
         assert isinstance(self.network, CompactUNet)
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].to(self.dtype, memory_format=torch.channels_last)
-        blocks = self.network.blocks(x)[0].permute(1, 2, 0).float().contiguous()
-        return blend(packed.float().numpy(), blocks.numpy(), self.network.block)
+        return blend(packed, self.network.blocks(x)[0].permute(1, 2, 0), self.network.block)

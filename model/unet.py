@@ -134,16 +134,16 @@ class CompactUNet(nn.Module):
         """What the convolutions say of each block of pixels: (B, (1 + BLENDS + 1) * block**2, h, w)."""
         height, width = x.shape[-2:]
         padded = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
-        h = F.relu(self.stem(F.pixel_unshuffle(padded, self.block)))
+        h = self.stem(F.pixel_unshuffle(padded, self.block)).relu_()
         skips = []
         for level, convolutions in enumerate(self.down):
             h = convolutions(h)
             if level < len(self.shrink):
                 skips.append(h)
-                h = F.relu(self.shrink[level](h))
+                h = self.shrink[level](h).relu_()
         for level in range(len(skips) - 1, -1, -1):
             h = F.interpolate(self.grow[level](h), scale_factor=2, mode="nearest")
-            h = self.up[level](F.relu(h + skips[level]))
+            h = self.up[level](h.add_(skips[level]).relu_())
         return self.head(h)
 
 

@@ -62,7 +62,7 @@ def test_no_result_depends_on_threads_or_on_who_calls(seed):
     rng = np.random.default_rng(seed)
     network = _network(rng)
     pictures = [_packed(rng, 361, 483), _packed(rng, 120, 333)]
-    inputs = [(packed.numpy(), _blocks(network, packed), 2) for packed in pictures]
+    inputs = [(packed, torch.from_numpy(_blocks(network, packed)), 2) for packed in pictures]
     once = [Blender(1)(*given) for given in inputs]
     for threads in (2, 3, 100):
         assert torch.equal(Blender(threads)(*inputs[0]), once[0])
@@ -70,6 +70,11 @@ def test_no_result_depends_on_threads_or_on_who_calls(seed):
     with ThreadPoolExecutor(4) as pool:
         made = list(pool.map(lambda i: blender(*inputs[i % 2]), range(40)))
     assert all(torch.equal(picture, once[i % 2]) for i, picture in enumerate(made))
+    halves = [(packed.half(), blocks.bfloat16(), 2) for packed, blocks, _ in inputs]  # into arrays that it keeps
+    alone = [Blender(1)(packed.float(), blocks.float(), 2) for packed, blocks, _ in halves]
+    with ThreadPoolExecutor(4) as pool:
+        made = list(pool.map(lambda i: blender(*halves[i % 2]), range(20)))
+    assert all(torch.equal(picture, alone[i % 2]) for i, picture in enumerate(made))
 
 
 def test_what_is_not_a_number_becomes_black_and_nothing_leaves_the_range(seed):
