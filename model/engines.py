@@ -59,8 +59,10 @@ class Captured:
                 work(self._input)
         torch.cuda.current_stream().wait_stream(side)
         self._graph = torch.cuda.CUDAGraph()
-        # another thread may load a scan or weights meanwhile: only this one is forbidden what a capture forbids
-        with torch.cuda.graph(self._graph, capture_error_mode="thread_local"):
+        # another thread may load a scan or weights meanwhile: only this one is forbidden what a capture forbids; and a capture
+        # that fails must not leave its stream current
+        here = torch.cuda.stream(torch.cuda.current_stream())
+        with here, torch.cuda.graph(self._graph, capture_error_mode="thread_local"):
             self._output = work(self._input)
         torch.cuda.synchronize()
 

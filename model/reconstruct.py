@@ -91,6 +91,8 @@ class Reconstructor:
         self.network = fold_normalisation(network).to(device, self.dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.name = f"{path.stem} {digest(path)} {self.precision} on {device}"
         self._blender: Blender | None = None
+        if device == "cuda":
+            torch.backends.cudnn.allow_tf32 = False  # fp32 is to be fp32: 10 bits of fraction would be called exact
         if device == "cpu":
             threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
             torch.set_num_threads(threads)

@@ -81,8 +81,9 @@ def test_what_a_moving_picture_needs_comes_first_and_then_all_the_rest(context, 
         (part,) = pages.prepare(first, count, streaming=True)
         times = drawn(pages, plain_batches(first, count, pages, part.start, part.stop))
         assert np.array_equal(times, expected(first, count)) and not pages.approximations
-        early = sum(chunk not in needed for chunk in order)
-        assert early <= 3 + len(pages._reader._threads)  # at most what came beside the last of them
+        assert order and set(order) <= needed and pages.idle
+        pages.load(pages.prepare(*draw_list(rng, 0.1))[0])  # a screenshot, say
+        assert pages.idle and not pages.arrived
         until(lambda: pages.residency.complete, pages.take_in)
         assert not pages.take_in() and set(threading.enumerate()) <= before  # nothing left to read
         assert pages.slot_of_chunk.tolist() == list(range(CHUNKS))
@@ -123,8 +124,8 @@ def test_a_chunk_that_cannot_be_read_is_missed_when_it_is_needed_and_no_sooner(c
         first, count = np.array([0]), np.array([bad * POINTS])
         pages.load(pages.prepare(first, count)[0])
         for _ in range(10_000):
-            pages.prepare(first, count, streaming=True)
-            if pages.problem and not pages._reader._left:
+            pages.take_in()
+            if pages.problem and not pages._reader.left:
                 break
         assert pages.problem and "points.npy: damaged grid" in pages.problem
         assert pages.lost == pages.missing == 0 and not pages.residency.complete
@@ -159,7 +160,9 @@ def test_at_rest_points_that_no_picture_waits_for_come_without_a_picture(context
         assert session.picture.dirty and pages.residency.absent < held
         pages.prepare(first, np.array([1]), streaming=True)  # one point, which has been there from the start
         session.picture.dirty = False
-        assert not pages.pending
+        assert not pages.pending and pages.idle
+        painter.note_arrivals()
+        assert not pages.idle
         while not pages.residency.complete:
             arrived()
             painter.note_arrivals()

@@ -109,7 +109,9 @@ def _networks(plan: Plan) -> list[dict]:
         row: dict = {"quality": quality, "size": [width, height], "engine": engine, "cudnn_benchmark": tuned}
         rows.append(row)
         try:
-            network = networks.setdefault(quality, Reconstructor(quality, filtered=True, device=plan.device))
+            if quality not in networks:
+                networks[quality] = Reconstructor(quality, filtered=True, device=plan.device)
+            network = networks[quality]
             torch.backends.cudnn.benchmark = tuned
             runner = Runner(network, height, width, engine=engine)
             packed = torch.rand((height, width, PACKED_IN), generator=torch.Generator().manual_seed(1)).half().to(plan.device)

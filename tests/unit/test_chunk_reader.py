@@ -253,3 +253,16 @@ def test_closing_ends_the_threads_whatever_they_are_at():
     assert not any(thread.is_alive() for thread in threads)
     reader.close()
     assert list(reader.arrivals(wait=True)) == []
+
+
+def test_whatever_ends_a_thread_is_heard_by_whoever_waits():
+    def wake() -> None:
+        raise RuntimeError("no window to wake")
+
+    reader = ChunkReader(ChunkSource(SimpleNamespace(points=random_points(1000), checksums=None), 64), threads=1, wake=wake)
+    reader.request(np.arange(10))
+    with pytest.raises(RuntimeError, match="no window to wake"):
+        for _ in reader.arrivals(wait=True):
+            pass
+    assert 0 < reader.left < 10
+    reader.close()

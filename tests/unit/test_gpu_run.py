@@ -60,6 +60,14 @@ def test_a_dry_run_leaves_every_figure_in_one_folder(tmp_path):
     assert sorted(path.name for path in out.iterdir()) == ["log.txt", "results.json"]
 
 
+def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path):
+    """As on a bare machine: the project's own options ask for one."""
+    tests = next(part for part in run.PARTS if part.name == "tests").command(run.DRY, tmp_path)
+    done = subprocess.run([sys.executable, *tests, "--collect-only", "-p", "no:timeout"], cwd=SCRIPT.parents[2],
+                          env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0 and "test_interop.py" in done.stdout and " error" not in done.stdout, done.stdout + done.stderr
+
+
 def parts_of(run, *commands: list[str], seconds: float = 20.0, **named):
     return [run.Part(f"part{i}", seconds, lambda *_, c=c: c, **named) for i, c in enumerate(commands)]
 

@@ -111,6 +111,19 @@ def test_points_that_do_not_grow_in_number_are_all_there_are():
     assert levels == [1.0, 4.0, 16.0, 64.0, None]
 
 
+def test_no_finer_picture_is_asked_for_while_points_are_on_their_way():
+    made, clock = session()
+    made.picture.pace.begin(10**8)
+    clock.now += 1.0
+    made.advance()
+    for points in (1e5, 2e5, 2e5, 5e5):  # the third: nothing has come since
+        assert made.plan.level == 1.0
+        made.drew(made.plan, stats(raster=40.0) | {"points_drawn": points, "points_missing": 10})
+        assert not made.needs_picture
+        made.picture.dirty = True  # as whoever hears of more does
+    assert rest(made, clock, lambda level: 100.0 * (level or 1e4))[:2] == [1.0, 4.0]
+
+
 def test_a_level_of_ones_own_is_never_exceeded():
     made, clock = session(settings=Settings(view="filled", lod=2.0))
     cost = lambda level: 40.0 * level  # noqa: E731

@@ -1,4 +1,4 @@
-"""The compiled loop over a draw list that finds the chunks it touches; imported only where a scene outgrows its pool."""
+"""The compiled loop over a draw list that finds the chunks it touches."""
 
 from model.compiled import compiled
 

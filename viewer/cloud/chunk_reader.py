@@ -170,6 +170,7 @@ class ChunkReader:
         self._ready: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._failures: dict[int, Exception] = {}
         self._closed = False
+        self._broken: Exception | None = None  # what ended a thread
         lock = threading.Lock()
         self._jobs, self._news = threading.Condition(lock), threading.Condition(lock)
         count = min(_processors(), _THREADS) if threads is None else threads
@@ -189,6 +190,11 @@ class ChunkReader:
     def arrived(self) -> bool:
         """Whether something is there to be taken."""
         return bool(self._ready) or bool(self._failures)
+
+    @property
+    def left(self) -> int:
+        """How many of the requested chunks have not been taken yet."""
+        return self._left
 
     def request(self, chunks: np.ndarray) -> None:
         """Asks for ``chunks``, all different, in this order, and for nothing else any more.
@@ -210,12 +216,15 @@ class ChunkReader:
         """(chunk, its points) of what was requested; the points are valid until the next is asked for.
 
         limit: at most so many.  wait: until all are there; without it, those that are there.
-        Raises what reading a chunk raised, once for each; others can still be taken.
+        Raises what reading a chunk raised, once for each; others can still be taken.  Raises what ended a thread of the
+        reader, which nothing should.
         """
         given = 0
         while limit is None or given < limit:
             with self._news:
                 while not self._ready and not self._failures:
+                    if self._broken is not None:
+                        raise self._broken
                     if not wait or self._left == 0 or self._closed:
                         return
                     self._news.wait()
@@ -247,6 +256,14 @@ class ChunkReader:
             self.source.close()
 
     def _work(self) -> None:
+        try:
+            self._read_on()
+        except Exception as error:  # no memory for a buffer, say: whoever waits must hear of it
+            with self._news:
+                self._broken = error
+                self._news.notify_all()
+
+    def _read_on(self) -> None:
         while (job := self._take()) is not None:
             chunk, buffer = job
             points, failure = buffer, None

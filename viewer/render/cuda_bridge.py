@@ -5,6 +5,7 @@ one buffer, so that a single map serves both with either library.  Everything of
 torch's: mapping waits for what OpenGL was told before it, unmapping makes OpenGL wait for CUDA; the host never waits.
 """
 
+import contextlib
 import re
 from typing import TYPE_CHECKING, Protocol
 
@@ -241,6 +242,8 @@ class CudaBridge:
             pass
 
     def release(self) -> None:
+        with contextlib.suppress(Exception):  # a lost device has nothing left to wait for
+            self._stream.synchronize()  # nothing promises that unregistering waits for what still uses the pixels
         self._close_mapper()
         self._buffer.release()
 

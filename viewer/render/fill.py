@@ -1,7 +1,7 @@
 """Pull-push fill as compute passes: the filled picture and, for the neural view, the network's input.
 
 ``model/pull_push.py`` is the twin.  The network's input is eight half-precision channels a pixel, channels last, in a
-storage buffer that CUDA can map as plain memory (see shaders/fill_push.comp).
+storage buffer that CUDA can map as plain memory (see shaders/fill_picture.comp).
 """
 
 from typing import TYPE_CHECKING

@@ -103,8 +103,10 @@ class PointPages:
             pinned = 0 if whole else overview_chunks(scene, slots, self.chunk_points)
             self.residency = Residency(total, slots, chunk_points=self.chunk_points, pinned=pinned)
             self._bad = np.zeros(self.residency.chunks, bool)
+            nothing = np.empty(0, np.int64)
+            self.residency.need(nothing, nothing)  # compiled now, or read from the cache, and not in the first frame
             self._whole = Round(0, total, np.arange(self.residency.chunks))
-            self._wanted = self._whole.chunks[:0]  # by the last draw list of a moving picture, ascending
+            self._wanted = nothing  # by the last draw list of a moving picture, ascending
             ahead = opening_chunks(scene, self.chunk_points, overview) if whole else pinned
             self.load(Round(0, total, self._whole.chunks[:ahead]))
         except BaseException:
@@ -113,6 +115,7 @@ class PointPages:
 
     def _memory_for(self, total: int, slots: int) -> int:
         """Makes the pages of ``slots``; returns how many there is memory for."""
+        _ = self._context.error  # an earlier one is none of ours
         for first in range(0, slots, self.slots_per_page):
             self._make_page(total, slots)
             if self._context.error != "GL_NO_ERROR":
@@ -186,7 +189,7 @@ class PointPages:
             return residency.rounds(needed)
         wanted = residency.fitting(needed[~self._bad[needed]])
         self._wanted = wanted
-        self._receive()
+        self._receive(wanted)
         there, tally = residency.slot_of_chunk >= 0, residency.tally
         self.lost = int(tally[self._bad & ~there].sum())
         self.missing = int(tally[wanted[~(there | self._bad)[wanted]]].sum())
@@ -214,20 +217,28 @@ class PointPages:
         if self.residency.holds_all:
             self.load(self._whole)
 
-    def take_in(self, seconds: float = UPLOAD_SECONDS) -> bool:
-        """Between two frames: uploads what has arrived, as much as a frame may, for ``seconds`` or a little longer.  Returns
-        whether more is waiting."""
-        self._receive(seconds)
-        return self.arrived
+    @property
+    def idle(self) -> bool:
+        """Whether nothing is being read though there is room for more: :meth:`take_in` would see to it."""
+        return self.residency.holds_all and not self.residency.complete and self._reader.left == 0
 
-    def _receive(self, seconds: float = UPLOAD_SECONDS) -> None:
-        """Uploads what has arrived, as much as a frame may, and asks for what is still missing: of the chunks that the last
-        draw list wanted, then, where there is a slot for each, of all others."""
+    def take_in(self, seconds: float = UPLOAD_SECONDS) -> bool:
+        """Between two frames: uploads what has arrived, as much as a frame may, for ``seconds`` or a little longer, and asks
+        for what the last draw list lacks, then, where there is a slot for each, for all others.
+
+        Returns whether more is waiting.
+        """
         residency, wanted = self.residency, self._wanted
         if residency.holds_all:
-            others = (residency.slot_of_chunk < 0) & ~self._bad
+            others = residency.slot_of_chunk < 0
             others[wanted] = False
             wanted = np.concatenate([wanted, np.flatnonzero(others)])
+        self._receive(wanted[~self._bad[wanted]], seconds)
+        return self.arrived
+
+    def _receive(self, wanted: np.ndarray, seconds: float = UPLOAD_SECONDS) -> None:
+        """Uploads what has arrived of the chunks ``wanted``, as much as a frame may, and asks for those still missing."""
+        residency = self.residency
         chunks, slots = residency.plan(wanted)
         self._reader.request(chunks)
         free = iter(slots.tolist())

@@ -78,14 +78,13 @@ class Rasteriser:
         self._resolves: dict[bool, list[moderngl.ComputeShader]] = {}
         self.weighed = False  # whether points have weights in this picture
 
-    def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", *, streaming: bool = False,
+    def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
             history: History | None = None, stations: np.ndarray | None = None) -> bool:
-        """Rasterises a draw list.
+        """Rasterises a draw list in the rounds that ``pages`` prepared for it.
 
         stations: (MOST_STATIONS, 4) float32 view position of each scan's scanner, and 1, or 0 where unknown; None: all points
         count the same.
-        streaming: with the points that are on the GPU, the others come later.  history: hidden cells may be left out, where
-        this rasteriser can and it is worth it.  Returns whether history was used.
+        history: hidden cells may be left out, where this rasteriser can and it is worth it.  Returns whether history was used.
         """
         width, height = self.size
         record = self._record
@@ -94,7 +93,6 @@ class Rasteriser:
         record["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, float(soft.linear))
         self.cells.write(draw.cell_view)
-        rounds = pages.prepare(draw.first, draw.count, streaming=streaming)
         self._loaded = None
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
         resolve, carried = self._weigh(stations)

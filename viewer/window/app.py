@@ -154,7 +154,6 @@ class App:
             glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
         else:
             glfw.poll_events()
-        self.painter.note_arrivals()
         message = session.notices.message
         if (loaded := session.poll()) is not None:
             self._upload(loaded)

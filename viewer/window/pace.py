@@ -69,7 +69,7 @@ class Pace:
             self._drew_moving(level, spent, stats)
             return
         self._looked = 0
-        if level == self._rest:
+        if level == self._rest and not stats.get("points_missing"):  # what is still coming would be drawn for nothing so often
             self._drew_at_rest(spent, stats["points_drawn"])
 
     def _drew_moving(self, level: float | None, spent: float, stats: dict) -> None:

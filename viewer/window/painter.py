@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from viewer.render.renderer import Renderer
 
+_NO_MEMORY = "not enough memory for its points"
 _UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
 
 
@@ -55,7 +56,7 @@ class Painter:
         try:
             renderer = Renderer(self._context, loaded.scene, memory=self._memory, wake=self._wake)
         except (PointglassError, MemoryError) as error:
-            self._session.notices.say("This scan cannot be shown", str(error) or "not enough memory for its points")
+            self._session.notices.say("This scan cannot be shown", str(error) or _NO_MEMORY)
             return False
         if self.renderer is not None:
             self.renderer.release()
@@ -65,13 +66,19 @@ class Painter:
         return True
 
     def note_arrivals(self) -> bool:
-        """Takes in points that have come while no picture moves, which would take its own, and has the picture made again if
-        it waits for some.  Returns whether more are there for the next call."""
-        if self.renderer is None or not self.renderer.pages.arrived or self._session.flight.moving:
+        """While no picture moves, which would take in its own: takes in points that have come, has the picture made again if it
+        waits for some, and others read ahead if not.  Returns whether more are there for the next call."""
+        if self.renderer is None or self._session.flight.moving:
             return False
-        pages, waiting = self.renderer.pages, self.renderer.pages.pending
-        self._session.picture.dirty |= waiting
-        return pages.take_in(_UPLOAD_SECONDS if waiting else UPLOAD_SECONDS)
+        pages = self.renderer.pages
+        if not (pages.arrived or pages.idle):
+            return False
+        self._session.picture.dirty |= pages.pending
+        try:
+            return pages.take_in(_UPLOAD_SECONDS if pages.pending else UPLOAD_SECONDS)
+        except (PointglassError, MemoryError) as error:
+            self._session.failed(str(error) or _NO_MEMORY)
+            return False
 
     def paint(self) -> None:
         """Makes the picture that the session plans now."""
@@ -84,9 +91,9 @@ class Painter:
                 session.camera, replace(session.choice.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
                 self._seen if plan.hides else None, streaming=True,
             )  # fmt: skip
-        except PointglassError as error:
+        except (PointglassError, MemoryError) as error:
             self._frame = None
-            session.failed(str(error))
+            session.failed(str(error) or _NO_MEMORY)
             return
         self._shown = plan.views
         now = perf_counter()
