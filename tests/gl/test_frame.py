@@ -174,13 +174,15 @@ def test_sums_past_sixteen_bits_are_carried_and_gone_in_the_next_frame(context, 
             renderer.release()
 
 
-def test_pages_and_bands_change_no_pixel(context, drawn, monkeypatch):
-    """Storage blocks too small for the scene and for the picture: several pages of points, several bands of rows."""
+@pytest.mark.parametrize("software", [True, False])
+def test_pages_and_bands_change_no_pixel(context, drawn, software):
+    """Storage blocks too small for the scene and for the picture: several pages of points, several bands of rows.  And what is
+    told that it runs on a GPU clears its buffers and shares out points as it would there."""
     scene, whole = drawn
     camera = camera_in(scene, 31, (160, 120))
     small = Renderer(context, scene)
     limited = 16 + 16 * 160 * 17  # 17 rows of colour sums
-    small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited})
+    small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited, "software": software})
     small.pages.release()
     from viewer.render.points import PointPages
 
@@ -190,9 +192,13 @@ def test_pages_and_bands_change_no_pixel(context, drawn, monkeypatch):
         for kind in ("compute", "points"):
             a = whole.render(camera, Settings(raster=kind), views=ALL)
             expected = [a.image(v).tobytes() for v in ALL] + [a.depth().tobytes()]
+            small.render(camera_in(scene, 32, (160, 120)), Settings(raster=kind), views=ALL)  # and leaves nothing behind
             b = small.render(camera, Settings(raster=kind), views=ALL)
             assert small._rasterisers[kind].band_rows == 17
             assert [b.image(v).tobytes() for v in ALL] + [b.depth().tobytes()] == expected
+        c = small.render(camera, Settings(), views=ALL)  # whichever is chosen
+        assert [c.image(v).tobytes() for v in ALL] + [c.depth().tobytes()] == expected
+        assert c.stats["raster"] == "compute" or not software
     finally:
         small.release()
 

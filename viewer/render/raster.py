@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 _SUM_BYTES, _CARRY_BYTES = 8, 16  # a pixel, in common_sums.glsl
 _CARRY_HEAD = 16  # the command of the pass over what was carried
+_CLEAR_LANES, _CLEAR_GROUPS = 256, 1024
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )
@@ -67,6 +68,7 @@ class Rasteriser:
         self.sums = context.buffer(reserve=_SUM_BYTES * width * self.band_rows)
         self.carries = context.buffer(reserve=_CARRY_HEAD + _CARRY_BYTES * width * self.band_rows)
         self._clean = False  # whether the carries are zero, as resolve.comp leaves them
+        self._clear = None if device.software else programs.compute("clear.comp", CLEAR_LANES=_CLEAR_LANES)
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
         self.cells = shader.Grown(context)
         self.upload = shader.Grown(context)
@@ -101,9 +103,7 @@ class Rasteriser:
             rows = min(self.band_rows, height - first_row)
             record["size"] = (width, height, first_row, rows)
             self.frame.write(record.tobytes())
-            self.sums.clear()
-            if not self._clean:
-                self.carries.clear()
+            self.zero(self.sums, *(() if self._clean else (self.carries,)))
             if not self._clean or self.band_rows < height:
                 self.carries.write(np.array([0, shader.groups(width, rows)[1], 1, 0], np.uint32))
             self._clean = False
@@ -122,6 +122,19 @@ class Rasteriser:
             self.context.memory_barrier()
             self._clean = True
         return hiding
+
+    def zero(self, *buffers: "moderngl.Buffer") -> None:
+        """Sets buffers to zero.  moderngl maps them for that, which on a GPU waits for whatever uses them, and is quickest in
+        software."""
+        for buffer in buffers:
+            if self._clear is None:
+                buffer.clear()
+                continue
+            buffer.bind_to_storage_buffer(BINDINGS["KEYS"])
+            self._clear["count"] = words = buffer.size // 4
+            self._clear.run(min(-(-words // _CLEAR_LANES), _CLEAR_GROUPS))
+        if self._clear is not None:
+            self.context.memory_barrier()
 
     def _weigh(self, stations: np.ndarray | None) -> "list[moderngl.ComputeShader]":
         """Takes note of where the stations are; returns the programs of the last steps."""

@@ -53,7 +53,7 @@ class ComputeRasteriser(Rasteriser):
         self._bind_sums()
 
     def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
-        self.keys.clear()
+        self.zero(self.keys)
         for step, order in zip(self._passes(), (rounds, rounds[::-1]), strict=True):
             for part in order:
                 self._bring(pages, draw, part)
@@ -84,7 +84,7 @@ class ComputeRasteriser(Rasteriser):
         bounds = self.table.bounds
         np.subtract(1, known, out=known)
         hider.start(known, count, int(bounds[-1]))
-        self.keys.clear()
+        self.zero(self.keys)
         passes = self._passes()
         for step, appended in zip(passes, self._passes(appended=1), strict=True):
             self._bind()
