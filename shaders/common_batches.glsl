@@ -1,5 +1,5 @@
-// The draw list of the compute rasteriser: one workgroup a batch, all points of a batch in one cell; LANES invocations share
-// them out.
+// The draw list of the compute rasteriser: a workgroup takes ROWS batches, all points of a batch are in one cell; LANES
+// invocations share them out.
 // APPENDED: the list that occlusion_append.comp made of one page, as long as its command says.
 
 layout(std430, binding = POINTS_BINDING) readonly buffer Points { uint points[]; };
@@ -13,14 +13,11 @@ uniform uint batch_count;
 #endif
 uniform uint first_batch;
 
-// The batch of this workgroup and the view position of its cell's first step; false where there is none.
-bool batch_here(out uvec4 batch, out vec3 cell) {
+// The batches of this workgroup: from the first up to the second.
+uvec2 batches_here() {
     uint number = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
 #ifdef APPENDED
     uint batch_count = commands[page].w;
 #endif
-    if (number >= batch_count) return false;
-    batch = batches[first_batch + number];
-    cell = cells[batch.z].xyz;
-    return true;
+    return first_batch + min(uvec2(number, number + 1u) * uint(ROWS), uvec2(batch_count));
 }

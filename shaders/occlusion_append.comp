@@ -19,6 +19,7 @@ void main() {
     }
     uint place = atomicAdd(commands[4u * page + 3u], 1u);
     appended[first_batch + place] = batch;
-    atomicMax(commands[4u * page], min(place + 1u, uint(MAX_GROUPS)));
-    atomicMax(commands[4u * page + 1u], place / uint(MAX_GROUPS) + 1u);
+    uint group = place / uint(ROWS);
+    atomicMax(commands[4u * page], min(group + 1u, uint(MAX_GROUPS)));
+    atomicMax(commands[4u * page + 1u], group / uint(MAX_GROUPS) + 1u);
 }

@@ -6,15 +6,17 @@ layout(local_size_x = LANES) in;
 layout(std430, binding = KEYS_BINDING) buffer Keys { uint keys[]; };
 
 void main() {
-    uvec4 batch;
-    vec3 cell;
-    if (!batch_here(batch, cell)) return;
-    for (uint i = gl_LocalInvocationID.x; i < batch.y; i += LANES) {
-        uint index = batch.x + i;
-        Projected p = project(uvec2(points[3u * index], points[3u * index + 1u]), cell);
-        if (!p.inside) continue;
-        uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
-        uint key = ~floatBitsToUint(p.z);
-        if (keys[pixel] < key) atomicMax(keys[pixel], key);  // the plain look first saves most atomics
+    uvec2 mine = batches_here();
+    for (uint number = mine.x; number < mine.y; ++number) {
+        uvec4 batch = batches[number];
+        vec3 cell = cells[batch.z].xyz;
+        for (uint i = gl_LocalInvocationID.x; i < batch.y; i += LANES) {
+            uint index = batch.x + i;
+            Projected p = project(uvec2(points[3u * index], points[3u * index + 1u]), cell);
+            if (!p.inside) continue;
+            uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
+            uint key = ~floatBitsToUint(p.z);
+            if (keys[pixel] < key) atomicMax(keys[pixel], key);  // the plain look first saves most atomics
+        }
     }
 }

@@ -109,9 +109,10 @@ def _add_nearest(draw: "DrawList", known: np.ndarray) -> None:
 
 
 class HiddenCells:
-    """The passes, for one picture size.  ``keys`` (the compute rasteriser's) must hold the whole picture."""
+    """The passes, for one picture size.  ``keys`` (the compute rasteriser's) must hold the whole picture.  rows: batches that
+    one of its workgroups takes."""
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int]):
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], rows: int):
         context = programs.context
         self.context, self.size = context, size
         side = 1 << BLOCK_SHIFT
@@ -133,7 +134,7 @@ class HiddenCells:
         self._blocks = programs.compute("occlusion_blocks.comp", BLOCK_SHIFT=BLOCK_SHIFT)
         self._reduce = programs.compute("occlusion_reduce.comp", **shared)
         self._test = programs.compute("occlusion_test.comp", **test)
-        self._append = programs.compute("occlusion_append.comp", MAX_GROUPS=MAX_GROUPS, **cells)
+        self._append = programs.compute("occlusion_append.comp", MAX_GROUPS=MAX_GROUPS, ROWS=rows, **cells)
         self._words = np.zeros(0, np.uint32)
         self._visible = self._pages = self._serial = 0
 

@@ -1,4 +1,4 @@
-"""The compute rasteriser: a workgroup a batch of points, integer atomics (after Schuetz et al. 2021).
+"""The compute rasteriser: a workgroup a few batches of points, integer atomics (after Schuetz et al. 2021).
 
 See viewer.render.raster; the only one that can leave out hidden cells (viewer.render.occlusion).
 """
@@ -13,7 +13,7 @@ from viewer.render.batches import BatchTable
 from viewer.render.cull import DrawList
 from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History
 from viewer.render.raster import Rasteriser
-from viewer.render.shader import BATCH, BINDINGS, LANES
+from viewer.render.shader import BATCH, BINDINGS, LANES, ROWS
 
 if TYPE_CHECKING:
     from viewer.cloud.residency import Round
@@ -32,14 +32,14 @@ class ComputeRasteriser(Rasteriser):
         super().__init__(programs, size, device)
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
         self.table = BatchTable(4, (0, 1, 2), BATCH)
-        self._lanes = LANES[device.software]
+        self._lanes, self._rows = LANES[device.software], ROWS[device.software]
         self._steps: dict[tuple[bool, int | None], list[moderngl.ComputeShader]] = {}
 
     def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
         """Depth and colour.  appended: 1 for the list that the hider makes."""
         key = self.weighed, appended
         if key not in self._steps:
-            shared = {"LANES": self._lanes, "APPENDED": appended}
+            shared = {"LANES": self._lanes, "ROWS": self._rows, "APPENDED": appended}
             self._steps[key] = [
                 self.programs.compute(f"raster_{name}.comp", **shared, **more)
                 for name, more in (("depth", {}), ("colour", self.weights))
@@ -67,8 +67,9 @@ class ComputeRasteriser(Rasteriser):
             return
         pages.buffers[page].bind_to_storage_buffer(BINDINGS["POINTS"])
         step["first_batch"], step["batch_count"] = start, stop - start
-        across = min(stop - start, MAX_GROUPS)
-        step.run(across, -(-(stop - start) // across), 1)
+        groups = -(-(stop - start) // self._rows)
+        across = min(groups, MAX_GROUPS)
+        step.run(across, -(-groups // across), 1)
 
     @property
     def can_hide(self) -> bool:
@@ -76,7 +77,7 @@ class ComputeRasteriser(Rasteriser):
 
     def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
         if self.hider is None:
-            self.hider = HiddenCells(self.programs, self.size)
+            self.hider = HiddenCells(self.programs, self.size, self._rows)
         hider, count = self.hider, len(pages.buffers)
         known = history.memory.recall(history.scene, draw, hider)
         np.subtract(1, known, out=known)  # group 0: drawn first; group 1: to be tested
