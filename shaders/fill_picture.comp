@@ -1,7 +1,7 @@
 // Pull-push fill, level 0: the filled picture, void where neither the picture nor the directions around the camera surround a
-// hole (viewer/render/void.py; CLOSED: all directions in view do, or none does), and, with NETWORK, the network's input: eight
+// hole (viewer/render/void.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input: eight
 // half-precision channels a pixel (channels last): filled RGB, keep-mask or trust, filled depth feature, 1 where the network may
-// not open what is filled (inside a room), 1 where void, zero.
+// not open what is filled (SEALED), 1 where void, zero.
 // Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.  Twin: model/pull_push.py.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
@@ -11,18 +11,17 @@ uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
 uniform sampler2D whole_weight;
 uniform sampler2D inside;         // blocks of 2x2 pixels surrounded by measured ones
-#ifndef CLOSED
-uniform isampler2D closed;        // directions surrounded by scanned ones: six cube faces one above the other
+#ifndef ALIKE
+uniform isampler2D closed;        // what each direction is, 0 where void: six cube faces one above the other
 uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
 uniform vec4 lens;                // fx, fy, cx, cy in pixels
 #endif
-uniform int enclosed;             // 1: the camera stands in a room, nearly all directions close around it
 layout(rgba8, binding = 0) uniform writeonly image2D filled;
 #ifdef NETWORK
 layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[]; };
 #endif
 
-#ifndef CLOSED
+#ifndef ALIKE
 // The cube face and cell of a direction, as viewer/render/void.py numbers them.
 ivec2 cell_of(vec3 d) {
     vec3 a = abs(d);
@@ -33,9 +32,9 @@ ivec2 cell_of(vec3 d) {
     return ivec2(cell.x, face * side + cell.y);
 }
 
-bool closed_towards(ivec2 at) {
+int closed_towards(ivec2 at) {
     vec3 ray = to_world * vec3((vec2(at) + 0.5 - lens.zw) / lens.xy, 1.0);
-    return texelFetch(closed, cell_of(ray), 0).x != 0;
+    return texelFetch(closed, cell_of(ray), 0).x;
 }
 #endif
 
@@ -48,17 +47,17 @@ void write(ivec2 at, ivec2 extent, vec4 behind, float whole, bool surrounded) {
         precise vec4 mixed = v + (1.0 - w) * behind;
         v = mixed;
     }
-#ifdef CLOSED
-    const bool is_closed = CLOSED == 1;
+#ifdef ALIKE
+    const int direction = ALIKE;
 #else
-    bool is_closed = closed_towards(at);
+    int direction = closed_towards(at);
 #endif
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    float alpha = w == 0.0 && (!(is_closed || surrounded) || whole == 0.0) ? 0.0 : 1.0;
+    float alpha = w == 0.0 && (!(direction != 0 || surrounded) || whole == 0.0) ? 0.0 : 1.0;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, enclosed == 1 && is_closed ? 1.0 : 0.0)),
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, direction == SEALED ? 1.0 : 0.0)),
               packHalf2x16(vec2(1.0 - alpha, 0.0)));
 #endif
 }
@@ -75,8 +74,8 @@ void main() {
     vec4 se = fetch_clamped(coarse, above + ivec2(1, 1), bounds), nw = fetch_clamped(coarse, above - ivec2(1, 1), bounds);
     vec4 ne = fetch_clamped(coarse, above + ivec2(1, -1), bounds), sw = fetch_clamped(coarse, above - ivec2(1, -1), bounds);
     bool surrounded = true;
-#ifdef CLOSED
-#if CLOSED == 0
+#ifdef ALIKE
+#if ALIKE == 0
     surrounded = texelFetch(inside, above, 0).x >= 0.5;
 #endif
 #else

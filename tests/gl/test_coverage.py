@@ -39,6 +39,21 @@ def test_a_closed_room_cannot_be_opened(context, opening):
     assert (filled == 255).all() and (made[..., 3] == 255).all()
 
 
+def test_what_the_tripod_hid_cannot_be_opened_though_there_is_no_roof(context, opening):
+    """A court with a disc missing in its floor, the eye low over it; the sky above the walls is void."""
+    rng = np.random.default_rng(4)
+    points = rng.random((200_000, 3)) * (6, 5, 3)
+    side = rng.integers(0, 5, len(points))
+    points[np.arange(len(points)), side // 2] = np.array([6.0, 5.0, 3.0])[side // 2] * (side % 2)
+    points = points[(points[:, 2] > 0) | (np.hypot(points[:, 0] - 3, points[:, 1] - 2.5) > 0.7)]
+    scene = scene_from_arrays(points, np.full(points.shape, 150, np.uint8))
+    filled, made = _alpha(context, scene, from_fov(160, 120, 70, look_at((2.6, 2.2, 1.5), (3.4, 2.9, 0.0))))
+    assert (filled == 255).all() and (made[..., 3] == 255).all() and made[..., :3].min() > 100
+    up = from_fov(160, 120, 70, look_at((2.6, 2.2, 1.5), (5.0, 3.9, 4.5)))
+    filled, made = _alpha(context, scene, up)
+    assert (filled == 0).any() and (made[filled == 0] == 0).all()
+
+
 def test_outlines_in_a_void_may_be_opened_and_the_void_stays_empty(context, opening):
     rng = np.random.default_rng(3)
     ball = rng.normal(size=(80_000, 3))

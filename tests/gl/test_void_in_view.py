@@ -7,6 +7,7 @@ from clouds import room
 from viewer.camera import from_fov, look_at
 from viewer.render import fill
 from viewer.render.renderer import Renderer
+from viewer.render.void import OPEN, SEALED
 from viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
@@ -15,7 +16,7 @@ AWAY = look_at((-30.0, -30.0, 20.0), (-60.0, -60.0, 60.0))
 BESIDE = look_at((-4.0, -4.0, 4.0), (2.0, 2.0, 1.0))
 
 
-@pytest.mark.parametrize("pose, said", [(INSIDE, True), (AWAY, False), (BESIDE, None)])
+@pytest.mark.parametrize("pose, said", [(INSIDE, SEALED), (AWAY, OPEN), (BESIDE, None)])
 def test_what_is_known_beforehand_changes_no_byte(context, monkeypatch, pose, said):
     renderer = Renderer(context, room(4, 20_000))
     camera, settings = from_fov(97, 71, 50.0, pose), Settings(quality="fast", device="cpu")

@@ -6,7 +6,7 @@ import pytest
 from viewer.camera import from_fov, look_at
 from viewer.cloud import scene_from_arrays
 from viewer.render import void
-from viewer.render.void import SIDE, Surroundings, cell_of, closed_in_view
+from viewer.render.void import CLOSED, OPEN, SEALED, SIDE, Surroundings, cell_of, closed_in_view
 
 
 def closed_plainly(points: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -34,7 +34,8 @@ def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
     for cell in np.flatnonzero(scanned):
         open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
         closed[cell] |= bool(open_or_not) and all(open_or_not)
-    return closed
+    around = scanned.mean() >= 1 / void.AROUND
+    return np.where(closed & ((below & around) | (closed.mean() > void.ROOM)), SEALED, closed)
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
@@ -65,7 +66,7 @@ def test_what_the_tripod_hid_is_closed_as_a_whole_however_low_the_eye(seed, heig
     points = points[(points[:, 2] > 0) | (np.hypot(points[:, 0] - 3, points[:, 1] - 2.5) > 1.4)]
     surroundings = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
     for eye in ((3.0, 2.5, height), (3.7, 2.1, height)):
-        assert (surroundings.closed(np.array(eye)) == 1).all()
+        assert (surroundings.closed(np.array(eye)) == SEALED).all()
 
 
 def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
@@ -77,7 +78,9 @@ def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
     closed = surroundings.closed(eye).ravel()
     up = np.flatnonzero(void._centres()[:, 2] > np.cos(np.radians(50)))  # the walls reach to 53 degrees from the zenith
     assert not closed[up].any()
-    assert closed[void._centres()[:, 2] < 0.3].all()
+    height = void._centres()[:, 2]
+    assert closed[height < 0.3].all()
+    assert (closed[height < 0] == SEALED).all() and (closed[height > 0] != SEALED).all()  # the network may open a wall's top
 
 
 def test_all_rays_of_a_picture_have_in_common_what_is_said(seed):
@@ -89,10 +92,10 @@ def test_all_rays_of_a_picture_have_in_common_what_is_said(seed):
                           look_at(np.zeros(3), rng.normal(size=3)))  # fmt: skip
         middle = rng.normal(size=3)
         near = void._centres() @ (middle / np.linalg.norm(middle)) > rng.uniform(-1, 1)
-        closed = (near ^ bool(rng.integers(2))).astype(np.int8).reshape(6 * SIDE, SIDE)
+        closed = rng.permutation(3)[near.astype(int)].astype(np.int8).reshape(6 * SIDE, SIDE)
         i, j = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
         view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1).reshape(-1, 3)
         seen = closed.ravel()[cell_of(view @ camera.view_rotation)]
         said.append(closed_in_view(closed, camera))
         assert said[-1] is None or (seen == said[-1]).all()
-    assert {None, False, True} == set(said) and sum(one is None for one in said) < 250
+    assert {None, OPEN, CLOSED, SEALED} == set(said) and sum(one is None for one in said) < 250

@@ -13,14 +13,13 @@ from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from model.pull_push import STRICT_FROM, surround_levels
 from viewer.render import shader
 from viewer.render.filter import level_sizes
-from viewer.render.void import SIDE, closed_in_view
+from viewer.render.void import CLOSED, OPEN, SEALED, SIDE, closed_in_view
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.render.bridge import Pixels
 
 INPUT_BYTES = 16  # a pixel
-ENCLOSED = 0.9  # share of all directions that close around a camera inside a room; over a street a third stay open
 _CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
 
 
@@ -51,9 +50,9 @@ class Fill:
         self._push = programs.compute("fill_push.comp")
         self._push_base = {
             (wanted, view): programs.compute(
-                "fill_picture.comp", BASE=1, NETWORK=wanted or None, CLOSED=None if view is None else int(view), **_CONSTANTS
+                "fill_picture.comp", BASE=1, NETWORK=wanted or None, ALIKE=view, SEALED=SEALED, **_CONSTANTS
             )
-            for wanted in (False, True) for view in (None, False, True)
+            for wanted in (False, True) for view in (None, OPEN, CLOSED, SEALED)
         }
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, mask: moderngl.Texture, *, camera: "Camera",
@@ -72,7 +71,7 @@ class Fill:
             coarse, is_sum = self._pushed[index], 0
         view = closed_in_view(closed, camera)
         for index in range(len(self._inside) - 1, -1, -1):
-            if view:  # no direction in the picture is void: nobody asks which pixels are surrounded
+            if view in (CLOSED, SEALED):  # no direction in the picture is void: nobody asks which pixels are surrounded
                 break
             top = index == len(self._inside) - 1
             inputs = {"weight": self._weights[index]} | ({} if top else {"coarse_inside": self._inside[index + 1]})
@@ -84,8 +83,6 @@ class Fill:
         if view is None:
             push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
             push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        if "enclosed" in push:
-            push["enclosed"] = int(closed.mean() > ENCLOSED)
         inputs = {**base, "coarse": coarse, "inside": self._inside[0], "closed": self._closed}
         self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale, is_sum)
 

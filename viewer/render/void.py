@@ -4,7 +4,9 @@ A hole in a room's floor is surrounded by floor on all sides, even where the pic
 over a street and the space around a statue are not.  The directions around the camera are sorted into the cells of a
 cube; a cell is surrounded where, walking from it in eight directions, each meets a scanned cell within 60 degrees.  Cells
 without a point that touch are one hole, and get one answer: closed where most of them are surrounded, or where the hole lies
-below the horizon of a camera that the scan encloses (what a tripod hid, seen from low down).
+below the horizon of a camera that the scan encloses (what a tripod hid, seen from low down).  What is closed is filled, and the
+network may open it where that could be sky, seen between branches, say: not in a room, and not below the horizon of a camera
+that has the scan around it.
 World axes, z up, no OpenGL.
 """
 
@@ -29,6 +31,12 @@ _WALKS = 8
 _NEEDED = 8
 ENCLOSES = 3
 """A scan encloses the camera where no more than one in so many cells is without a point."""
+ROOM = 0.9
+"""Share of all directions that close around a camera inside a room, at least; over a street a third stay open."""
+AROUND = 3
+"""A scan is around the camera where at least one in so many directions holds a point: a statue seen from outside is not."""
+OPEN, CLOSED, SEALED = 0, 1, 2
+"""What a direction is: void; filled; filled, and not the network's to open."""
 _SAMPLES = 24576
 
 
@@ -144,8 +152,8 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
             closed[cell] = 1
 
 
-def closed_in_view(closed: np.ndarray, camera: "Camera") -> bool | None:
-    """Whether all directions of a picture are closed (True) or none is (False); None where they differ.
+def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
+    """What all directions of a picture are; None where they differ.
 
     closed: (6 * SIDE, SIDE) of Surroundings.  Looks at every cell that a pixel's ray could fall into, and some more.
     """
@@ -153,7 +161,7 @@ def closed_in_view(closed: np.ndarray, camera: "Camera") -> bool | None:
     along = max(camera.cy, camera.height - camera.cy) / camera.fy
     reach = np.arctan(np.hypot(across, along)) + _CELL_RADIUS
     there = closed.reshape(-1)[_centres() @ camera.view_rotation[2] >= np.cos(min(reach, np.pi))]
-    return bool(there[0]) if (there == there[0]).all() else None
+    return int(there[0]) if (there == there[0]).all() else None
 
 
 class Surroundings:
@@ -176,8 +184,11 @@ class Surroundings:
         self.closed(np.zeros(3))  # compiled now, or read from the cache, and not in the first frame
 
     def closed(self, position: np.ndarray) -> np.ndarray:
-        """(6 * SIDE, SIDE) int8: 1 where a hole in that direction from ``position`` (3,) is to be filled."""
+        """(6 * SIDE, SIDE) int8: OPEN, CLOSED or SEALED, what each direction from ``position`` (3,) is."""
         closed, walks = np.empty(len(self._scanned), np.int8), _walks()
         close_directions(self._points, np.asarray(position, np.float64), SIDE, walks, _NEEDED, self._scanned, closed)
         settle_holes(self._scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
+        in_room = np.count_nonzero(closed) > ROOM * len(closed)
+        around = AROUND * np.count_nonzero(self._scanned) >= len(closed)
+        closed[(closed > 0) & (in_room | (around & self._below))] = SEALED
         return closed.reshape(6 * SIDE, SIDE)
