@@ -40,6 +40,15 @@ def clamped(image: Tensor, dx: int, dy: int) -> Tensor:
     return image[..., rows[:, None], columns[None, :]]
 
 
+def mirrored(image: Tensor, dx: int, dy: int) -> Tensor:
+    """As :func:`shifted`, with the picture mirrored about the middle of its border pixels."""
+    h, w = image.shape[-2:]
+    rows = (torch.arange(h, device=image.device) + dy).abs_()
+    columns = (torch.arange(w, device=image.device) + dx).abs_()
+    rows, columns = h - 1 - (h - 1 - rows).abs(), w - 1 - (w - 1 - columns).abs()
+    return image[..., rows.clamp_(0, h - 1)[:, None], columns.clamp_(0, w - 1)[None, :]]
+
+
 def parents(image: Tensor, height: int, width: int) -> Tensor:
     """Each pixel of the finer level's own parent, at the finer level's size."""
     return image.repeat_interleave(2, -2).repeat_interleave(2, -1)[..., :height, :width]

@@ -7,8 +7,13 @@ uniform sampler2D level;   // near (x) and support (y)
 uniform sampler2D coarse;  // thresholds of the next coarser level
 layout(r32f, binding = 0) uniform writeonly image2D threshold;
 uniform vec3 tolerance;    // as hiding_threshold takes it, the third unused
+uniform int mirror;        // 1: the picture goes on mirrored beyond its border; else there is nothing
 
 vec2 block(ivec2 at, ivec2 extent) {
+    if (mirror == 1) {
+        ivec2 last = extent - 1;
+        return texelFetch(level, clamp(last - abs(last - abs(at)), ivec2(0), last), 0).xy;
+    }
     if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, extent))) return vec2(0.0);
     return texelFetch(level, at, 0).xy;
 }

@@ -142,9 +142,9 @@ def test_what_hides_is_what_the_filter_says(floor):
     hider = renderer._rasterisers["compute"].hider
     depth = torch.from_numpy(frame.depth().copy())
     near, support = depth_filter._near_pyramid(depth, GAP_LEVELS)
-    threshold = depth_filter._hiding_threshold(near[-1], support[-1], 1.0)
+    threshold = depth_filter._hiding_threshold(near[-1], support[-1], 1.0, len(near) - 1)
     for level in range(GAP_LEVELS - 1, 0, -1):
-        own = depth_filter._hiding_threshold(near[level], support[level], 1.0)
+        own = depth_filter._hiding_threshold(near[level], support[level], 1.0, level)
         threshold = torch.maximum(own, parents(threshold, *own.shape))
     soft = SoftZ.preset("auto", scene.spacing, 1.0)
     behind = 1.0 / torch.maximum(depth * (1.0 + soft.relative), depth + soft.absolute)

@@ -114,3 +114,18 @@ def test_auto_is_above_the_papers_filter_on_real_rooms(shared_data):
                     scores.setdefault((preset, density), []).append(float(2 * hits / (2 * hits + leaks + lost)))
     for density in (1.0, 0.3, 0.1, 0.03):
         assert np.mean(scores["auto", density]) > np.mean(scores["paper-code", density]), (density, scores)
+
+
+@pytest.mark.parametrize("share", [0.15, 0.3])
+def test_what_shows_through_goes_up_to_the_border(seed, share):
+    """A sparse wall before another one, slanting, without the rest of the picture and with it."""
+    rng = np.random.default_rng(seed)
+    i, j = np.meshgrid(np.arange(260), np.arange(220))
+    depth = np.where(rng.random(i.shape) < share, 2.0 + 0.002 * i + 0.001 * j, 4.0 + 0.003 * j).astype(np.float32)
+    inner = slice(30, 190), slice(30, 230)
+    whole, cut = (keep_mask(torch.from_numpy(d)).numpy() for d in (depth, np.ascontiguousarray(depth[inner])))
+    whole, behind = whole[inner], depth[inner] > 3.5
+    outer = np.ones(cut.shape, bool)
+    outer[4:-4, 4:-4] = False
+    assert (cut & behind & ~whole)[outer].sum() < 0.1 * outer.sum()  # 44 to 78 % with nothing beyond the border
+    assert (cut & ~behind)[outer].sum() > 0.97 * (whole & ~behind)[outer].sum()

@@ -81,14 +81,21 @@ class DepthFilter:
                        coarse.size, [coarse], fine=self._down[index - 1] if index else depth)
         top = self._down[levels - 1] if self._down else depth
         if self.preset == "auto":
+            self._mirror("top", levels)
             self._pass("top", self._up[levels - 1].size, [self._up[levels - 1]], tolerance, level=top)
             top = self._up[levels - 1]
         if self.preset in ("auto", "paper-code", "paper-text"):
             for index in range(levels - 2, -1, -1):
+                self._mirror("up", index + 1)
                 self._pass("up", self._up[index].size, [self._up[index]], tolerance,
                            level=self._down[index], coarse=top)
                 top = self._up[index]
         return tolerance, top
+
+    def _mirror(self, name: str, level: int) -> None:
+        program = self._programs[name]
+        if "mirror" in program:
+            program["mirror"] = int(level in twin.MIRRORED)
 
     def closing(self, depth: moderngl.Texture, *, strength: float, levels: int) -> moderngl.Texture:
         """R32F, half the size: for each 2x2 pixels the inverse depth below which ``levels`` levels would remove a point, and
