@@ -34,6 +34,7 @@ _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets":
 _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
 _OUT_REMEDY = "free space or give --out a writable folder"
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError)  # what reading a folder that is not whole raises
 _SPARE = 64 << 20  # bytes left free on the disk
 _JOB = 16  # chunks a thread sums at a time
 
@@ -60,7 +61,7 @@ def load(folder: Path, files: list[Path]) -> Scene | None:
     """The grid of ``files`` kept in ``folder``, or None where there is none that can be trusted."""
     try:
         return _read(folder, _identity(files))
-    except (OSError, ValueError, KeyError, TypeError):
+    except _DAMAGE:
         return None
 
 
@@ -78,7 +79,7 @@ def load_folder(folder: Path) -> Scene:
         raise InputError(f"{folder}: is a folder, but not one made by convert; give a PLY, LAS, LAZ, COPC or E57 file")
     try:
         return _read(folder, None)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except _DAMAGE as error:
         raise InputError(f"{folder}: damaged grid ({_first_line(error)}); convert the scan again") from None
 
 
@@ -92,7 +93,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
     for name, dtype in _ARRAYS.items():
         if name in _LATER and name not in head["shapes"]:
             continue
-        arrays[name] = np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)  # too short: ValueError
+        arrays[name] = _mapped(folder / f"{name}.npy")
         if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
             raise ValueError(f"{name}.npy is not what meta.json says")
     points, cells = arrays["points"], arrays["cell_coords"]
@@ -111,11 +112,24 @@ def _read(folder: Path, identity: list | None) -> Scene:
     numbers = [head["cell_size"], head["spacing"], *origin, *bounds.reshape(-1)]
     if origin.shape != (3,) or bounds.shape != (2, 3) or not np.isfinite(numbers).all() or not min(numbers[:2]) > 0:
         raise ValueError("its numbers are not usable")
+    if not isinstance(head["meta"], dict):
+        raise ValueError("meta.json does not say what it was made from")
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
         points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
         np.array(arrays["checksums"]), parts, **later,
     )  # fmt: skip
+
+
+def _mapped(path: Path) -> np.ndarray:
+    """The array in an .npy file, memory-mapped, in C order.  Raises ValueError naming the file where it holds none."""
+    try:
+        array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load takes no zip and no pickle for an array
+    except Exception as error:  # of what NumPy raises, much is not of one kind: torn headers are parsed as Python
+        raise ValueError(f"{path.name}: {_first_line(error)}") from None
+    if not array.flags.c_contiguous:
+        raise ValueError(f"{path.name}: its rows lie in another order")
+    return array
 
 
 def distrust(folder: Path) -> str:
