@@ -69,6 +69,33 @@ def test_an_array_that_is_none_is_never_read(scan, tmp_path, name, how):
     both(scan, tmp_path, lambda folder: damaged(folder / f"{name}.npy", how))
 
 
+@pytest.mark.parametrize("name", [name for name in ARRAYS if name != "points"])
+def test_a_small_array_with_other_values_is_never_read(scan, tmp_path, name):
+    """One number is another; type, shape and order are right."""
+    def changed(folder):
+        array = np.load(folder / f"{name}.npy")
+        array.reshape(-1)[array.size // 2] ^= 1
+        np.save(folder / f"{name}.npy", array)
+
+    both(scan, tmp_path, changed)
+
+
+def test_boxes_of_zeros_are_never_read(scan, tmp_path):
+    both(scan, tmp_path, lambda folder: np.save(folder / "boxes.npy", np.zeros_like(np.load(folder / "boxes.npy"))))
+
+
+def test_a_folder_without_sums_opens_as_before(scan, tmp_path):
+    """Earlier versions wrote none."""
+    fresh, out = open_scene(scan), tmp_path / "grid"
+    convert([scan], out)
+    for folder in (cache.folder_of([scan]), out):
+        head = json.loads((folder / "meta.json").read_text())
+        del head["sums"]
+        (folder / "meta.json").write_text(json.dumps(head))
+    assert cache.load(cache.folder_of([scan]), [scan]) is not None
+    np.testing.assert_array_equal(np.asarray(open_scene(out).boxes), np.asarray(fresh.boxes))
+
+
 def test_points_in_another_order_are_not_taken_for_points(scan, tmp_path):
     def transposed(folder):
         np.save(folder / "points.npy", np.asfortranarray(np.load(folder / "points.npy")))

@@ -2,7 +2,8 @@
 
 A grid is written into a sibling folder and renamed in one step, so that it is there whole or not at all.  What is torn,
 stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.  Whether
-the points are still those written is checked chunk by chunk as they are read (viewer.cloud.chunk_reader).
+the points are still those written is checked chunk by chunk as they are read (viewer.cloud.chunk_reader); the other arrays,
+tens of bytes a cell, are read and checked on opening.
 """
 
 import errno
@@ -11,6 +12,7 @@ import json
 import os
 import secrets
 import shutil
+import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -89,22 +91,26 @@ def _read(folder: Path, identity: list | None) -> Scene:
         raise ValueError(f"version {head['version']!r} where {VERSION} is expected")
     if identity is not None and head["identity"] != identity:
         raise ValueError("made from other files")
-    arrays = {}
+    arrays, sums = {}, head.get("sums")  # earlier versions kept no sums
     for name, dtype in _ARRAYS.items():
         if name in _LATER and name not in head["shapes"]:
             continue
         arrays[name] = _mapped(folder / f"{name}.npy")
         if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
             raise ValueError(f"{name}.npy is not what meta.json says")
-    points, cells = arrays["points"], arrays["cell_coords"]
-    offsets = np.array(arrays["offsets"])
+        if name == "points":
+            continue
+        arrays[name] = np.array(arrays[name])  # what is checked is what is used, whatever becomes of the file
+        if sums is not None and zlib.crc32(arrays[name].data) != sums[name]:
+            raise ValueError(f"{name}.npy does not match its checksum")
+    points, cells, offsets = arrays["points"], arrays["cell_coords"], arrays["offsets"]
     layers, count = int(head["layers"]), int(head["count"])
     fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
     fits = fits and arrays["checksums"].shape == (-(-count // CHUNK),)
     parts = int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1))
     if parts not in (1, EARLIER_PARTS, PARTS):
         raise ValueError(f"its points lie in {parts} parts")
-    later = {name: np.array(arrays[name]) for name in _LATER if name in arrays}
+    later = {name: arrays[name] for name in _LATER if name in arrays}
     fits = fits and all(array.shape == (len(cells), _LATER[name]) for name, array in later.items())
     if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
         raise ValueError("its arrays do not fit together")
@@ -116,8 +122,8 @@ def _read(folder: Path, identity: list | None) -> Scene:
         raise ValueError("meta.json does not say what it was made from")
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
-        points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        np.array(arrays["checksums"]), parts, **later,
+        points, cells, offsets, origin, size, layers, count, spacing, bounds, head["meta"],
+        arrays["checksums"], parts, **later,
     )  # fmt: skip
 
 
@@ -175,15 +181,17 @@ def _points_file(work: Path, count: int) -> np.ndarray:
 
 
 def _write(work: Path, scene: Scene, identity: list) -> None:
-    arrays = {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
-    arrays |= {name: known for name in _LATER if (known := getattr(scene, name)) is not None}
+    known = {name: getattr(scene, name) for name in _LATER if getattr(scene, name) is not None}
+    known |= {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
+    arrays = {name: np.ascontiguousarray(array, _ARRAYS[name]) for name, array in known.items()}
     for name, array in arrays.items():
-        np.save(work / f"{name}.npy", array.astype(_ARRAYS[name]), allow_pickle=False)
+        np.save(work / f"{name}.npy", array, allow_pickle=False)
     head = {
         "magic": MAGIC,
         "version": VERSION,
         "identity": identity,
         "shapes": {name: list(array.shape) for name, array in {"points": scene.points, **arrays}.items()},
+        "sums": {name: zlib.crc32(array.data) for name, array in arrays.items()},
         "origin": scene.origin.tolist(),
         "cell_size": float(scene.cell_size),
         "layers": scene.layers,
