@@ -89,3 +89,14 @@ def test_a_mounted_disk_is_refused_before_any_work(scan, tmp_path, capsys, monke
     for out in (disk, tmp_path / "link"):
         refused(capsys, scan, str(out), "a disk is mounted there; give --out a folder inside it")
     assert named(disk) == []
+
+
+@pytest.mark.parametrize("kept", ["scan.ply", "pictures/a.png"])
+def test_what_somebody_put_into_a_grid_is_not_deleted_with_it(scan, tmp_path, capsys, request, kept):
+    out = tmp_path / "grid"
+    convert([scan], out)
+    (out / kept).parent.mkdir(exist_ok=True)
+    (out / kept).write_bytes(scan.read_bytes())
+    request.getfixturevalue("no_work")
+    refused(capsys, scan, str(out), f"holds other files ({kept.split('/')[0]})")
+    assert (out / kept).is_file() and open_scene(out).count == 3000

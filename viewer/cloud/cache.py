@@ -75,6 +75,13 @@ def is_grid(folder: Path) -> bool:
         return False
 
 
+def stranger(folder: Path) -> str | None:
+    """The name of something in ``folder`` that is no part of a grid, None where it could be replaced by one."""
+    names = sorted(path.name for path in folder.iterdir())
+    ours = {_META, *(f"{name}.npy" for name in _ARRAYS)} if is_grid(folder) else set()
+    return next((name for name in names if name not in ours), None)
+
+
 def load_folder(folder: Path) -> Scene:
     """The grid in a folder made by ``convert``.  Raises InputError where it is not one, or torn."""
     if not is_grid(folder):
@@ -273,8 +280,8 @@ def _move(work: Path, folder: Path, keep_old: bool) -> None:
     """Renames ``work`` to ``folder``; an older grid there is put aside first, so that no reader sees half of each."""
     aside = work.with_name(f"{work.name.removesuffix('.tmp')}.old.{os.getpid()}.tmp")
     if folder.exists():
-        if keep_old and not is_grid(folder) and any(folder.iterdir()):
-            raise InputError(f"{folder}: holds other files; give a new or empty folder")
+        if keep_old and (name := stranger(folder)):
+            raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
         folder.rename(aside)
     try:
         work.rename(folder)

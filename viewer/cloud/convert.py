@@ -37,8 +37,8 @@ def _place_of(out: Path) -> Path:
         raise InputError(f"{out}: is the folder this runs in, or holds it; give --out a folder that is not there yet")
     if os.path.ismount(place):
         raise InputError(f"{out}: a disk is mounted there; give --out a folder inside it that is not there yet")
-    if place.is_dir() and not cache.is_grid(place) and any(place.iterdir()):
-        raise InputError(f"{out}: holds other files; give a new or empty folder to --out")
+    if place.is_dir() and (name := cache.stranger(place)):
+        raise InputError(f"{out}: holds other files ({name}); give a new or empty folder to --out")
     return place
 
 
