@@ -184,7 +184,7 @@ def _render(options: argparse.Namespace) -> int:
 def _info(options: argparse.Namespace) -> int:
     from viewer.cloud.info import describe, format_text
 
-    facts = describe(options.scans)
+    facts = describe(options.scans, cache=not options.no_cache)
     print(json.dumps(facts, indent=1) if options.json else format_text(facts))
     return 0
 

@@ -97,6 +97,16 @@ def test_info_counts_every_point(scan, capsys):
     assert "16,000" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("command", ["info", pytest.param("render", marks=pytest.mark.gl)])
+def test_no_cache_keeps_nothing(scan, cameras, tmp_path, monkeypatch, command):
+    monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
+    extra = ("--cameras", cameras, "--out", tmp_path / "out", "--view", "raw") if command == "render" else ()
+    assert run(command, scan, "--no-cache", *extra) == 0
+    assert not (tmp_path / "cache").exists()
+    assert run(command, scan, *extra) == 0
+    assert len(list((tmp_path / "cache").iterdir())) == 1
+
+
 @pytest.mark.parametrize("arguments, said", [
     (("render", "{scan}", "--cameras", "{cameras}"), "--out"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--view", "pretty"), "pretty"),
@@ -110,6 +120,9 @@ def test_info_counts_every_point(scan, capsys):
     (("info", "missing.laz"), "missing.laz"),
     (("info", "{text}"), "notes.laz"),
     (("convert", "{scan}", "--out", "{full}"), "full"),
+    (("info", "{grid}", "{scan}"), "grid: a folder made by convert is opened alone"),
+    (("render", "{scan}", "{grid}", "--cameras", "{cameras}", "--out", "{out}"), "a folder made by convert is opened alone"),
+    (("convert", "{grid}", "--out", "{out}"), "give the scans it was made from"),
     (("evaluate", "{out}"), "scene.json"),
     (("dance",), "dance"),
 ])
@@ -118,9 +131,12 @@ def test_bad_input_is_one_line_exit_2_and_leaves_nothing(scan, cameras, tmp_path
     (tmp_path / "notes.laz").write_text("dear diary")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "precious.txt").write_text("keep me")
+    if any("{grid}" in argument for argument in arguments):
+        assert run("convert", scan, "--out", tmp_path / "grid") == 0
+        capsys.readouterr()
     before = sorted(tmp_path.rglob("*"))
     places = {"scan": scan, "cameras": cameras, "out": tmp_path / "out", "empty": tmp_path / "empty.laz",
-              "text": tmp_path / "notes.laz", "full": tmp_path / "full"}
+              "text": tmp_path / "notes.laz", "full": tmp_path / "full", "grid": tmp_path / "grid"}
     assert main([a.format(**places) for a in arguments]) == 2
     assert said in one_line(capsys)
     assert sorted(tmp_path.rglob("*")) == before

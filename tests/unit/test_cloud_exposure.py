@@ -7,6 +7,7 @@ from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 from viewer.cli import main
 from viewer.cloud import open_scene, unpack
 from viewer.cloud.info import facts, format_text
+from viewer.errors import InputError
 
 GAINS = (0.9, 1.0, 1.1)
 
@@ -81,6 +82,28 @@ def test_convert_leaves_colours_as_scanned_when_asked(tmp_path):
     plain, matched = (open_scene(tmp_path / name) for name in ("plain", "matched"))
     assert not np.array_equal(plain.points, matched.points)
     assert np.array_equal(np.sort(_brightness(plain)[:, 0]), np.sort(rgb[:, 0].astype(float)))
+
+
+@pytest.mark.parametrize("kind", ["stations", "black"])
+def test_a_grid_of_matched_scans_is_refused_where_colours_as_scanned_are_asked_for(tmp_path, capsys, kind):
+    xyz, rgb, station = _stations(7)
+    if kind == "black":
+        rgb, station = np.where((np.arange(len(rgb)) % 5 == 0)[:, None], 0, np.maximum(rgb, 20)).astype(np.uint8), None
+    file, grid, plain = write_las(tmp_path / "a.las", xyz, rgb, source=station), tmp_path / "grid", tmp_path / "plain"
+    assert main(["convert", str(file), "--out", str(grid)]) == 0
+    assert main(["convert", str(file), "--out", str(plain), "--exposures", "as-scanned"]) == 0
+    with pytest.raises(InputError, match=r"matched exposures.*give the scan itself, or convert it again with --exp") as error:
+        open_scene(grid, match=False)
+    assert str(error.value).startswith(f"{grid}: ") and "\n" not in str(error.value)
+    assert open_scene(grid).matched and not open_scene(plain, match=False).matched
+
+
+def test_a_grid_in_which_nothing_was_matched_is_as_scanned(tmp_path):
+    xyz, rgb, station = _stations(8)
+    one = station == 1
+    file = write_las(tmp_path / "one.las", xyz[one], rgb[one])
+    assert main(["convert", str(file), "--out", str(tmp_path / "grid")]) == 0
+    assert open_scene(tmp_path / "grid", match=False).count == one.sum()
 
 
 @pytest.mark.parametrize("kind", ["laz", "ply", "wide ply"])

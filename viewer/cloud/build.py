@@ -21,14 +21,19 @@ def open_scene(
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
     cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.  rebuild: build it anew.
-    match: give scans of one place the same exposure (see viewer.cloud.exposure), and take black that is no colour for none.
+    match: give scans of one place the same exposure (see viewer.cloud.exposure), and take black that is no colour for none;
+    a folder is as it was built, and refused where colours as scanned are asked for and it has others.
     Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled if progress says so.
     """
     from viewer.cloud import cache as store
 
     files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
-        return store.load_folder(files[0])
+        scene = store.load_folder(files[0])
+        if not match and scene.matched:
+            raise InputError(f"{files[0]}: was built with matched exposures, colours as scanned are not in it; "
+                             "give the scan itself, or convert it again with --exposures as-scanned")
+        return scene
     from viewer.cloud.source import check_file
 
     for file in files:

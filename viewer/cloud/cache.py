@@ -2,7 +2,8 @@
 
 A grid is written into a sibling folder and renamed in one step, so that it is there whole or not at all.  What is torn,
 stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.  Whether
-the points are still those written is checked chunk by chunk as they are read (viewer.cloud.chunk_reader).
+the points are still those written is checked chunk by chunk as they are read (viewer.cloud.chunk_reader); the other arrays,
+tens of bytes a cell, are read and checked on opening.
 """
 
 import errno
@@ -11,6 +12,7 @@ import json
 import os
 import secrets
 import shutil
+import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -34,6 +36,7 @@ _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets":
 _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
 _OUT_REMEDY = "free space or give --out a writable folder"
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError)  # what reading a folder that is not whole raises
 _SPARE = 64 << 20  # bytes left free on the disk
 _JOB = 16  # chunks a thread sums at a time
 
@@ -60,7 +63,7 @@ def load(folder: Path, files: list[Path]) -> Scene | None:
     """The grid of ``files`` kept in ``folder``, or None where there is none that can be trusted."""
     try:
         return _read(folder, _identity(files))
-    except (OSError, ValueError, KeyError, TypeError):
+    except _DAMAGE:
         return None
 
 
@@ -72,13 +75,20 @@ def is_grid(folder: Path) -> bool:
         return False
 
 
+def stranger(folder: Path) -> str | None:
+    """The name of something in ``folder`` that is no part of a grid, None where it could be replaced by one."""
+    names = sorted(path.name for path in folder.iterdir())
+    ours = {_META, *(f"{name}.npy" for name in _ARRAYS)} if is_grid(folder) else set()
+    return next((name for name in names if name not in ours), None)
+
+
 def load_folder(folder: Path) -> Scene:
     """The grid in a folder made by ``convert``.  Raises InputError where it is not one, or torn."""
     if not is_grid(folder):
         raise InputError(f"{folder}: is a folder, but not one made by convert; give a PLY, LAS, LAZ, COPC or E57 file")
     try:
         return _read(folder, None)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except _DAMAGE as error:
         raise InputError(f"{folder}: damaged grid ({_first_line(error)}); convert the scan again") from None
 
 
@@ -88,22 +98,26 @@ def _read(folder: Path, identity: list | None) -> Scene:
         raise ValueError(f"version {head['version']!r} where {VERSION} is expected")
     if identity is not None and head["identity"] != identity:
         raise ValueError("made from other files")
-    arrays = {}
+    arrays, sums = {}, head.get("sums")  # earlier versions kept no sums
     for name, dtype in _ARRAYS.items():
         if name in _LATER and name not in head["shapes"]:
             continue
-        arrays[name] = np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)  # too short: ValueError
+        arrays[name] = _mapped(folder / f"{name}.npy")
         if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
             raise ValueError(f"{name}.npy is not what meta.json says")
-    points, cells = arrays["points"], arrays["cell_coords"]
-    offsets = np.array(arrays["offsets"])
+        if name == "points":
+            continue
+        arrays[name] = np.array(arrays[name])  # what is checked is what is used, whatever becomes of the file
+        if sums is not None and zlib.crc32(arrays[name].data) != sums[name]:
+            raise ValueError(f"{name}.npy does not match its checksum")
+    points, cells, offsets = arrays["points"], arrays["cell_coords"], arrays["offsets"]
     layers, count = int(head["layers"]), int(head["count"])
     fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
     fits = fits and arrays["checksums"].shape == (-(-count // CHUNK),)
     parts = int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1))
     if parts not in (1, EARLIER_PARTS, PARTS):
         raise ValueError(f"its points lie in {parts} parts")
-    later = {name: np.array(arrays[name]) for name in _LATER if name in arrays}
+    later = {name: arrays[name] for name in _LATER if name in arrays}
     fits = fits and all(array.shape == (len(cells), _LATER[name]) for name, array in later.items())
     if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
         raise ValueError("its arrays do not fit together")
@@ -111,11 +125,24 @@ def _read(folder: Path, identity: list | None) -> Scene:
     numbers = [head["cell_size"], head["spacing"], *origin, *bounds.reshape(-1)]
     if origin.shape != (3,) or bounds.shape != (2, 3) or not np.isfinite(numbers).all() or not min(numbers[:2]) > 0:
         raise ValueError("its numbers are not usable")
+    if not isinstance(head["meta"], dict):
+        raise ValueError("meta.json does not say what it was made from")
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
-        points, np.array(cells), offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        np.array(arrays["checksums"]), parts, **later,
+        points, cells, offsets, origin, size, layers, count, spacing, bounds, head["meta"],
+        arrays["checksums"], parts, **later,
     )  # fmt: skip
+
+
+def _mapped(path: Path) -> np.ndarray:
+    """The array in an .npy file, memory-mapped, in C order.  Raises ValueError naming the file where it holds none."""
+    try:
+        array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load takes no zip and no pickle for an array
+    except Exception as error:  # of what NumPy raises, much is not of one kind: torn headers are parsed as Python
+        raise ValueError(f"{path.name}: {_first_line(error)}") from None
+    if not array.flags.c_contiguous:
+        raise ValueError(f"{path.name}: its rows lie in another order")
+    return array
 
 
 def distrust(folder: Path) -> str:
@@ -161,15 +188,17 @@ def _points_file(work: Path, count: int) -> np.ndarray:
 
 
 def _write(work: Path, scene: Scene, identity: list) -> None:
-    arrays = {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
-    arrays |= {name: known for name in _LATER if (known := getattr(scene, name)) is not None}
+    known = {name: getattr(scene, name) for name in _LATER if getattr(scene, name) is not None}
+    known |= {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
+    arrays = {name: np.ascontiguousarray(array, _ARRAYS[name]) for name, array in known.items()}
     for name, array in arrays.items():
-        np.save(work / f"{name}.npy", array.astype(_ARRAYS[name]), allow_pickle=False)
+        np.save(work / f"{name}.npy", array, allow_pickle=False)
     head = {
         "magic": MAGIC,
         "version": VERSION,
         "identity": identity,
         "shapes": {name: list(array.shape) for name, array in {"points": scene.points, **arrays}.items()},
+        "sums": {name: zlib.crc32(array.data) for name, array in arrays.items()},
         "origin": scene.origin.tolist(),
         "cell_size": float(scene.cell_size),
         "layers": scene.layers,
@@ -251,8 +280,8 @@ def _move(work: Path, folder: Path, keep_old: bool) -> None:
     """Renames ``work`` to ``folder``; an older grid there is put aside first, so that no reader sees half of each."""
     aside = work.with_name(f"{work.name.removesuffix('.tmp')}.old.{os.getpid()}.tmp")
     if folder.exists():
-        if keep_old and not is_grid(folder) and any(folder.iterdir()):
-            raise InputError(f"{folder}: holds other files; give a new or empty folder")
+        if keep_old and (name := stranger(folder)):
+            raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
         folder.rename(aside)
     try:
         work.rename(folder)

@@ -1,5 +1,6 @@
 """``pointglass convert``: the grid of some scans in a folder of one's own, to be opened like a scan."""
 
+import os
 from functools import partial
 from pathlib import Path
 
@@ -12,19 +13,33 @@ from viewer.errors import InputError
 def convert(paths: list[Path], out: Path, *, match: bool = True) -> Scene:
     """Builds the grid of ``paths`` into the folder ``out`` and opens it from there.  match: scans to the same exposure.
 
-    An earlier grid in ``out`` is replaced once the new one is whole.  Raises InputError where ``out`` holds anything
-    else, cannot be written or has no room, and for bad input; nothing partial is left behind.
+    An earlier grid in ``out`` is replaced once the new one is whole; where ``out`` is a link, the folder it leads to.
+    Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad input;
+    nothing partial is left behind.
     """
     from viewer.cloud.source import check_file
 
     files, out = as_paths(paths), Path(out)
     for file in files:
         check_file(file)
-    if out.exists() and not out.is_dir():
+    return cache.build_into(_place_of(out), files, partial(build_scene, match=match), keep_old=True)
+
+
+def _place_of(out: Path) -> Path:
+    """The folder that ``--out`` leads to, links followed.  Raises InputError where no grid can take its place."""
+    place = Path(os.path.realpath(out))  # renaming would replace a link, not what it leads to
+    if place.is_symlink():
+        raise InputError(f"{out}: is a link that leads back to itself; give --out a folder that is not there yet")
+    if place.exists() and not place.is_dir():
         raise InputError(f"{out}: is a file; give a new or empty folder to --out")
-    if out.is_dir() and not cache.is_grid(out) and any(out.iterdir()):
-        raise InputError(f"{out}: holds other files; give a new or empty folder to --out")
-    return cache.build_into(out.absolute(), files, partial(build_scene, match=match), keep_old=True)
+    here = Path(os.path.realpath(os.curdir))
+    if place == here or place in here.parents:
+        raise InputError(f"{out}: is the folder this runs in, or holds it; give --out a folder that is not there yet")
+    if os.path.ismount(place):
+        raise InputError(f"{out}: a disk is mounted there; give --out a folder inside it that is not there yet")
+    if place.is_dir() and (name := cache.stranger(place)):
+        raise InputError(f"{out}: holds other files ({name}); give a new or empty folder to --out")
+    return place
 
 
 def scans_in(paths: list[Path]) -> list[Path]:

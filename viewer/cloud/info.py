@@ -8,14 +8,14 @@ from viewer.cloud.cache import CacheError
 from viewer.cloud.scene import Scene
 
 
-def describe(paths: list[Path], full: bool = False) -> dict:
-    """Facts about a scan, ready for JSON.  full: the grid too.
+def describe(paths: list[Path], full: bool = False, *, cache: bool = True) -> dict:
+    """Facts about a scan, ready for JSON.  full: the grid too.  cache: as for open_scene.
 
     The points are counted and their spacing measured, so the scan is read and its grid built, and kept in the cache
     where that can be written.  Raises InputError as open_scene does.
     """
     try:
-        scene = open_scene(paths)
+        scene = open_scene(paths, cache=cache)
     except CacheError:
         scene = open_scene(paths, cache=False)
     return facts(scene, full)

@@ -81,6 +81,11 @@ class Scene:
         return bool((self.meta.get("colour") or {}).get("uncoloured"))
 
     @property
+    def matched(self) -> bool:
+        """Whether colours are others than in the files: exposures or passes were matched, or black was taken for no colour."""
+        return self.unlit or any((self.meta.get(key) or {}).get("applied") for key in ("exposures", "passes"))
+
+    @property
     def cell_min(self) -> np.ndarray:
         """(C, 3) float64 file coordinates of each cell's lower corner."""
         return self.origin + self.cell_coords * self.cell_size

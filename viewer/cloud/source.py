@@ -82,6 +82,10 @@ def check_file(path: Path) -> None:
         if not path.exists():
             raise InputError(f"{path}: no such file")
         if path.is_dir():
+            from viewer.cloud.cache import is_grid
+
+            if is_grid(path):
+                raise InputError(f"{path}: a folder made by convert is opened alone; give the scans it was made from")
             raise InputError(f"{path}: is a folder, not a scan; give a {KNOWN} file, or a folder made by convert")
         if not path.is_file():
             raise InputError(f"{path}: not a regular file; copy it to disk first")
