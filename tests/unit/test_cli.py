@@ -73,6 +73,18 @@ def test_aux_files_hold_what_the_contract_says(scan, cameras, tmp_path):
 
 
 @pytest.mark.gl
+def test_the_mask_is_the_filters_whatever_the_view(scan, cameras, tmp_path):
+    for view in ("raw", "filtered"):
+        out = tmp_path / view
+        assert run("render", scan, "--cameras", cameras, "--out", out, "--view", view, "--aux", "--shard", "0/3",
+                   "--filter-strength", "0.001") == 0
+    raw, filtered = np.load(tmp_path / "raw" / "a.mask.npy"), np.load(tmp_path / "filtered" / "a.mask.npy")
+    assert np.array_equal(raw, filtered)
+    assert (raw != np.isfinite(np.load(tmp_path / "raw" / "a.depth.npy"))).any()  # or nothing was filtered here
+    assert "filter" in json.loads((tmp_path / "raw" / "a.stats.json").read_text())["stages"]
+
+
+@pytest.mark.gl
 def test_the_same_call_twice_gives_the_same_bytes_and_shards_make_the_whole(scan, cameras, tmp_path):
     for name, extra in {"one": (), "two": (), "s0": ("--shard", "0/2"), "s1": ("--shard", "1/2")}.items():
         assert run("render", scan, "--cameras", cameras, "--out", tmp_path / name, "--view", "filled", *extra) == 0
@@ -101,7 +113,10 @@ def test_info_counts_every_point(scan, capsys):
     (("render", "{scan}", "--cameras", "{cameras}"), "--out"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--view", "pretty"), "pretty"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "big"), "--size 'big'"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "\u00b2x5"), "expected WIDTHxHEIGHT"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "9" * 5000 + "x5"), "expected WIDTHxHEIGHT"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--shard", "3/2"), "--shard '3/2'"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--shard", "\u00b2/3"), "expected i/n"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--filter-strength", "0"), "filter strength 0.0"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--filter-levels", "99"), "filter levels 99"),
     (("render", "{scan}", "--cameras", "missing.json", "--out", "{out}"), "missing.json: no such camera file"),

@@ -6,6 +6,7 @@ import numpy as np
 
 from viewer.camera import Camera
 from viewer.errors import InputError
+from viewer.numerals import whole_number
 from viewer.tools.camera_formats.parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
 
 _MODELS = {  # name: (focal lengths, parameters behind cx cy, all of them distortion)
@@ -58,7 +59,7 @@ def _skip_points(path: Path, line_number: int, line: str) -> None:
     """The second line of an image: X Y POINT3D_ID for each of its points, or empty.  Where somebody left it out, the
     next image stands here and would be lost without a word."""
     parts = line.split()
-    if len(parts) % 3 or (parts and not parts[-1].lstrip("-").isdigit()):
+    if len(parts) % 3 or (parts and whole_number(parts[-1].removeprefix("-")) is None):
         raise InputError(
             f"{path}: line {line_number}: expected the points of the image above (an empty line will do), "
             f"got {shown(line)}"
