@@ -87,3 +87,38 @@ def test_a_size_is_shown_as_it_was_written(tmp_path):
     (tmp_path / "walk.txt").write_text("1 0 0 0 0 0 0 1\n")
     (tmp_path / "intrinsics.txt").write_text("100 100 40 30 160.5 60")
     assert "width 160.5: expected" in refused(tmp_path / "walk.txt", "width")
+
+
+def write_model(folder, cameras):
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "cameras.txt").write_text(cameras)
+    (folder / "images.txt").write_text("1 1 0 0 0 0 0 0 1 one.jpg\n\n")
+    return folder
+
+
+def test_a_colmap_camera_with_two_lenses_is_refused(tmp_path):
+    lens = "1 PINHOLE 80 60 100 100 40 30\n"
+    assert len(read_cameras(write_model(tmp_path, lens + lens))) == 1
+    write_model(tmp_path, f"{lens}1 PINHOLE 80 60 50 50 40 30\n")
+    assert refused(tmp_path, "camera 1 is there already").startswith(f"{tmp_path / 'cameras.txt'}: line 2: ")
+
+
+@pytest.mark.parametrize("given", ["", "sparse/0", "sparse/0/images.bin", "sparse/0/cameras.bin"])
+def test_colmaps_binary_model_says_how_to_make_it_text(tmp_path, given):
+    folder = tmp_path / "sparse" / "0"
+    folder.mkdir(parents=True)
+    for name in ("cameras.bin", "images.bin"):
+        (folder / name).write_bytes(b"\x01\x00\xff")
+    line = refused(tmp_path / given, "colmap model_converter .* --output_type TXT")
+    assert line.startswith(f"{folder / 'cameras.bin'}: ")
+    write_model(folder, "1 PINHOLE 80 60 100 100 40 30\n")
+    assert len(read_cameras(tmp_path / given)) == 1
+
+
+@pytest.mark.parametrize("given, made", [
+    ("a a a_2", "a a_3 a_2"), ("a_2 a a", "a_2 a a_3"), ("a a a a_3 a_2", "a a_4 a_5 a_3 a_2"),
+    ("a A a_2 A_2", "a A_3 a_2 A_2_2"),
+])
+def test_only_repeated_names_are_changed(tmp_path, given, made):
+    path = write(tmp_path, transforms(*({"file_path": f"{name}.jpg"} for name in given.split())))
+    assert [camera.name for camera in read_cameras(path)] == made.split()
