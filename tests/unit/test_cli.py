@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from viewer import cli
 from viewer.cli import main
 from viewer.paths import assets_dir
 
@@ -139,6 +140,27 @@ def test_bad_input_is_one_line_exit_2_and_leaves_nothing(scan, cameras, tmp_path
     assert main([a.format(**places) for a in arguments]) == 2
     assert said in one_line(capsys)
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_name_the_terminal_cannot_show_is_escaped(scan, tmp_path):
+    path = tmp_path / "\u00fcn\u00ef.laz"
+    path.write_bytes(scan.read_bytes())
+    for given, code in ((path, 0), (tmp_path / "\u00f6.laz", 2)):
+        done = subprocess.run([sys.executable, "-m", "viewer", "info", str(given)], cwd=ROOT, capture_output=True, timeout=120,
+                              env={**os.environ, "PYTHONIOENCODING": "ascii"})
+        said = (done.stdout or done.stderr).decode("ascii")
+        assert done.returncode == code and "Traceback" not in said and ("\\xfcn\\xef.laz" if code == 0 else "\\xf6") in said
+
+
+def test_what_opengl_cannot_do_is_exit_3_and_one_line(monkeypatch, capsys):
+    import moderngl
+
+    def fail(_):
+        raise moderngl.Error("cannot map the buffer")
+
+    monkeypatch.setitem(cli._RUN, "info", fail)
+    assert run("info", "any.laz") == 3
+    assert "OpenGL: cannot map the buffer; choose a smaller --size" in one_line(capsys)
 
 
 @pytest.mark.gl
