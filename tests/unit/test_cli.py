@@ -142,6 +142,17 @@ def test_bad_input_is_one_line_exit_2_and_leaves_nothing(scan, cameras, tmp_path
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.gl
+def test_a_picture_too_large_for_the_network_is_refused_before_it_is_drawn(scan, cameras, tmp_path, capsys, monkeypatch):
+    from viewer.render import context
+    from viewer.render.renderer import Culler
+
+    monkeypatch.setattr(context.Device, "buffer_limit", 16 * 80 * 60 - 1)
+    monkeypatch.setattr(Culler, "select", None)
+    assert run("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "neural") == 3
+    assert "a neural picture of 80x60 needs" in one_line(capsys)
+
+
 def test_a_name_the_terminal_cannot_show_is_escaped(scan, tmp_path):
     path = tmp_path / "\u00fcn\u00ef.laz"
     path.write_bytes(scan.read_bytes())
