@@ -81,7 +81,8 @@ def test_a_folder_that_takes_no_files_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "mkdir", lambda self, *a, **k: (refuse if "partial" in self.name else made)(self, *a, **k))
     with pytest.raises(InputError) as caught:
         export_pictures(fake(), CAMERAS, Settings(), tmp_path / "out")
-    assert str(caught.value) == f"{tmp_path / 'out'}: cannot be written to (Read-only file system); choose another --out"
+    assert str(caught.value).startswith(f"{tmp_path / 'out'}: cannot be written to (Read-only file system); ")
+    assert str(caught.value).endswith("choose another --out")
 
 
 def test_a_folder_in_the_place_of_a_file_leaves_none_of_the_others(tmp_path):

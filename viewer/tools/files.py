@@ -35,7 +35,8 @@ def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> 
         try:
             beside.mkdir()
         except OSError as error:
-            raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); choose another --out") from None
+            raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
+                             "there, or choose another --out") from None
         for name, write in files.items():
             _named(folder / name, lambda write=write, name=name: write(beside / name))
         for name in files:
