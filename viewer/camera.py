@@ -13,6 +13,13 @@ from viewer.errors import InputError
 
 _FLIP = np.diag([1.0, -1.0, -1.0])  # OpenGL camera axes -> view axes (y down, z forward)
 MAX_SIDE = 16384
+FOCAL_LENGTHS = (1e-6, 5e5)
+"""The least and the most, in sides of the picture: fields of view of 1e-4 degrees less than 180, and of 1e-4 degrees.
+Beyond, float32 can tell no direction from the next, and no picture comes of it."""
+_OFF_CENTRE = 1e4
+"""How many sides the principal point may lie off the picture."""
+_FARTHEST = 1e20
+"""File units from zero; beyond it a number is no position (as for points, viewer.cloud.histogram)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +54,27 @@ class Camera:
             value = _number(given)
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"{label}: {focal} {given!r}: expected a focal length in pixels above 0")
-        if not np.isfinite([_number(self.cx), _number(self.cy)]).all():
-            raise InputError(f"{label}: principal point ({self.cx!r}, {self.cy!r}) is not finite")
+            side = self.width if focal == "fx" else self.height
+            low, high = (side * limit for limit in FOCAL_LENGTHS)
+            if not low <= value <= high:
+                raise InputError(f"{label}: {focal} {given!r}: no picture {side} pixels across can be made with this focal "
+                                 f"length; expected pixels, from {low:g} to {high:g}")
+        for centre, side in (("cx", self.width), ("cy", self.height)):
+            given = getattr(self, centre)
+            if not np.isfinite(_number(given)):
+                raise InputError(f"{label}: principal point ({self.cx!r}, {self.cy!r}) is not finite")
+            if abs(_number(given)) > _OFF_CENTRE * side:
+                raise InputError(f"{label}: {centre} {given!r}: the principal point is too far off a picture {side} pixels "
+                                 "across; expected pixels, mostly half of that")
         try:
             matrix = np.array(self.camera_to_world, np.float64)
         except (TypeError, ValueError):
             raise InputError(f"{label}: camera_to_world must be a finite 4x4 matrix of numbers") from None
         if matrix.shape != (4, 4) or not np.isfinite(matrix).all():
             raise InputError(f"{label}: camera_to_world must be a finite 4x4 matrix, got shape {matrix.shape}")
+        if np.abs(matrix[:3, 3]).max() > _FARTHEST:
+            raise InputError(f"{label}: position {matrix[:3, 3].tolist()} is farther from zero than any place; expected the "
+                             "scan's own coordinates")
         rotation = matrix[:3, :3]
         largest = np.abs(rotation).max()
         scaled = rotation / largest if largest > 0 else rotation  # first to size 1: the determinant is a cube

@@ -8,6 +8,7 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 from pathlib import Path
 from typing import NoReturn
 
@@ -248,6 +249,9 @@ _RUN = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit code."""
+    for stream in (sys.stdout, sys.stderr):  # a file's name may hold what a terminal's encoding does not
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or (given[0] not in COMMANDS and not given[0].startswith("-")):
         given.insert(0, "view")
@@ -265,9 +269,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         message, code = f"{error.filename or 'input/output'}: {error.strerror or error}", 2
     except Exception as error:
-        if type(error).__name__ not in ("DataError", "WeightsError"):  # model's own; importing them would load torch
+        kind = type(error)  # by name: importing these would load torch and moderngl
+        if kind.__name__ in ("DataError", "WeightsError"):
+            message, code = str(error), 2
+        elif kind.__name__ == "Error" and kind.__module__ in ("moderngl", "_moderngl"):
+            message, code = f"OpenGL: {error}; choose a smaller --size or --gpu-memory, and see `pointglass doctor`", 3
+        else:
             raise
-        message, code = str(error), 2
     print(f"pointglass: {' '.join(message.split())}", file=sys.stderr)
     return code
 

@@ -15,8 +15,25 @@ from model.engines import ENGINES, Captured, Runner, fold_normalisation
 from model.reconstruct import PACKED_IN, PACKED_OUT
 from model.unet import SIZES, CompactUNet, PaperUNet
 from viewer.errors import DeviceError, InputError
-from viewer.render import egl, neural
+from viewer.render import bridge, egl, neural
+from viewer.render.context import Device
 from viewer.render.cuda_bridge import CudaCallError, device_failure
+
+# -- sizes ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("size, limit, software, fits", [
+    ((3840, 2160), 1 << 27, False, True), ((4096, 2160), 1 << 27, False, False), ((4096, 2160), 1 << 27, True, True),
+    ((8192, 8192), 1 << 27, True, True), ((16384, 16384), 1 << 27, True, False), ((16384, 16384), (1 << 31) - 1, False, False),
+])
+def test_a_picture_beyond_a_buffer_is_refused_before_it_is_begun(size, limit, software, fits):
+    device = Device("any", "any", "4.5", software, storage_limit=limit, texture_limit=16384)
+    if fits:
+        bridge.check_room(device, size)
+        return
+    with pytest.raises(DeviceError, match=f"a neural picture of {size[0]}x{size[1]} needs .* --size or --view filled"):
+        bridge.check_room(device, size)
+
 
 # -- EGL devices ----------------------------------------------------------------------------------------------------
 

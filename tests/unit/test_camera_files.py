@@ -141,7 +141,7 @@ def test_camera_path_there_and_back(tmp_path_factory, values):
     ({**shots({}), "camera_type": "equirectangular"}, r"frame 0 \(frame_00000\): camera_type equirectangular"),
     (shots({"camera_to_world": POSE.T.ravel().tolist()}), "its last row is .1.0, 2.0, 3.0, 1.0., expected 0, 0, 0, 1"),
     (shots({"fov": 1e-320}), "focal length"),
-    (shots({"fov": "nan", "name": "a\nb\u2028c"}), r"frame 0 \(a b c\): fov: holds a value that is not finite"),
+    (shots({"fov": float("nan"), "name": "a\nb\u2028c"}), r"frame 0 \(a b c\): fov: holds a value that is not finite"),
     (transforms(w=80.5), "width 80.5"),
     (transforms(w=10**400), "w: expected a number"),
     (transforms(is_fisheye=True), "is_fisheye true"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from viewer import cli
 from viewer.cli import main
 from viewer.paths import assets_dir
 
@@ -73,6 +74,18 @@ def test_aux_files_hold_what_the_contract_says(scan, cameras, tmp_path):
 
 
 @pytest.mark.gl
+def test_the_mask_is_the_filters_whatever_the_view(scan, cameras, tmp_path):
+    for view in ("raw", "filtered"):
+        out = tmp_path / view
+        assert run("render", scan, "--cameras", cameras, "--out", out, "--view", view, "--aux", "--shard", "0/3",
+                   "--filter-strength", "0.001") == 0
+    raw, filtered = np.load(tmp_path / "raw" / "a.mask.npy"), np.load(tmp_path / "filtered" / "a.mask.npy")
+    assert np.array_equal(raw, filtered)
+    assert (raw != np.isfinite(np.load(tmp_path / "raw" / "a.depth.npy"))).any()  # or nothing was filtered here
+    assert "filter" in json.loads((tmp_path / "raw" / "a.stats.json").read_text())["stages"]
+
+
+@pytest.mark.gl
 def test_the_same_call_twice_gives_the_same_bytes_and_shards_make_the_whole(scan, cameras, tmp_path):
     for name, extra in {"one": (), "two": (), "s0": ("--shard", "0/2"), "s1": ("--shard", "1/2")}.items():
         assert run("render", scan, "--cameras", cameras, "--out", tmp_path / name, "--view", "filled", *extra) == 0
@@ -111,7 +124,10 @@ def test_no_cache_keeps_nothing(scan, cameras, tmp_path, monkeypatch, command):
     (("render", "{scan}", "--cameras", "{cameras}"), "--out"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--view", "pretty"), "pretty"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "big"), "--size 'big'"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "\u00b2x5"), "expected WIDTHxHEIGHT"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "9" * 5000 + "x5"), "expected WIDTHxHEIGHT"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--shard", "3/2"), "--shard '3/2'"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--shard", "\u00b2/3"), "expected i/n"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--filter-strength", "0"), "filter strength 0.0"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--filter-levels", "99"), "filter levels 99"),
     (("render", "{scan}", "--cameras", "missing.json", "--out", "{out}"), "missing.json: no such camera file"),
@@ -140,6 +156,38 @@ def test_bad_input_is_one_line_exit_2_and_leaves_nothing(scan, cameras, tmp_path
     assert main([a.format(**places) for a in arguments]) == 2
     assert said in one_line(capsys)
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.gl
+def test_a_picture_too_large_for_the_network_is_refused_before_it_is_drawn(scan, cameras, tmp_path, capsys, monkeypatch):
+    from viewer.render import context
+    from viewer.render.renderer import Culler
+
+    monkeypatch.setattr(context.Device, "buffer_limit", 16 * 80 * 60 - 1)
+    monkeypatch.setattr(Culler, "select", None)
+    assert run("render", scan, "--cameras", cameras, "--out", tmp_path / "out", "--view", "neural") == 3
+    assert "a neural picture of 80x60 needs" in one_line(capsys)
+
+
+def test_a_name_the_terminal_cannot_show_is_escaped(scan, tmp_path):
+    path = tmp_path / "\u00fcn\u00ef.laz"
+    path.write_bytes(scan.read_bytes())
+    for given, code in ((path, 0), (tmp_path / "\u00f6.laz", 2)):
+        done = subprocess.run([sys.executable, "-m", "viewer", "info", str(given)], cwd=ROOT, capture_output=True, timeout=120,
+                              env={**os.environ, "PYTHONIOENCODING": "ascii"})
+        said = (done.stdout or done.stderr).decode("ascii")
+        assert done.returncode == code and "Traceback" not in said and ("\\xfcn\\xef.laz" if code == 0 else "\\xf6") in said
+
+
+def test_what_opengl_cannot_do_is_exit_3_and_one_line(monkeypatch, capsys):
+    import moderngl
+
+    def fail(_):
+        raise moderngl.Error("cannot map the buffer")
+
+    monkeypatch.setitem(cli._RUN, "info", fail)
+    assert run("info", "any.laz") == 3
+    assert "OpenGL: cannot map the buffer; choose a smaller --size" in one_line(capsys)
 
 
 @pytest.mark.gl

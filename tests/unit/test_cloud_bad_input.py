@@ -107,11 +107,12 @@ def test_ply_that_cannot_be_shown(tmp_path):
             "no points",
         ),
         ("format packed 1.0\nend_header\n", "line 2 not understood"),
+        (f"format ascii 1.0\nelement vertex \u00b2\n{xyz}end_header\n1 2 3\n", "line 3 not understood"),
         ("format ascii 1.0\nelement vertex 1\nproperty quad x\nend_header\n", "line 4 not understood"),
         (f"format ascii 1.0\nelement vertex 1\n{xyz}end_header\n1 b 3\n", "vertex 1 is not 3 numbers"),
         (f"format ascii 1.0\nelement vertex 2\n{xyz}end_header\n1 2 3\n4 5", "1 of 2 points could be read"),
     ):
-        path.write_bytes(b"ply\n" + head.encode())
+        path.write_bytes(b"ply\n" + head.encode("latin-1"))
         refused(path, part)
 
 

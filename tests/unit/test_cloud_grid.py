@@ -209,6 +209,15 @@ def test_points_that_are_not_finite_are_dropped_and_counted():
         scene_from_arrays(np.full_like(xyz, np.nan), rgb)
 
 
+def test_points_beyond_all_places_are_not_called_invalid():
+    xyz, rgb = surface(1000)
+    with pytest.raises(InputError, match=r"all of its 1,000 points are too far from zero \(beyond 1e\+20\)") as caught:
+        scene_from_arrays(xyz + 1e30, rgb)
+    assert "not finite" not in str(caught.value)
+    with pytest.raises(InputError, match=r"none of its 1,000 points is valid .*too far from zero"):
+        scene_from_arrays(np.where(np.arange(1000)[:, None] % 2, xyz + 1e30, np.nan), rgb)
+
+
 def test_a_stray_point_far_away_costs_nothing():
     xyz, rgb = surface(50_000)
     one = scene_from_arrays(xyz, rgb)

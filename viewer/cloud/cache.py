@@ -24,6 +24,7 @@ from viewer.cloud.chunk_reader import checksum
 from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
 from viewer.errors import InputError
+from viewer.numerals import whole_number
 from viewer.paths import cache_dir
 from viewer.progress import progress
 
@@ -259,8 +260,8 @@ def _scratch(folder: Path, remedy: str) -> Iterator[Path]:
 def _sweep(parent: Path) -> None:
     """Removes what a process that was killed left behind."""
     for left in parent.glob(".*.tmp"):
-        owner = left.name.split(".")[-2]
-        if owner.isdigit() and not _alive(int(owner)):
+        owner = whole_number(left.name.split(".")[-2])
+        if owner is not None and not _alive(owner):
             shutil.rmtree(left, ignore_errors=True)
 
 
@@ -269,7 +270,7 @@ def _alive(process: int) -> bool:
         return True
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):
         return False
     except OSError:
         pass

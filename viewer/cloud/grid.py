@@ -17,7 +17,7 @@ from viewer.cloud import kernels, layers
 from viewer.cloud.boxes import boxes_of
 from viewer.cloud.colour import Colours
 from viewer.cloud.faces import cover_of_faces
-from viewer.cloud.histogram import dense_table_of, merge, power_of_two, table_of
+from viewer.cloud.histogram import FARTHEST, dense_table_of, merge, power_of_two, table_of
 from viewer.cloud.layers import PARTS
 from viewer.cloud.scene import STEPS, Scene
 from viewer.cloud.source import Chunk, Source
@@ -225,9 +225,14 @@ def _check_any(sources: list[Source], survey: Survey) -> None:
         return
     name = sources[0].path if len(sources) == 1 else f"{len(sources)} files"
     lost = sum(survey.dropped)
+    if lost and lost == survey.dropped[1]:  # stray, and with none to be far from: from zero
+        raise InputError(
+            f"{name}: all of its {lost:,} points are too far from zero (beyond {FARTHEST:g}) to be places; export it again "
+            "with coordinates in metres"
+        )
     if lost:
         raise InputError(
-            f"{name}: none of its {lost:,} points is valid (not finite or marked invalid); export it again"
+            f"{name}: none of its {lost:,} points is valid (not finite, marked invalid or too far from zero); export it again"
         )
     raise InputError(f"{name}: holds no points; export it again")
 

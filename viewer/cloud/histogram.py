@@ -15,7 +15,7 @@ SLICES = 2
 """Tables filled side by side.  Fixed, not the number of processors, so that every machine builds the same grid."""
 MAX_CELLS = 1 << 18
 _REACH = 1 << 30  # cells either side of the middle of the scan
-_FARTHEST = 1e20  # file units from zero; beyond it a number is no position: a light year has 1e16 m, GPU floats end at 3e38
+FARTHEST = 1e20  # file units from zero; beyond it a number is no position: a light year has 1e16 m, GPU floats end at 3e38
 _DENSE = 1 << 24  # cells of a box looked up without searching
 _LOST = 0.01  # share of a chunk out of reach that is taken for a part of the scan and not for stray points
 
@@ -52,7 +52,7 @@ class Histogram:
         self.cell_size = cell_size or _first_cell_size(sample, wanted)
         self.base = np.floor(np.quantile(sample, 0.5, axis=0, method="nearest") / self.cell_size)
         reach = np.stack([self.base - _REACH, self.base + _REACH]) * self.cell_size
-        self.reach = np.clip(reach, -_FARTHEST, _FARTHEST)
+        self.reach = np.clip(reach, -FARTHEST, FARTHEST)
         self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
         self.seen = 0
         self._limit = MAX_CELLS if cell_size else 4 * wanted
@@ -130,7 +130,7 @@ class Histogram:
 def _near(xyz: np.ndarray) -> np.ndarray:
     """(n,) bool: points that are positions, and no NaN, infinity or number beyond any place."""
     x, y, z = np.abs(xyz).T  # a comparison with NaN is false
-    return (x <= _FARTHEST) & (y <= _FARTHEST) & (z <= _FARTHEST)
+    return (x <= FARTHEST) & (y <= FARTHEST) & (z <= FARTHEST)
 
 
 def _first_cell_size(sample: np.ndarray, wanted: int) -> float:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from viewer.errors import InputError
+from viewer.numerals import whole_number
 
 TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "long": "i8", "ulong": "u8",
@@ -62,8 +63,8 @@ def read_header(path: Path, file: BinaryIO) -> Header:
                 pass
             case ["format", name, *_] if name in ORDERS:
                 order = ORDERS[name]
-            case ["element", name, count] if count.isdigit():
-                elements.append((name, int(count), []))
+            case ["element", name, count] if (number_of := whole_number(count)) is not None:
+                elements.append((name, number_of, []))
             case ["property", "list", length, kind, name] if elements and length in TYPES and kind in TYPES:
                 elements[-1][2].append(Property(name, TYPES[kind], TYPES[length]))
             case ["property", kind, name] if elements and kind in TYPES:

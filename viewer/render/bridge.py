@@ -18,10 +18,22 @@ if TYPE_CHECKING:
     import moderngl
     import torch
 
+    from viewer.render.context import Device
     from viewer.render.shader import Programs
 
 TESTED = 4096
 """Pixels that the self-test compares."""
+
+
+def check_room(device: "Device", size: tuple[int, int]) -> None:
+    """Raises DeviceError where the pixels of a picture (width, height) are more than a shader can reach in one buffer."""
+    width, height = size
+    needed = 2 * PACKED_IN * width * height
+    if needed > device.buffer_limit:
+        raise DeviceError(
+            f"a neural picture of {width}x{height} needs a buffer of {needed >> 20} MiB, and this device has "
+            f"{device.buffer_limit >> 20} MiB at most; choose a smaller --size or --view filled"
+        )
 
 
 class Pixels(Protocol):

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     import moderngl
 
 REQUIRED = 430
+_SOFTWARE_BUFFER = 1 << 30
 _SOFTWARE = ("llvmpipe", "softpipe", "swr")
 
 
@@ -24,6 +25,12 @@ class Device:
     software: bool
     storage_limit: int
     texture_limit: int
+
+    @property
+    def buffer_limit(self) -> int:
+        """Bytes of one buffer that a shader can reach.  llvmpipe names 128 MiB, less than the network takes at 4096x2160, and
+        reaches further: measured up to 1 GiB.  From 4 GiB its sizes wrap round."""
+        return max(self.storage_limit, _SOFTWARE_BUFFER) if self.software else self.storage_limit
 
 
 def create_context(*, headless: bool = True) -> "moderngl.Context":

@@ -78,6 +78,10 @@ class Renderer:
             if view not in VIEWS:
                 raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
         self._resize((camera.width, camera.height))
+        if "neural" in views:  # now, and not when everything before the network has been drawn
+            from viewer.render.bridge import check_room
+
+            check_room(self.device, self._size)
         stages = self._stages
         stages.begin()
         draws: list[DrawList] = []

@@ -49,7 +49,7 @@ def _read(path: Path, size: tuple[int, int] | None) -> list[Camera]:
         return read_colmap(folder)
     if not path.is_file():
         raise InputError(f"{path}: no such camera file")
-    if path.name in ("images.txt", "cameras.txt"):
+    if path.name in ("images.txt", "cameras.txt", "images.bin", "cameras.bin"):
         return read_colmap(path.parent)
     if path.suffix.lower() == ".json" or read_text(path).lstrip()[:1] in ("{", "["):
         return read_json(path, size)
@@ -91,17 +91,27 @@ def write_camera_path(path: Path, cameras: Iterable[Camera]) -> None:
 
 
 def _named(cameras: list[Camera]) -> list[Camera]:
-    """Names that are one harmless part of a path, no two alike even where case does not count."""
+    """Names that are one harmless part of a path, no two alike even where case does not count.
+
+    The first of each name keeps it; those that repeat it get a number that no other name has.
+    """
+    names = [_harmless(camera.name) or f"camera_{index:05d}" for index, camera in enumerate(cameras)]
+    taken = {name.casefold() for name in names}
     out: list[Camera] = []
-    seen: set[str] = set()
     copies: dict[str, int] = {}
-    for index, camera in enumerate(cameras):
-        base = re.sub(r"\.{2,}", ".", re.sub(r"[^\w.+-]+", "_", camera.name)).lstrip(".")
-        base = base.encode()[:_LONGEST_NAME].decode(errors="ignore")
-        name = base = base or f"camera_{index:05d}"
-        while name.casefold() in seen:
-            copies[base] = copies.get(base, 1) + 1
-            name = f"{base}_{copies[base]}"
-        seen.add(name.casefold())
+    for camera, base in zip(cameras, names, strict=True):
+        name, key = base, base.casefold()
+        if key in copies:
+            while name.casefold() in taken:
+                copies[key] += 1
+                name = f"{base}_{copies[key]}"
+            taken.add(name.casefold())
+        copies.setdefault(key, 1)
         out.append(camera if name == camera.name else replace(camera, name=name))
     return out
+
+
+def _harmless(name: str) -> str:
+    """``name`` as one part of a path; it may come out empty."""
+    name = re.sub(r"\.{2,}", ".", re.sub(r"[^\w.+-]+", "_", name)).lstrip(".")
+    return name.encode()[:_LONGEST_NAME].decode(errors="ignore")

@@ -1,32 +1,37 @@
 """Pictures of a list of cameras, as PNG files that carry the cameras' names, without a window."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from viewer.errors import InputError
+from viewer.numerals import whole_number
 from viewer.progress import progress
 from viewer.settings import Settings
-from viewer.tools.files import write_array, write_json, write_png
+from viewer.tools.files import write_array, write_json, write_png, write_together
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
+    from viewer.render.frame import Frame
     from viewer.render.renderer import Renderer
 
 
 def parse_size(text: str) -> tuple[int, int]:
     """``960x720`` -> (960, 720).  Raises InputError."""
     width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdigit() and height.isdigit() and int(width) and int(height)):
+    size = whole_number(width), whole_number(height)
+    if not (cross and size[0] and size[1]):
         raise InputError(f"--size {text!r}: expected WIDTHxHEIGHT in pixels, such as 960x720")
-    return int(width), int(height)
+    return size[0], size[1]
 
 
 def parse_shard(text: str) -> tuple[int, int]:
     """``2/8`` -> (2, 8): the third of eight parts, counted from 0.  Raises InputError."""
-    part, slash, parts = text.partition("/")
-    if not (slash and part.isdigit() and parts.isdigit() and int(part) < int(parts)):
+    first, slash, second = text.partition("/")
+    part, parts = whole_number(first), whole_number(second)
+    if not slash or part is None or parts is None or part >= parts:
         raise InputError(f"--shard {text!r}: expected i/n with i from 0 to n - 1, such as 0/4")
-    return int(part), int(parts)
+    return part, parts
 
 
 def export_pictures(
@@ -34,19 +39,29 @@ def export_pictures(
 ) -> int:
     """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask and stats.  Returns how many.
 
-    Each file appears whole or not at all.
+    The files of one camera appear whole and together, or not at all.  A mask needs the filter, whatever the view.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{out}: cannot make this folder ({error.strerror}); choose another --out") from None
+    views = (settings.view,) if settings.view != "raw" or not aux else ("raw", "filtered")
     with progress(len(cameras), "rendering", "picture") as meter:
         for camera in cameras:
-            frame = renderer.render(camera, settings)
-            write_png(out / f"{camera.name}.png", frame.image(settings.view)[..., :3])
-            if aux:
-                write_array(out / f"{camera.name}.depth.npy", frame.depth())
-                write_array(out / f"{camera.name}.mask.npy", frame.mask())
-                write_json(out / f"{camera.name}.stats.json", frame.stats)
+            write_together(out, _files(renderer.render(camera, settings, views), camera.name, settings.view, aux=aux))
             meter.update(1)
     return len(cameras)
+
+
+def _files(frame: "Frame", name: str, view: str, *, aux: bool) -> dict[str, Callable[[Path], object]]:
+    """What is written of one camera: file name -> what writes it at a path."""
+    files: dict[str, Callable[[Path], object]] = {
+        f"{name}.png": lambda path: write_png(path, frame.image(view)[..., :3]),
+    }
+    if aux:
+        files |= {
+            f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
+            f"{name}.mask.npy": lambda path: write_array(path, frame.mask()),
+            f"{name}.stats.json": lambda path: write_json(path, frame.stats),
+        }
+    return files

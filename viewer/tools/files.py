@@ -2,10 +2,13 @@
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+
+from viewer.errors import InputError
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
@@ -19,6 +22,39 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> None:
         beside.replace(path)
     finally:
         beside.unlink(missing_ok=True)
+
+
+def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> None:
+    """Writes several files, name -> what writes it at a path, so that all appear in ``folder`` or none.
+
+    They are written in a folder of their own beside, which goes again on any failure, Ctrl-C included.  Raises InputError
+    naming the file, or the folder where nothing can be written there at all.
+    """
+    beside = folder / f".{next(iter(files))}.{os.getpid()}.partial"
+    try:
+        try:
+            beside.mkdir()
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
+                             "there, or choose another --out") from None
+        for name, write in files.items():
+            _named(folder / name, lambda write=write, name=name: write(beside / name))
+        for name in files:
+            if (folder / name).is_dir():
+                raise InputError(f"{folder / name}: is a folder; remove it, or choose another --out")
+        for name in files:
+            _named(folder / name, lambda name=name: (beside / name).replace(folder / name))
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _named(path: Path, work: Callable[[], object]) -> None:
+    """Does ``work``; where it fails, says that it was ``path`` which could not be written."""
+    try:
+        work()
+    except OSError as error:  # NumPy's on a full disk has neither a number nor a name
+        why = error.strerror or f"no space left? {error}"
+        raise InputError(f"{path}: cannot be written ({why}); free space in {path.parent}, or choose another --out") from None
 
 
 def write_png(path: Path, image: np.ndarray) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from viewer.camera import Camera
 from viewer.errors import InputError
+from viewer.numerals import whole_number
 from viewer.tools.camera_formats.parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
 
 _MODELS = {  # name: (focal lengths, parameters behind cx cy, all of them distortion)
@@ -16,14 +17,18 @@ _FIELDS = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
 
 
 def find_model(folder: Path) -> Path | None:
-    """The folder itself or its usual sub-folder that holds the text model; None if neither does."""
-    return next((f for f in (folder, folder / "sparse" / "0", folder / "sparse") if (f / "images.txt").is_file()), None)
+    """The folder itself or its usual sub-folder that holds the model, text before binary; None if neither does."""
+    places = (folder, folder / "sparse" / "0", folder / "sparse")
+    return next((f for name in ("images.txt", "images.bin") for f in places if (f / name).is_file()), None)
 
 
 def read_colmap(folder: Path) -> list[Camera]:
     """The model's images in their order."""
     for name in ("cameras.txt", "images.txt"):
         if not (folder / name).is_file():
+            if (folder / name).with_suffix(".bin").is_file():
+                raise InputError(f"{(folder / name).with_suffix('.bin')}: COLMAP's binary model is not read; make it text by "
+                                 f"`colmap model_converter --input_path {folder} --output_path {folder} --output_type TXT`")
             raise InputError(f"{folder / name}: no such file; COLMAP cameras need cameras.txt and images.txt together")
     lenses = read_lenses(folder / "cameras.txt")
     path = folder / "images.txt"
@@ -58,7 +63,7 @@ def _skip_points(path: Path, line_number: int, line: str) -> None:
     """The second line of an image: X Y POINT3D_ID for each of its points, or empty.  Where somebody left it out, the
     next image stands here and would be lost without a word."""
     parts = line.split()
-    if len(parts) % 3 or (parts and not parts[-1].lstrip("-").isdigit()):
+    if len(parts) % 3 or (parts and whole_number(parts[-1].removeprefix("-")) is None):
         raise InputError(
             f"{path}: line {line_number}: expected the points of the image above (an empty line will do), "
             f"got {shown(line)}"
@@ -83,7 +88,9 @@ def read_lenses(path: Path) -> dict[str, Lens]:
             bent = shown(values[4 + focals :].tolist())
             raise InputError(f"{where}: distortion {bent} is not supported; run `colmap image_undistorter` first")
         cx, cy = values[2 + focals : 4 + focals]
-        lenses[parts[0]] = checked(where, Lens(values[0], values[1], values[2], values[1 + focals], cx, cy))
+        lens = checked(where, Lens(values[0], values[1], values[2], values[1 + focals], cx, cy))
+        if lenses.setdefault(parts[0], lens) != lens:
+            raise InputError(f"{where}: camera {shown(parts[0])} is there already, with another lens; give each its own number")
     if not lenses:
         raise InputError(f"{path}: holds no cameras")
     return lenses

@@ -10,7 +10,7 @@ import numpy as np
 
 from viewer.camera import Camera
 from viewer.errors import InputError
-from viewer.tools.camera_formats.parse import Lens, camera, number, numbers, pose_matrix, read_text, shown
+from viewer.tools.camera_formats.parse import Lens, camera, json_numbers, number, pose_matrix, read_text, shown
 
 _MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 _DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
@@ -46,8 +46,9 @@ def _refuse_bent(both: dict, where: str) -> None:
     for key in _DISTORTION:
         if key in both and (value := number(both, key, where)) != 0:
             raise InputError(f"{where}: distortion {key} = {value:g} is not supported; undistort the pictures first")
-    listed = both.get("distortion_params") or []
-    if isinstance(listed, list) and any(numbers(listed, len(listed), f"{where}: distortion_params")):
+    listed = both.get("distortion_params")
+    values = list(listed.values()) if isinstance(listed, dict) else listed if isinstance(listed, list) else [listed]
+    if listed is not None and any(json_numbers(values, len(values), f"{where}: distortion_params")):
         raise InputError(f"{where}: distortion_params {shown(listed)} is not supported; undistort the pictures first")
 
 

@@ -60,16 +60,31 @@ def numbers(values: object, count: int, where: str) -> np.ndarray:
     return array
 
 
+def json_numbers(values: object, count: int, where: str) -> np.ndarray:
+    """(count,) float64, all finite, from JSON: a list of numbers, or of rows of them.
+
+    NumPy takes true for 1 and "5" for 5; in a camera file either is a mistake.
+    """
+    rows = values if isinstance(values, list) else [None]
+    flat = [value for row in rows for value in (row if isinstance(row, list) else [row])]
+    if any(isinstance(value, bool) or not isinstance(value, (int, float)) for value in flat):
+        raise InputError(f"{where}: expected {count} numbers, got {shown(values)}")
+    return numbers(flat, count, where)
+
+
 def number(entry: dict, key: str, where: str) -> float:
-    """``entry[key]`` as a finite number."""
+    """``entry[key]``, from JSON, as a finite number; no boolean, text or list."""
     if key not in entry:
         raise InputError(f"{where}: {key} is missing")
-    return float(numbers(entry[key], 1, f"{where}: {key}")[0])
+    value = entry[key]
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InputError(f"{where}: {key}: expected a number, got {shown(value)}")
+    return float(numbers(value, 1, f"{where}: {key}")[0])
 
 
 def pose_matrix(values: object, where: str) -> np.ndarray:
     """(4, 4) float64, row-major; the last row must be 0 0 0 1, or a column-major matrix would lose its position."""
-    matrix = numbers(values, 16, where).reshape(4, 4)
+    matrix = json_numbers(values, 16, where).reshape(4, 4)
     if np.abs(matrix[3] - (0, 0, 0, 1)).max() > 1e-6:
         raise InputError(f"{where}: its last row is {shown(matrix[3].tolist())}, expected 0, 0, 0, 1 (row-major)")
     return matrix
@@ -92,7 +107,7 @@ def rotation(quaternion: np.ndarray, where: str) -> np.ndarray:
 def camera(where: str, lens: Lens, camera_to_world: np.ndarray, name: str) -> Camera:
     """A camera (camera_to_world in OpenGL axes) whose errors begin with ``where``."""
     try:
-        width, height = (int(v) if v == int(v) else v for v in lens[:2])
+        width, height = (int(v) if v == int(v) else float(v) for v in lens[:2])
         return Camera(width, height, *(float(v) for v in lens[2:]), camera_to_world, name)  # type: ignore[arg-type]
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
