@@ -134,3 +134,20 @@ def test_a_merged_scan_is_matched_on_opening_and_left_alone_when_asked(tmp_path,
     points, colours, _, _ = unpack(matched)
     near = KDTree(xyz).query(points)[1]
     assert _between(colours, true[near]) < 0.5 * _between(unpack(plain)[1], true[near])
+
+
+def test_materials_written_one_after_the_other_keep_their_colours(seed):
+    """Leaves and bark mixed in one surface, by class: runs explain nearly all that differs, but not as exposures do."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.random((60_000, 3)) * (2.0, 2.0, 0.01)
+    colour = np.repeat([[70, 140, 40], [120, 80, 60]], len(xyz) // 2, axis=0)
+    rgb = np.clip(colour + rng.normal(0, 4, xyz.shape), 1, 255).astype(np.uint8)
+    assert not solve_passes(xyz, rgb, np.arange(len(xyz))).worth
+
+
+def test_a_handful_of_points_tells_nothing(seed):
+    rng = np.random.default_rng(seed)
+    xyz = rng.random((150, 3)) * 0.1
+    rgb = np.repeat([[90, 90, 90], [180, 180, 180]], 75, axis=0).astype(np.uint8)
+    found = solve_passes(xyz, rgb, np.arange(len(xyz)))
+    assert not found.worth and np.array_equal(found.apply(rgb, 0), rgb)
