@@ -140,7 +140,7 @@ def test_materials_written_one_after_the_other_keep_their_colours(seed):
     """Leaves and bark mixed in one surface, by class: runs explain nearly all that differs, but not as exposures do."""
     rng = np.random.default_rng(seed)
     xyz = rng.random((60_000, 3)) * (2.0, 2.0, 0.01)
-    colour = np.repeat([[70, 140, 40], [120, 80, 60]], len(xyz) // 2, axis=0)
+    colour = np.repeat([[60, 150, 40], [150, 70, 60]], len(xyz) // 2, axis=0)
     rgb = np.clip(colour + rng.normal(0, 4, xyz.shape), 1, 255).astype(np.uint8)
     assert not solve_passes(xyz, rgb, np.arange(len(xyz))).worth
 
