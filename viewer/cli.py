@@ -220,6 +220,7 @@ def _simulate(options: argparse.Namespace) -> int:
 
 def _train(options: argparse.Namespace) -> int:
     if options.tune is not None:
+        train_command.check(options)
         from viewer.tools.tune import tune
 
         tune(options.tune, options.out, quality=options.quality, minutes=options.minutes or 10.0,
