@@ -16,6 +16,7 @@ from model.evaluation import command as evaluation_command
 from viewer import __version__
 from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
+from viewer.progress import progress
 from viewer.settings import CHOICES, MEMORY, Memory, Settings
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
@@ -120,9 +121,11 @@ def _parser() -> argparse.ArgumentParser:
     bench_arguments(bench)
     _add_settings(bench, view=False)
 
-    simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner")
-    simulate.add_argument("--out", type=Path, required=True, metavar="FILE.laz")
-    simulate.add_argument("--points", type=int, default=1_200_000, metavar="N")
+    simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner",
+                                   description="Scans a procedural place with the virtual scanner.")
+    simulate.add_argument("--out", type=Path, required=True, metavar="FILE.laz",
+                          help="the scan, .laz or .las; eight cameras for `render` go beside it, as FILE_cameras.json")
+    simulate.add_argument("--points", type=int, default=1_200_000, metavar="N", help="1000 or more (default 1200000)")
     simulate.add_argument("--seed", type=int, default=1)
 
     train = commands.add_parser("train", help="train the network on registered rooms")
@@ -211,10 +214,12 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from model.synth.demo import main
+    from model.synth.demo import cameras_of, check, main
 
-    main(options.out, options.points, options.seed)
-    print(f"{options.points} points asked for; scan in {options.out}")
+    check(options.out, options.points, options.seed)
+    with progress(int(1.1 * options.points), "scanning", " pulses") as meter:
+        count = main(options.out, options.points, options.seed, step=lambda n: meter.update(min(n, meter.total - meter.done)))
+    print(f"{count} points, scan in {options.out}, cameras in {cameras_of(options.out)}")
     return 0
 
 

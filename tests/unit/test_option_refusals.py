@@ -53,3 +53,80 @@ def test_an_empty_list_of_pairs_does_not_stop_a_later_training(tmp_path, capsys,
     (tmp_path / "pairs-filtered.txt").write_text("\n")
     with pytest.raises(Built):
         main(["train", "--procedural", "1", "--out", str(tmp_path)])
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    (("--points", "-5"), "--points -5: expected 1000 to"),
+    (("--points", "0"), "--points 0: expected 1000 to"),
+    (("--points", "1"), "--points 1: expected 1000 to"),
+    (("--points", "1000000000000"), "--points 1000000000000: expected 1000 to"),
+    (("--seed", "-1"), "--seed -1: expected 0 to"),
+    (("--seed", "18446744073709551616"), "--seed 18446744073709551616: expected 0 to"),
+    (("--out", "{folder}/x.ply"), "x.ply: the name must end in .laz or .las"),
+    (("--out", "{folder}/x"), "x: the name must end in .laz or .las"),
+    (("--out", "/dev/null/a/x.laz"), "/dev/null/a/x.laz: cannot be written"),
+])
+def test_simulate_refuses_options_before_any_work(options, said, tmp_path, capsys, monkeypatch):
+    from model.synth import demo
+
+    monkeypatch.setattr(demo, "simulate", lambda *_, **__: pytest.fail("simulated"))
+    options = [text.format(folder=tmp_path) for text in options]
+    out = [] if "--out" in options else ["--out", tmp_path / "new" / "x.laz"]
+    assert said in refused(capsys, "simulate", *out, *options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_leaves_nothing_of_a_simulation(tmp_path, capsys, monkeypatch):
+    import errno
+
+    from model.synth import demo
+
+    def full(_scan, _path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(demo, "simulate", lambda *_, **__: None)
+    monkeypatch.setattr(demo, "write_laz", full)
+    said = refused(capsys, "simulate", "--out", tmp_path / "a" / "b" / "x.laz")
+    assert "x.laz: cannot be written (No space left on device)" in said and not list(tmp_path.iterdir())
+
+
+def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monkeypatch):
+    from functools import partial
+
+    from model.synth import demo
+    from model.synth.place import Place
+    from viewer.progress import set_sink
+
+    monkeypatch.setattr(demo, "Place", partial(Place, probe_rays=0))
+    seen = []
+    set_sink(lambda label, done, total: seen.append((label, done, total)) or True)
+    try:
+        assert main(["simulate", "--out", str(tmp_path / "x.las"), "--points", "2000"]) == 0
+    finally:
+        set_sink(None)
+    said = capsys.readouterr().out
+    assert f"scan in {tmp_path / 'x.las'}, cameras in {tmp_path / 'x_cameras.json'}" in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["x.las", "x_cameras.json"]
+    assert len(seen) >= 3 and all(label == "scanning" and 0 < done <= total == 2200 for label, done, total in seen)
+    assert seen[-1][1] > 0.8 * 2200
+
+
+def test_the_help_of_simulate_names_the_cameras_file(capsys):
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    assert "_cameras.json" in capsys.readouterr().out
+
+
+def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
+    from model.folders import made_folder
+
+    with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "a" / "b"):
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ValueError, match="later"), made_folder(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "kept.txt").touch()
+        raise ValueError("later")
+    assert [p.name for p in (tmp_path / "a").iterdir()] == ["kept.txt"]
+    with made_folder(tmp_path / "c"):
+        pass
+    assert (tmp_path / "c").is_dir()
