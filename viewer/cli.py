@@ -252,6 +252,13 @@ _RUN = {
 }
 
 
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: compiled loops turn it into a SystemError, some imports into an ImportError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit code."""
     given = list(sys.argv[1:] if arguments is None else arguments)
@@ -271,6 +278,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         message, code = f"{error.filename or 'input/output'}: {error.strerror or error}", 2
     except Exception as error:
+        if _interrupted(error):
+            print("pointglass: stopped", file=sys.stderr)
+            return 130
         if type(error).__name__ not in ("DataError", "WeightsError"):  # model's own; importing them would load torch
             raise
         message, code = str(error), 2

@@ -130,3 +130,33 @@ def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
     with made_folder(tmp_path / "c"):
         pass
     assert (tmp_path / "c").is_dir()
+
+
+def test_ctrl_c_during_the_imports_is_one_line(tmp_path):
+    """A module of the command line's own that is slow to import stands for a slow disk."""
+    import os
+    import signal
+    import subprocess
+    import sys
+
+    (tmp_path / "argparse.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+    command = [sys.executable, "-m", "viewer", "info", "x.laz"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None and process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+    assert process.returncode == 130 and said == "pointglass: stopped\n"
+
+
+def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys):
+    from viewer import cli
+
+    def stopped(_options):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    monkeypatch.setitem(cli._RUN, "doctor", stopped)
+    assert cli.main(["doctor"]) == 130 and capsys.readouterr().err == "pointglass: stopped\n"
