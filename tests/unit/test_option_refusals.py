@@ -1,5 +1,6 @@
 """Options that cannot be followed are refused at once: one line, exit code 2, and nothing made."""
 
+import numpy as np
 import pytest
 
 from viewer.cli import main
@@ -160,3 +161,23 @@ def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys
 
     monkeypatch.setitem(cli._RUN, "doctor", stopped)
     assert cli.main(["doctor"]) == 130 and capsys.readouterr().err == "pointglass: stopped\n"
+
+
+def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch):
+    """Raised before, it was a crash of the process: of several results numba does not look whether each was made."""
+    import signal
+
+    from model.synth import shapes
+    from model.synth.place import Place
+
+    whole = []
+
+    def interrupted(*_):
+        signal.raise_signal(signal.SIGINT)
+        whole.append(True)
+
+    place, before = Place(1, probe_rays=0), signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(shapes, "trace_rays", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        place.shapes.trace(np.ones((1, 3)), np.array([[0.0, 0.0, 1.0]]))
+    assert whole and signal.getsignal(signal.SIGINT) is before
