@@ -167,6 +167,11 @@ def _render(options: argparse.Namespace) -> int:
     if options.shard:
         part, parts = parse_shard(options.shard)
         cameras = cameras[part::parts]
+    if settings.view == "neural":
+        from model.reconstruct import fitting_weights
+
+        own = Path(settings.weights) if settings.weights else None
+        fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)  # refused before the scan is read
 
     from viewer.cloud import open_scene
     from viewer.render.context import create_context

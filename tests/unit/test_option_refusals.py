@@ -181,3 +181,41 @@ def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch
     with pytest.raises(KeyboardInterrupt):
         place.shapes.trace(np.ones((1, 3)), np.array([[0.0, 0.0, 1.0]]))
     assert whole and signal.getsignal(signal.SIGINT) is before
+
+
+def test_convert_of_a_torn_scan_leaves_no_folders(tmp_path, capsys):
+    from viewer.paths import assets_dir
+
+    torn = tmp_path / "torn.laz"
+    torn.write_bytes((assets_dir() / "demo.laz").read_bytes()[:200_000])
+    assert "torn.laz" in refused(capsys, "convert", torn, "--out", tmp_path / "a" / "b" / "c")
+    assert [p.name for p in tmp_path.iterdir()] == ["torn.laz"]
+
+
+def test_render_without_weights_reads_no_scan_and_makes_no_folder(tmp_path, capsys, monkeypatch):
+    import viewer.cloud
+    from viewer.paths import assets_dir
+
+    monkeypatch.setattr(viewer.cloud, "open_scene", lambda *_, **__: pytest.fail("the scan was opened"))
+    scan, cameras = assets_dir() / "demo.laz", assets_dir() / "demo_cameras.json"
+    line = ("render", scan, "--cameras", cameras, "--out", tmp_path / "a" / "b", "--view", "neural")
+    assert "no weights are shipped for quality 'paper'" in refused(capsys, *line, "--quality", "paper")
+    assert "/nope: no such weights" in refused(capsys, *line, "--weights", "/nope")
+    assert not list(tmp_path.iterdir())
+
+
+def test_pictures_that_cannot_be_made_leave_no_folder(tmp_path):
+    from types import SimpleNamespace
+    from typing import Any
+
+    from viewer.settings import Settings
+    from viewer.tools.export import export_pictures
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    cameras: Any = [SimpleNamespace(name="a")]
+    renderer: Any = SimpleNamespace(render=stopped)
+    with pytest.raises(KeyboardInterrupt):
+        export_pictures(renderer, cameras, Settings(), tmp_path / "a" / "b")
+    assert not list(tmp_path.iterdir())

@@ -3,6 +3,7 @@
 from functools import partial
 from pathlib import Path
 
+from model.folders import made_folder
 from viewer.cloud import cache
 from viewer.cloud.build import as_paths, build_scene
 from viewer.cloud.scene import Scene
@@ -24,7 +25,8 @@ def convert(paths: list[Path], out: Path, *, match: bool = True) -> Scene:
         raise InputError(f"{out}: is a file; give a new or empty folder to --out")
     if out.is_dir() and not cache.is_grid(out) and any(out.iterdir()):
         raise InputError(f"{out}: holds other files; give a new or empty folder to --out")
-    return cache.build_into(out.absolute(), files, partial(build_scene, match=match), keep_old=True)
+    with made_folder(out.absolute(), make=False):
+        return cache.build_into(out.absolute(), files, partial(build_scene, match=match), keep_old=True)
 
 
 def scans_in(paths: list[Path]) -> list[Path]:

@@ -45,6 +45,7 @@ def contact_sheet(rows: list[list[np.ndarray]], scale: int = 2, gap: int = 4) ->
 
 def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     """Renders the shipped cameras in every view into ``out``, with one contact sheet.  Returns the files, it first."""
+    from model.folders import made_folder
     from viewer.cloud import open_scene
     from viewer.progress import progress
     from viewer.render.context import create_context
@@ -55,9 +56,8 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     cameras = read_cameras(assets_dir() / "demo_cameras.json")
     renderer = Renderer(create_context(), scene)
     files, rows = [], []
-    out.mkdir(parents=True, exist_ok=True)
     try:
-        with progress(len(cameras), "rendering the demo", "camera") as meter:
+        with made_folder(out), progress(len(cameras), "rendering the demo", "camera") as meter:
             for camera in cameras:
                 frame = renderer.render(camera, settings, views=tuple(VIEWS))
                 pictures = [frame.image(view)[..., :3] for view in VIEWS]

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from model.folders import made_folder
 from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.settings import Settings
@@ -34,19 +35,20 @@ def export_pictures(
 ) -> int:
     """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask and stats.  Returns how many.
 
-    Each file appears whole or not at all.
+    Each file appears whole or not at all; a new ``out`` without any picture does not stay.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot make this folder ({error.strerror}); choose another --out") from None
-    with progress(len(cameras), "rendering", "picture") as meter:
-        for camera in cameras:
-            frame = renderer.render(camera, settings)
-            write_png(out / f"{camera.name}.png", frame.image(settings.view)[..., :3])
-            if aux:
-                write_array(out / f"{camera.name}.depth.npy", frame.depth())
-                write_array(out / f"{camera.name}.mask.npy", frame.mask())
-                write_json(out / f"{camera.name}.stats.json", frame.stats)
-            meter.update(1)
+    with made_folder(out, make=False):
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{out}: cannot make this folder ({error.strerror}); choose another --out") from None
+        with progress(len(cameras), "rendering", "picture") as meter:
+            for camera in cameras:
+                frame = renderer.render(camera, settings)
+                write_png(out / f"{camera.name}.png", frame.image(settings.view)[..., :3])
+                if aux:
+                    write_array(out / f"{camera.name}.depth.npy", frame.depth())
+                    write_array(out / f"{camera.name}.mask.npy", frame.mask())
+                    write_json(out / f"{camera.name}.stats.json", frame.stats)
+                meter.update(1)
     return len(cameras)
