@@ -152,6 +152,7 @@ def _pairs(options: argparse.Namespace) -> list[Path]:
     from model.data.procedural import procedural_places
     from model.data.sources import open_places
     from model.data.truth import DataError
+    from model.folders import made_folder
 
     places = open_places(options.data)
     if options.procedural:
@@ -159,15 +160,15 @@ def _pairs(options: argparse.Namespace) -> list[Path]:
     if not places:
         raise DataError(f"{options.data[0]}: holds no places to learn from; give other folders, or --procedural N")
     _check_sizes(places, options.crop)
-    options.out.mkdir(parents=True, exist_ok=True)
     folders = []
-    for number, alike in enumerate(by_size(places)):
-        for reduce in (1, 2):  # at half the size many points meet in a pixel
-            folder = options.out / f"{listed.stem}-{number}-{reduce}"
-            folders.append(folder)
-            if not folder.is_dir():
-                build(alike, folder, seed=options.seed, preset="off" if options.unfiltered else "auto", reduce=reduce,
-                      neighbours=reduce == 2)
+    with made_folder(options.out):
+        for number, alike in enumerate(by_size(places)):
+            for reduce in (1, 2):  # at half the size many points meet in a pixel
+                folder = options.out / f"{listed.stem}-{number}-{reduce}"
+                folders.append(folder)
+                if not folder.is_dir():
+                    build(alike, folder, seed=options.seed, preset="off" if options.unfiltered else "auto", reduce=reduce,
+                          neighbours=reduce == 2)
     beside = listed.with_name(f"{listed.name}.{os.getpid()}.partial")
     beside.write_text("\n".join(folder.name for folder in folders) + "\n")
     beside.replace(listed)

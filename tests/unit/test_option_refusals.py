@@ -219,3 +219,14 @@ def test_pictures_that_cannot_be_made_leave_no_folder(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         export_pictures(renderer, cameras, Settings(), tmp_path / "a" / "b")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_training_stopped_while_places_are_built_leaves_no_folder(tmp_path, monkeypatch, capsys):
+    import model.data.procedural as procedural
+
+    def stopped(_place):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(procedural.ProceduralPlace, "views", property(stopped))
+    assert main(["train", "--procedural", "1", "--out", str(tmp_path / "a" / "b")]) == 130
+    assert capsys.readouterr().err == "pointglass: stopped\n" and not list(tmp_path.iterdir())
