@@ -1,5 +1,10 @@
 """Compiled loops: numba's njit, kept on disk between runs where there is a folder for it."""
 
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+
 from numba import njit
 
 
@@ -13,3 +18,23 @@ def compiled(**options):
             return njit(**options)(function)
 
     return decorate
+
+
+@contextlib.contextmanager
+def unbroken() -> Iterator[None]:
+    """Ctrl-C during the block is raised at its end.
+
+    For calls of seconds into a compiled loop on the main thread: an interrupt that is raised while numba turns results
+    into Python's gives a SystemError, or a crash where there are several.
+    """
+    if threading.current_thread() is not threading.main_thread() or not callable(before := signal.getsignal(signal.SIGINT)):
+        yield
+        return
+    came: list[tuple] = []
+    signal.signal(signal.SIGINT, lambda *call: came.append(call))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            before(*came[-1])

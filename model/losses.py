@@ -14,6 +14,8 @@ from torch import Tensor, nn
 _FIRES = ("fire2", "fire3", "fire4", "fire5", "fire6", "fire7", "fire8", "fire9")
 _TAPS = ("fire3", "fire5", "fire6", "fire7", "fire8", "fire9")
 _POOL_BEFORE = ("fire2", "fire4", "fire6")
+SQUEEZE_FILES = ("sqz_notop.mat", "lin_v0.1_squeeze.pth")
+"""Features and heads, in the folder of the SqueezeNet distance."""
 
 
 class SqueezeDistance(nn.Module):
@@ -26,8 +28,8 @@ class SqueezeDistance(nn.Module):
         super().__init__()
         from scipy.io import loadmat
 
-        stored = loadmat(str(Path(folder) / "sqz_notop.mat"))
-        heads = torch.load(Path(folder) / "lin_v0.1_squeeze.pth", map_location="cpu", weights_only=True)
+        stored = loadmat(str(Path(folder) / SQUEEZE_FILES[0]))
+        heads = torch.load(Path(folder) / SQUEEZE_FILES[1], map_location="cpu", weights_only=True)
         for name in ("conv1", *(f"{fire}/{part}" for fire in _FIRES for part in ("squeeze1x1", "expand1x1", "expand3x3"))):
             weight, bias = stored[name][0]
             key = name.replace("/", "_")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import torch
 import torch.nn.functional as F
-from torch import Tensor
+from torch import Tensor, nn
 
 from model.blend_cpu import CLOSED, Blender
 from model.engines import fold_normalisation
@@ -61,6 +61,25 @@ def covered(void: Tensor, reach: int, multiple: int) -> tuple[slice, slice]:
     return out[0], out[1]
 
 
+def fitting_weights(quality: str, *, filtered: bool, weights: Path | None = None) -> tuple[Path, nn.Module, dict[str, str]]:
+    """The file, its network and its header: ``weights``, or those shipped for ``quality``.
+
+    Raises WeightsError where there are none, or where they are not for input that is ``filtered`` or not.
+    """
+    path = weights or weights_dir() / f"{weights_name(quality, filtered=filtered)}.safetensors"
+    expected = "filtered" if filtered else "unfiltered"
+    if weights is None and not path.is_file():
+        raise WeightsError(
+            f"no weights are shipped for quality {quality!r} on {expected} input ({path}); choose another --quality, or "
+            "train them with `pointglass train`"
+        )
+    network, header = load_weights(path)
+    if header.get("input") != expected:
+        raise WeightsError(f"{path}: made for {header.get('input')} input, this picture's is {expected}; "
+                           f"choose other weights or {'--filter off' if filtered else 'a filter'}")
+    return path, network, header
+
+
 class Reconstructor:
     """A network ready to run.  ``name`` says what runs and on what, for every place that shows it.
 
@@ -71,18 +90,7 @@ class Reconstructor:
 
     def __init__(self, quality: str, *, filtered: bool, device: str, precision: str | None = None,
                  weights: Path | None = None, engine: str | None = None):
-        path = weights or weights_dir() / f"{weights_name(quality, filtered=filtered)}.safetensors"
-        if weights is None and not path.is_file():
-            kind = "filtered" if filtered else "unfiltered"
-            raise WeightsError(
-                f"no weights are shipped for quality {quality!r} on {kind} input ({path}); choose another --quality, or "
-                "train them with `pointglass train`"
-            )
-        network, self.header = load_weights(path)
-        expected = "filtered" if filtered else "unfiltered"
-        if self.header.get("input") != expected:
-            raise WeightsError(f"{path}: made for {self.header.get('input')} input, this picture's is {expected}; "
-                               f"choose other weights or {'--filter off' if filtered else 'a filter'}")
+        path, network, self.header = fitting_weights(quality, filtered=filtered, weights=weights)
         self.device = device
         self.precision = precision or fast_precision(device)
         self.dtype = PRECISIONS[self.precision]

@@ -4,9 +4,19 @@ Runs alone, or as ``torchrun --nproc-per-node N -m viewer train ...``: the first
 """
 
 import argparse
+import math
 import os
 import time
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from model.data.truth import TruePlace
+
+LEAST_CROP = 32
+"""Pixels: of smaller crops the textures laid over them cannot be made, and a network learns nothing from them."""
+MOST_SEED = 2**32 - 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--minutes", type=float, help="of training (default 60; with --recipe, of everything: 25 or 600)")
     parser.add_argument("--steps", type=int, default=40_000)
     parser.add_argument("--batch", type=int, default=8, metavar="N", help="crops a step and process")
-    parser.add_argument("--crop", type=int, default=192, metavar="PIXELS")
+    parser.add_argument("--crop", type=int, default=192, metavar="PIXELS", help=f"side of a crop (at least {LEAST_CROP})")
     parser.add_argument("--rate", type=float, default=1e-3, help="learning rate")
     parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
     parser.add_argument("--validation", type=Path, metavar="FOLDER", help="with --recipe: a scene to judge the weights on")
@@ -41,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.out is None:
         raise DataError("--out DIR is needed: pairs, checkpoint and weights go there")
+    check(options)
     if options.recipe:
         from model.recipes import RECIPES, follow
 
@@ -65,30 +76,99 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def check(options: argparse.Namespace) -> None:
+    """Raises DataError naming the first option that cannot be followed; to be asked before minutes of work."""
+    from model.data.truth import DataError
+
+    for name, least in (("procedural", 0), ("steps", 1), ("batch", 1), ("crop", LEAST_CROP), ("seed", 0)):
+        if (value := getattr(options, name)) < least:
+            raise DataError(f"--{name} {value}: expected at least {least}")
+    if options.seed > MOST_SEED:
+        raise DataError(f"--seed {options.seed}: expected at most {MOST_SEED}")
+    if not (math.isfinite(options.rate) and options.rate > 0):
+        raise DataError(f"--rate {options.rate:g}: expected a learning rate above 0, such as 0.001")
+    if options.minutes is not None and not (math.isfinite(options.minutes) and options.minutes >= 0):
+        raise DataError(f"--minutes {options.minutes:g}: expected a number of minutes, 0 to go by --steps alone")
+    if options.out is not None and options.out.exists() and not options.out.is_dir():
+        raise DataError(f"--out {options.out}: is a file; give a folder")
+    if options.perceptual is not None:
+        from model.losses import SQUEEZE_FILES
+
+        for name in SQUEEZE_FILES:
+            if not (options.perceptual / name).is_file():
+                raise DataError(f"--perceptual {options.perceptual}: holds no {name}; give the folder with "
+                                f"{' and '.join(SQUEEZE_FILES)}, or leave the option out")
+    if options.start_from is not None:
+        _check_start(options.start_from, options.quality)
+    if options.device == "cuda":
+        from model.reconstruct import cuda_problem
+
+        if problem := cuda_problem():
+            raise DataError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
+
+
+def _check_start(path: Path, quality: str) -> None:
+    """Raises DataError where a network of ``quality`` cannot begin with the weights at ``path``."""
+    from model.data.truth import DataError
+    from model.unet import make_network
+    from model.weights import WeightsError, load_weights
+    from model.widen import started_from
+
+    try:
+        started_from(make_network(quality), load_weights(path)[0])
+    except WeightsError as error:
+        raise DataError(f"--start-from {error}") from None
+    except ValueError as error:
+        raise DataError(f"--start-from {path}: cannot begin a {quality} network ({error})") from None
+
+
+def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
+    """Raises DataError where crops do not fit into a place's pictures at half their size.  Makes no procedural picture."""
+    from model.data.procedural import ProceduralPlace
+    from model.data.truth import DataError
+
+    for place in places:
+        sizes = [place.size] if isinstance(place, ProceduralPlace) else [(v.width, v.height) for v in place.views]
+        for width, height in sizes:
+            if min(width, height) // 2 < crop:
+                raise DataError(f"--crop {crop}: {place.name} has pictures of {width}x{height}, and half of that is smaller "
+                                f"than such crops; choose at most {min(width, height) // 2}")
+
+
+def _folders(listed: Path) -> list[Path]:
+    """The folders of pairs named in a list; none where there is no list, or an empty one as a refused run once left."""
+    return [listed.parent / name for name in listed.read_text().split()] if listed.is_file() else []
+
+
 def _pairs(options: argparse.Namespace) -> list[Path]:
     """Folders of pairs at the pictures' own size and, with neighbours, at half of it, one of each for every picture size."""
     first = int(os.environ.get("RANK", 0)) == 0
     listed = options.out / f"pairs-{'unfiltered' if options.unfiltered else 'filtered'}.txt"
-    while not first and not listed.is_file():
+    while not first and not _folders(listed):
         time.sleep(1.0)
-    if listed.is_file():
-        return [options.out / name for name in listed.read_text().split()]
+    if kept := _folders(listed):
+        return kept
     from model.data.pairs import build, by_size
     from model.data.procedural import procedural_places
     from model.data.sources import open_places
+    from model.data.truth import DataError
+    from model.folders import made_folder
 
     places = open_places(options.data)
     if options.procedural:
         places += list(procedural_places(seeds=range(options.seed, options.seed + options.procedural)))
-    options.out.mkdir(parents=True, exist_ok=True)
+    if not places:
+        raise DataError(f"{options.data[0]}: holds no places to learn from; give other folders, or --procedural N")
+    _check_sizes(places, options.crop)
     folders = []
-    for number, alike in enumerate(by_size(places)):
-        for reduce in (1, 2):  # at half the size many points meet in a pixel
-            folder = options.out / f"{listed.stem}-{number}-{reduce}"
-            folders.append(folder)
-            if not folder.is_dir():
-                build(alike, folder, seed=options.seed, preset="off" if options.unfiltered else "auto", reduce=reduce,
-                      neighbours=reduce == 2)
+    with made_folder(options.out):
+        for number, alike in enumerate(by_size(places)):
+            for reduce in (1, 2):  # at half the size many points meet in a pixel
+                folder = options.out / f"{listed.stem}-{number}-{reduce}"
+                folders.append(folder)
+                if not folder.is_dir():
+                    build(alike, folder, seed=options.seed, preset="off" if options.unfiltered else "auto", reduce=reduce,
+                          neighbours=reduce == 2)
     beside = listed.with_name(f"{listed.name}.{os.getpid()}.partial")
     beside.write_text("\n".join(folder.name for folder in folders) + "\n")
     beside.replace(listed)

@@ -1,7 +1,18 @@
-"""``python -m viewer`` is ``pointglass``."""
+"""``python -m viewer`` is ``pointglass``: the command line, and Ctrl-C while even that is still being imported."""
 
 import sys
 
-from viewer.cli import main
 
-sys.exit(main())
+def main() -> int:
+    """Runs the command line and returns its exit code."""
+    try:
+        from viewer.cli import main as run
+
+        return run()
+    except KeyboardInterrupt:
+        print("pointglass: stopped", file=sys.stderr)
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

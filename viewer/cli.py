@@ -17,6 +17,7 @@ from model.evaluation import command as evaluation_command
 from viewer import __version__
 from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
+from viewer.progress import progress
 from viewer.settings import CHOICES, MEMORY, Memory, Settings
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
@@ -121,9 +122,11 @@ def _parser() -> argparse.ArgumentParser:
     bench_arguments(bench)
     _add_settings(bench, view=False)
 
-    simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner")
-    simulate.add_argument("--out", type=Path, required=True, metavar="FILE.laz")
-    simulate.add_argument("--points", type=int, default=1_200_000, metavar="N")
+    simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner",
+                                   description="Scans a procedural place with the virtual scanner.")
+    simulate.add_argument("--out", type=Path, required=True, metavar="FILE.laz",
+                          help="the scan, .laz or .las; eight cameras for `render` go beside it, as FILE_cameras.json")
+    simulate.add_argument("--points", type=int, default=1_200_000, metavar="N", help="1000 or more (default 1200000)")
     simulate.add_argument("--seed", type=int, default=1)
 
     train = commands.add_parser("train", help="train the network on registered rooms")
@@ -165,6 +168,11 @@ def _render(options: argparse.Namespace) -> int:
     if options.shard:
         part, parts = parse_shard(options.shard)
         cameras = cameras[part::parts]
+    if settings.view == "neural":
+        from model.reconstruct import fitting_weights
+
+        own = Path(settings.weights) if settings.weights else None
+        fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)  # refused before the scan is read
 
     from viewer.cloud import open_scene
     from viewer.render.context import create_context
@@ -212,15 +220,18 @@ def _bench(options: argparse.Namespace) -> int:
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from model.synth.demo import main
+    from model.synth.demo import cameras_of, check, main
 
-    main(options.out, options.points, options.seed)
-    print(f"{options.points} points asked for; scan in {options.out}")
+    check(options.out, options.points, options.seed)
+    with progress(int(1.1 * options.points), "scanning", " pulses") as meter:
+        count = main(options.out, options.points, options.seed, step=lambda n: meter.update(min(n, meter.total - meter.done)))
+    print(f"{count} points, scan in {options.out}, cameras in {cameras_of(options.out)}")
     return 0
 
 
 def _train(options: argparse.Namespace) -> int:
     if options.tune is not None:
+        train_command.check(options)
         from viewer.tools.tune import tune
 
         tune(options.tune, options.out, quality=options.quality, minutes=options.minutes or 10.0,
@@ -247,6 +258,13 @@ _RUN = {
 }
 
 
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether Ctrl-C is behind an error: compiled loops turn it into a SystemError, some imports into an ImportError."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command and returns its exit code."""
     for stream in (sys.stdout, sys.stderr):  # a file's name may hold what a terminal's encoding does not
@@ -269,6 +287,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         message, code = f"{error.filename or 'input/output'}: {error.strerror or error}", 2
     except Exception as error:
+        if _interrupted(error):
+            print("pointglass: stopped", file=sys.stderr)
+            return 130
         kind = type(error)  # by name: importing these would load torch and moderngl
         if kind.__name__ in ("DataError", "WeightsError"):
             message, code = str(error), 2

@@ -6,15 +6,24 @@ Beside the scan it writes ``demo_cameras.json``, eight views in nerfstudio's cam
 import json
 import os
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+
+from model.data.truth import DataError
+from model.folders import made_folder
 
 from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner
 
 STATIONS = np.array([[2.55, 3.2, 1.5], [5.4, 2.05, 1.6], [7.3, 3.5, 1.5]])
 DEMO_POINTS = 1_350_000  # as many as stay below 8 MB
+LEAST_POINTS, MOST_POINTS = 1000, 100_000_000
+"""Of fewer no room can be seen; of more the pulses of a station no longer fit into memory."""
+MOST_SEED = 2**32 - 1
+SUFFIXES = (".laz", ".las")
 SPREAD = 0.12  # exposures lie within 1 +- this, and their mean is 1
 SCALE = 0.0005  # metres per LAS step
 SIZE, FPS, SECONDS = (960, 720), 24, 24
@@ -40,13 +49,14 @@ def exposures(seed: int, count: int = len(STATIONS)) -> np.ndarray:
     return 1 + steps / 1024
 
 
-def simulate(points: int, seed: int = 1, *, place: Place | None = None) -> Scan:
+def simulate(points: int, seed: int = 1, *, place: Place | None = None, step: Callable[[int], object] | None = None) -> Scan:
     """The scan of ``place`` (`Place` (seed) if None) from STATIONS, with the noise of ``seed``.
 
+    step: called with the number of pulses done since the last call, about 1.1 * ``points`` in all.
     Returns exactly ``points`` points, or the few fewer that the pulses gave.
     """
     place = place or Place(seed)
-    scanner = VirtualScanner(place.trace, ScannerModel(), place.ranges)
+    scanner = VirtualScanner(partial(place.trace, step=step), ScannerModel(), place.ranges)
     rng = np.random.default_rng([31, seed])
     scan = scanner.scan(STATIONS, int(points * 1.1 / len(STATIONS)), rng, exposures(seed, len(STATIONS)))
     if len(scan) > points:
@@ -103,14 +113,49 @@ def camera_path() -> dict:
     }
 
 
-def main(out: Path, points: int = 1_200_000, seed: int = 1) -> None:
-    """Simulates, and writes ``out`` (LAZ) with ``<stem>_cameras.json`` beside it."""
+def cameras_of(out: Path) -> Path:
+    """The file of the cameras beside the scan ``out``."""
+    return out.with_name(f"{out.stem}_cameras.json")
+
+
+def check(out: Path, points: int, seed: int) -> None:
+    """Raises DataError naming the first of what `main` is given that it cannot do."""
+    if out.suffix.lower() not in SUFFIXES:
+        raise DataError(f"--out {out}: the name must end in {' or '.join(SUFFIXES)}")
+    if not LEAST_POINTS <= points <= MOST_POINTS:
+        raise DataError(f"--points {points}: expected {LEAST_POINTS} to {MOST_POINTS}")
+    if not 0 <= seed <= MOST_SEED:
+        raise DataError(f"--seed {seed}: expected 0 to {MOST_SEED}")
+    for path in (out, cameras_of(out)):
+        if path.is_dir():
+            raise DataError(f"{path}: is a folder; choose another --out")
+
+
+def main(out: Path, points: int = 1_200_000, seed: int = 1, *, step: Callable[[int], object] | None = None) -> int:
+    """Simulates, and writes ``out`` (LAZ or LAS) with the cameras (`cameras_of`) beside it.  Returns how many points.
+
+    step: as for `simulate`.  Raises DataError for bad options before any work, and where nothing can be written; then
+    nothing is left behind.
+    """
     out = Path(out)
-    write_laz(simulate(points, seed), out)
-    cameras = out.with_name(f"{out.stem}_cameras.json")
+    check(out, points, seed)
+    cameras = cameras_of(out)
     part = cameras.with_name(f".{cameras.name}-{os.getpid()}")
-    part.write_text(json.dumps(camera_path(), indent=1) + "\n")
-    os.replace(part, cameras)
+    try:
+        with made_folder(out.parent):
+            try:
+                # Before the work: what cannot be written is known at once.
+                part.write_text(json.dumps(camera_path(), indent=1) + "\n")
+                scan = simulate(points, seed, step=step)
+                write_laz(scan, out)
+                os.replace(part, cameras)
+            finally:
+                part.unlink(missing_ok=True)
+    except MemoryError:
+        raise DataError(f"--points {points}: more than fit into this machine's memory; choose fewer") from None
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written ({error.strerror or error}); free space or choose another --out") from None
+    return len(scan)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.compiled import compiled
+from model.compiled import compiled, unbroken
 
 from .shapes import Shapes, nearest
 
@@ -230,4 +230,5 @@ class Lighting:
 
     def _direct(self, points, normals, lit, ambient):
         lit = np.ascontiguousarray(lit, np.bool_)
-        return light_points(points, normals, lit, ambient, *self.lights.arrays(), *self.shapes.arrays())
+        with unbroken():
+            return light_points(points, normals, lit, ambient, *self.lights.arrays(), *self.shapes.arrays())

@@ -7,7 +7,7 @@ stands upright.
 
 import numpy as np
 
-from model.compiled import compiled
+from model.compiled import compiled, unbroken
 
 from .panorama import Seen
 
@@ -41,7 +41,8 @@ class Mesh:
     def trace(self, origins: np.ndarray, rays: np.ndarray) -> Seen:
         """What rays (N,3), unit directions, from ``origins`` (N,3) meet."""
         origins, rays = np.ascontiguousarray(origins, np.float64), np.ascontiguousarray(rays, np.float64)
-        t, which, u, v = _nearest(origins, rays, self._first, self._u, self._v, self._order, self._boxes, self._links)
+        with unbroken():
+            t, which, u, v = _nearest(origins, rays, self._first, self._u, self._v, self._order, self._boxes, self._links)
         hit = which >= 0
         at = np.where(hit, which, 0)
         weights = np.stack([1 - u - v, u, v], 1)

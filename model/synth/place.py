@@ -3,6 +3,7 @@
 Frame: world metres, z up.  Colours leave as sRGB 0..1, after one fixed exposure and a soft shoulder.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,13 +63,17 @@ class Place:
         """(N,) metres along each ray, inf for nothing: `trace` without the colours."""
         return self.shapes.trace(origins, directions)[0]
 
-    def trace(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
-        """What N rays meet.  origins, directions: (N,3) float64 world, directions of unit length."""
+    def trace(self, origins: np.ndarray, directions: np.ndarray, step: Callable[[int], object] | None = None) -> Hits:
+        """What N rays meet.  origins, directions: (N,3) float64 world, directions of unit length.
+
+        step: called after every chunk with the number of its rays.
+        """
         origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
-        parts = [
-            self._trace(origins[i : i + _CHUNK], directions[i : i + _CHUNK])
-            for i in range(0, max(len(origins), 1), _CHUNK)
-        ]
+        parts = []
+        for i in range(0, max(len(origins), 1), _CHUNK):
+            parts.append(self._trace(origins[i : i + _CHUNK], directions[i : i + _CHUNK]))
+            if step is not None:
+                step(len(parts[-1].t))
         return Hits(*(np.concatenate([getattr(p, name) for p in parts]) for name in Hits.__dataclass_fields__))
 
     def _trace(self, origins, directions) -> Hits:

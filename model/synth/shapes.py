@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.compiled import compiled
+from model.compiled import compiled, unbroken
 from model.synth.hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)
@@ -53,7 +53,8 @@ class Shapes:
         """
         origins = np.ascontiguousarray(origins, np.float64)
         directions = np.ascontiguousarray(directions, np.float64)
-        return trace_rays(origins, directions, *self.arrays())
+        with unbroken():
+            return trace_rays(origins, directions, *self.arrays())
 
 
 def half_extents(kind: np.ndarray, params: np.ndarray) -> np.ndarray:

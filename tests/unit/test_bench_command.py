@@ -20,13 +20,37 @@ from viewer.bench.subject import Subject, described
     (("grid", "a.laz"), "a.laz: `bench grid` makes its own points"),
     (("frame", "--repeats", "0"), "--repeats 0: expected at least 1"),
     (("open", "--procedural", "1M", "--rooms", "0"), "--rooms 0: expected at least 1"),
-    (("open", "--json", "/nowhere/at/all/x.json"), "/nowhere/at/all/x.json: no such folder"),
+    (("open", "--json", "/nowhere/at/all/x.json"), "--json /nowhere/at/all/x.json: no such folder"),
+    (("frame", "--json", "x.txt"), "--json x.txt: the name must end in .json"),
+    (("frame", "--plot", "x.foo"), "--plot x.foo: the name must end in .png, .svg"),
+    (("frame", "--plot", "x"), "--plot x: the name must end in"),
+    (("versus", "--frames", "-1", "--size", "64x48"), "--frames -1: expected at least 1"),
+    (("versus", "--frames", "0"), "--frames 0: expected at least 1"),
+    (("occlusion", "--points", "50K", "--frames", "2", "--size", "64x48"), "--frames 2: expected at least 3"),
+    (("occlusion", "--rooms", "0"), "--rooms 0: expected at least 1"),
+    (("frame", "--procedural", "100K", "--seed", "-1"), "--seed -1: expected 0 to 4294967295"),
+    (("raster", "--seed", "4294967296"), "--seed 4294967296: expected 0 to 4294967295"),
+    (("scale", "--keep", __file__), "is a file; give a folder"),
     (("open", "missing.laz"), "missing.laz: no such file"),
 ])
 def test_bad_usage_is_one_line(arguments, said, capsys):
     assert run("bench", *arguments) == 2
     out = capsys.readouterr().err
     assert said in out and out.count("\n") == 1
+
+
+def test_the_picture_formats_are_those_that_matplotlib_writes():
+    from viewer.bench import PLOT_SUFFIXES
+    from viewer.bench.plots import figure
+
+    made, _ = figure()
+    assert {suffix[1:] for suffix in PLOT_SUFFIXES} <= made.canvas.get_supported_filetypes().keys()
+
+
+def test_occlusion_runs_on_as_few_frames_as_it_takes(tmp_path, capsys):
+    found = tmp_path / "o.json"
+    run("bench", "occlusion", "--rooms", "1", "--points", "50K", "--frames", "3", "--size", "64x48", "--json", found)
+    assert json.loads(found.read_text())["frames"] == 3 and "heaviest frame" in capsys.readouterr().out
 
 
 def test_too_few_points_for_the_rooms_are_refused(capsys):

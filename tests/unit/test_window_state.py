@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from window_session import finish, room, session, stats
 
+from viewer.camera import from_fov, look_at
 from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.settings import Settings
@@ -16,6 +17,7 @@ from viewer.window import controls
 from viewer.window.capture import FrameTimes, save_png, stamped
 from viewer.window.loading import Loaded
 from viewer.window.present import composite, split_column
+from viewer.window.session import Session
 from viewer.window.start import survey
 
 
@@ -142,3 +144,13 @@ def test_every_key_does_one_thing():
     assert len(keys) == len(set(keys))
     table = controls.table_markdown()
     assert all(control.help in table for control in controls.ALL)
+
+
+def test_a_visit_begins_where_it_is_told_and_the_next_one_where_that_makes_sense():
+    scene, told = room(), from_fov(640, 400, 60.0, look_at((1.0, 1.5, 1.2), (6.0, 4.0, 0.8)))
+    made = Session(Settings(view="filled"), (640, 400), load_network=lambda settings: None, start=told)
+    made.accept(Loaded(scene, survey(scene)))
+    assert np.allclose(made.camera.camera_to_world, told.camera_to_world)
+    made.accept(Loaded(scene, survey(scene)))
+    plain, _ = session()
+    assert np.array_equal(made.camera.camera_to_world, plain.camera.camera_to_world)

@@ -6,6 +6,7 @@ Every result carries the machine, driver, versions, scan and size it was had wit
 
 import argparse
 import math
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,11 @@ PROCEDURAL = 25_000_000
 """Points made on the spot where a bench needs a scan and none is given."""
 _UNITS = {"k": 10**3, "m": 10**6, "g": 10**9}
 _MOST_POINTS = 10**11
+MOST_SEED = 2**32 - 1
+LEAST_FRAMES = {"occlusion": 3}
+"""Cameras a bench needs, where more than one: occlusion's first, the one after its jump, and one that has a past."""
+PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".eps", ".ps", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
+"""Of what matplotlib writes, what a person can open."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +90,31 @@ def subject_of(options: argparse.Namespace) -> "Subject":
     if options.scans:
         return Subject(tuple(options.scans))
     if options.procedural is not None or wanted == "procedural":
-        if options.rooms is not None and options.rooms < 1:
-            raise InputError(f"--rooms {options.rooms}: expected at least 1")
         return Subject(procedural=ProceduralScan(points, options.rooms, options.seed))
     return Subject((demo_scan(),))
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Raises InputError naming the first option that cannot be followed, before anything is measured."""
+    for option, suffixes in (("json", (".json",)), ("plot", PLOT_SUFFIXES)):
+        path = getattr(options, option)
+        if path is None:
+            continue
+        if path.suffix.lower() not in suffixes:
+            raise InputError(f"--{option} {path}: the name must end in {', '.join(suffixes)}")
+        if not path.absolute().parent.is_dir():
+            raise InputError(f"--{option} {path}: no such folder; make it first")
+        if path.is_dir() or not os.access(path.absolute().parent, os.W_OK):
+            raise InputError(f"--{option} {path}: cannot be written; choose a file in a folder of yours")
+    least_frames = LEAST_FRAMES.get(options.kind, 1)
+    for option, least in (("repeats", 1), ("rooms", 1), ("frames", least_frames)):
+        value = getattr(options, option)
+        if value is not None and value < least:
+            raise InputError(f"--{option} {value}: expected at least {least}")
+    if not 0 <= options.seed <= MOST_SEED:
+        raise InputError(f"--seed {options.seed}: expected 0 to {MOST_SEED}")
+    if options.keep is not None and options.keep.exists() and not options.keep.is_dir():
+        raise InputError(f"--keep {options.keep}: is a file; give a folder")
 
 
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
@@ -95,12 +122,8 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     from viewer.bench.subject import described, machine
     from viewer.tools.files import write_json
 
-    for path in (options.json, options.plot):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise InputError(f"{path}: no such folder; make it first")
+    _check(options)
     repeats = KINDS[options.kind].repeats if options.repeats is None else options.repeats
-    if repeats < 1:
-        raise InputError(f"--repeats {options.repeats}: expected at least 1")
     if KINDS[options.kind].scan == "nothing" and options.scans:
         raise InputError(f"{options.scans[0]}: `bench {options.kind}` makes its own points and takes no scan")
     result, rows, plot = _RUN[options.kind](options, settings, repeats)
@@ -237,11 +260,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="picture size, default 960x720; frame and versus take several")
     parser.add_argument("--along", choices=["path", "views"], default="path",
                         help="frame: the fixed path of 48 frames, or the eight named views")
-    parser.add_argument("--frames", type=int, metavar="N", help="versus, occlusion: cameras along the path")
+    parser.add_argument("--frames", type=int, metavar="N",
+                        help="versus, occlusion (at least 3): cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
                         help="grid, occlusion, raster: points made on the spot (10M, 100M, 2M); scale: the sizes (1M to 1G)")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids there, and use those that are")
     parser.add_argument("--only", metavar="GROUP", help="error: one group of approximations, such as void")
     parser.add_argument("--repeats", type=int, metavar="N", help="rounds (default: by kind)")
-    parser.add_argument("--json", type=Path, metavar="F")
-    parser.add_argument("--plot", type=Path, metavar="F")
+    parser.add_argument("--json", type=Path, metavar="F.json", help="every figure")
+    parser.add_argument("--plot", type=Path, metavar="F.png", help="a picture of them; also .svg, .pdf and others")

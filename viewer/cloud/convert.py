@@ -4,6 +4,7 @@ import os
 from functools import partial
 from pathlib import Path
 
+from model.folders import made_folder
 from viewer.cloud import cache
 from viewer.cloud.build import as_paths, build_scene
 from viewer.cloud.scene import Scene
@@ -22,7 +23,9 @@ def convert(paths: list[Path], out: Path, *, match: bool = True) -> Scene:
     files, out = as_paths(paths), Path(out)
     for file in files:
         check_file(file)
-    return cache.build_into(_place_of(out), files, partial(build_scene, match=match), keep_old=True)
+    place = _place_of(out)
+    with made_folder(place, make=False):
+        return cache.build_into(place, files, partial(build_scene, match=match), keep_old=True)
 
 
 def _place_of(out: Path) -> Path:

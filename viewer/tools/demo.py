@@ -45,6 +45,7 @@ def contact_sheet(rows: list[list[np.ndarray]], scale: int = 2, gap: int = 4) ->
 
 def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     """Renders the shipped cameras in every view into ``out``, with one contact sheet.  Returns the files, it first."""
+    from model.folders import made_folder
     from viewer.cloud import open_scene
     from viewer.progress import progress
     from viewer.render.context import create_context
@@ -55,9 +56,8 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     cameras = read_cameras(assets_dir() / "demo_cameras.json")
     renderer = Renderer(create_context(), scene)
     files, rows = [], []
-    out.mkdir(parents=True, exist_ok=True)
     try:
-        with progress(len(cameras), "rendering the demo", "camera") as meter:
+        with made_folder(out), progress(len(cameras), "rendering the demo", "camera") as meter:
             for camera in cameras:
                 frame = renderer.render(camera, settings, views=tuple(VIEWS))
                 pictures = [frame.image(view)[..., :3] for view in VIEWS]
@@ -76,9 +76,10 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
 def run_demo(out: Path, settings: Settings) -> int:
     """What ``pointglass demo`` does.  Returns the exit code."""
     if has_display():
+        from viewer.tools.camera_files import read_cameras
         from viewer.window.app import run
 
-        return run([demo_scan()], settings)
+        return run([demo_scan()], settings, start=read_cameras(assets_dir() / "demo_cameras.json")[0])
     files = demo_pictures(out, settings)
     print(f"no display here: {len(files) - 1} pictures (raw, filtered, filled, neural) in {out.resolve()}")
     print(f"look at {files[0].resolve()} first")

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from model.folders import made_folder
 from viewer.errors import InputError
 from viewer.numerals import whole_number
 from viewer.progress import progress
@@ -39,17 +40,19 @@ def export_pictures(
 ) -> int:
     """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask and stats.  Returns how many.
 
-    The files of one camera appear whole and together, or not at all.  A mask needs the filter, whatever the view.
+    The files of one camera appear whole and together, or not at all; a new ``out`` without any does not stay.  A mask needs
+    the filter, whatever the view.
     """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{out}: cannot make this folder ({error.strerror}); choose another --out") from None
     views = (settings.view,) if settings.view != "raw" or not aux else ("raw", "filtered")
-    with progress(len(cameras), "rendering", "picture") as meter:
-        for camera in cameras:
-            write_together(out, _files(renderer.render(camera, settings, views), camera.name, settings.view, aux=aux))
-            meter.update(1)
+    with made_folder(out, make=False):
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{out}: cannot make this folder ({error.strerror}); choose another --out") from None
+        with progress(len(cameras), "rendering", "picture") as meter:
+            for camera in cameras:
+                write_together(out, _files(renderer.render(camera, settings, views), camera.name, settings.view, aux=aux))
+                meter.update(1)
     return len(cameras)
 
 

@@ -24,6 +24,8 @@ from viewer.window.session import Session
 if TYPE_CHECKING:
     import moderngl
 
+    from viewer.camera import Camera
+
 SIZE = (1280, 720)
 _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
 _NAP = 0.5  # seconds of sleep at most while idle
@@ -31,13 +33,15 @@ _BREATH = 0.06  # seconds between interface frames while only the interface chan
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
-def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True, memory: Memory = MEMORY) -> int:
+def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
+        start: "Camera | None" = None) -> int:
     """Opens the window on ``paths`` (none: an empty start page) until it is closed.  Returns the exit code, 0.
 
     cache: whether grids are kept for the next time.  match: scans to the same exposure.  memory: what points may take.
+    start: where the first visit begins, None where that makes sense.
     Raises DeviceError where there is no display or no OpenGL 4.3.
     """
-    app = App(settings, cache=cache, match=match, memory=memory)
+    app = App(settings, cache=cache, match=match, memory=memory, start=start)
     try:
         if paths:
             app.session.loads.open(paths)
@@ -55,7 +59,8 @@ class App:
     """
 
     def __init__(self, settings: Settings, *, size: tuple[int, int] = SIZE, folder: Path | None = None,
-                 scale: float | None = None, cache: bool = True, match: bool = True, memory: Memory = MEMORY):
+                 scale: float | None = None, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
+                 start: "Camera | None" = None):
         from imgui_bundle import imgui  # isort: skip  (before glfw: it brings the library that glfw then loads)
         import glfw  # isort: skip
 
@@ -71,7 +76,7 @@ class App:
             raise
         self.session = Session(
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
-            open_scene=lambda files: _open_scene(files, cache, match),
+            open_scene=lambda files: _open_scene(files, cache, match), start=start,
         )
         self.painter = Painter(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self._keeper = Keeper(self.session, self.painter, folder or Path.cwd())

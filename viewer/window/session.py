@@ -21,6 +21,7 @@ from viewer.window import loading
 from viewer.window.capture import FrameTimes
 from viewer.window.choice import Choice
 from viewer.window.flight import Flight
+from viewer.window.navigation import looking
 from viewer.window.notices import Notices
 from viewer.window.picture import Picture, Plan
 from viewer.window.start import FIELD_OF_VIEW, start_state
@@ -37,6 +38,7 @@ class Session:
     size: of the framebuffer, pixels; (0, 0) while minimised.  scene: the one shown, None at first.
     help, interface, panel: which of them are open.  dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
+    start: where the first visit begins; None: where that makes sense (viewer.window.start).
     open_scene, load_network, clock, wake: what it depends on, replaceable in tests.
     """
 
@@ -49,8 +51,9 @@ class Session:
         load_network: Callable[[Settings], None] = loading.load_network,
         clock: Callable[[], float] = perf_counter,
         wake: Callable[[], None] = lambda: None,
+        start: Camera | None = None,
     ):
-        self._clock = clock
+        self._clock, self._start = clock, start
         self.size = size
         self.scene: Scene | None = None
         self.notices = Notices(clock)
@@ -180,7 +183,10 @@ class Session:
         """The scene was uploaded: visit it."""
         self.scene = loaded.scene
         width, height = self.size if min(self.size) > 0 else (16, 9)
-        self.flight.begin(start_state(loaded.scene, loaded.seen, width / height), loaded.seen)
+        state, start = start_state(loaded.scene, loaded.seen, width / height), self._start
+        if start is not None:
+            state, self._start = looking(start.position, start.view_rotation[2], state.speed), None
+        self.flight.begin(state, loaded.seen)
         self.picture.begin(loaded.scene.count)
         for note in loading.notes(loaded.scene.meta)[:3]:
             self.notices.toast(note, seconds=_NOTE_SECONDS)

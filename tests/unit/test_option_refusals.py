@@ -1,0 +1,232 @@
+"""Options that cannot be followed are refused at once: one line, exit code 2, and nothing made."""
+
+import numpy as np
+import pytest
+
+from viewer.cli import main
+
+
+def refused(capsys, *arguments) -> str:
+    """The one line that a command line is refused with."""
+    assert main([str(a) for a in arguments]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith("pointglass: ") and said.err.count("\n") == 1 and not said.out, said
+    return said.err
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    (("--procedural", "-3"), "--procedural -3: expected at least 0"),
+    (("--seed", "-1"), "--seed -1: expected at least 0"),
+    (("--seed", "4294967296"), "--seed 4294967296: expected at most"),
+    (("--batch", "0"), "--batch 0: expected at least 1"),
+    (("--steps", "0"), "--steps 0: expected at least 1"),
+    (("--crop", "7"), "--crop 7: expected at least 32"),
+    (("--crop", "300"), "--crop 300: thing 1 has pictures of 640x480"),
+    (("--rate", "nan"), "--rate nan"),
+    (("--rate", "0"), "--rate 0"),
+    (("--minutes", "nan"), "--minutes nan"),
+    (("--minutes", "-1"), "--minutes -1"),
+    (("--start-from", "/nope"), "--start-from /nope: no such weights"),
+    (("--perceptual", "/nope"), "--perceptual /nope: holds no sqz_notop.mat"),
+    (("--device", "cuda"), "--device cuda: "),
+])
+def test_training_refuses_options_before_a_place_is_built(options, said, tmp_path, capsys, monkeypatch):
+    import model.data.procedural as procedural
+    import model.reconstruct as reconstruct
+
+    monkeypatch.setattr(procedural.ProceduralPlace, "views", property(lambda self: pytest.fail("a place was built")))
+    monkeypatch.setattr(reconstruct, "cuda_problem", lambda: "none here")
+    assert said in refused(capsys, "train", "--procedural", "1", "--out", tmp_path / "out", *options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_empty_list_of_pairs_does_not_stop_a_later_training(tmp_path, capsys, monkeypatch):
+    """As earlier versions left it after `--procedural -3`."""
+    import model.data.procedural as procedural
+
+    class Built(Exception):
+        pass
+
+    def build(_place):
+        raise Built
+
+    monkeypatch.setattr(procedural.ProceduralPlace, "views", property(build))
+    (tmp_path / "pairs-filtered.txt").write_text("\n")
+    with pytest.raises(Built):
+        main(["train", "--procedural", "1", "--out", str(tmp_path)])
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    (("--points", "-5"), "--points -5: expected 1000 to"),
+    (("--points", "0"), "--points 0: expected 1000 to"),
+    (("--points", "1"), "--points 1: expected 1000 to"),
+    (("--points", "1000000000000"), "--points 1000000000000: expected 1000 to"),
+    (("--seed", "-1"), "--seed -1: expected 0 to"),
+    (("--seed", "18446744073709551616"), "--seed 18446744073709551616: expected 0 to"),
+    (("--out", "{folder}/x.ply"), "x.ply: the name must end in .laz or .las"),
+    (("--out", "{folder}/x"), "x: the name must end in .laz or .las"),
+    (("--out", "/dev/null/a/x.laz"), "/dev/null/a/x.laz: cannot be written"),
+])
+def test_simulate_refuses_options_before_any_work(options, said, tmp_path, capsys, monkeypatch):
+    from model.synth import demo
+
+    monkeypatch.setattr(demo, "simulate", lambda *_, **__: pytest.fail("simulated"))
+    options = [text.format(folder=tmp_path) for text in options]
+    out = [] if "--out" in options else ["--out", tmp_path / "new" / "x.laz"]
+    assert said in refused(capsys, "simulate", *out, *options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_full_disk_leaves_nothing_of_a_simulation(tmp_path, capsys, monkeypatch):
+    import errno
+
+    from model.synth import demo
+
+    def full(_scan, _path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(demo, "simulate", lambda *_, **__: None)
+    monkeypatch.setattr(demo, "write_laz", full)
+    said = refused(capsys, "simulate", "--out", tmp_path / "a" / "b" / "x.laz")
+    assert "x.laz: cannot be written (No space left on device)" in said and not list(tmp_path.iterdir())
+
+
+def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monkeypatch):
+    from functools import partial
+
+    from model.synth import demo
+    from model.synth.place import Place
+    from viewer.progress import set_sink
+
+    monkeypatch.setattr(demo, "Place", partial(Place, probe_rays=0))
+    seen = []
+    set_sink(lambda label, done, total: seen.append((label, done, total)) or True)
+    try:
+        assert main(["simulate", "--out", str(tmp_path / "x.las"), "--points", "2000"]) == 0
+    finally:
+        set_sink(None)
+    said = capsys.readouterr().out
+    assert f"scan in {tmp_path / 'x.las'}, cameras in {tmp_path / 'x_cameras.json'}" in said
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["x.las", "x_cameras.json"]
+    assert len(seen) >= 3 and all(label == "scanning" and 0 < done <= total == 2200 for label, done, total in seen)
+    assert seen[-1][1] > 0.8 * 2200
+
+
+def test_the_help_of_simulate_names_the_cameras_file(capsys):
+    with pytest.raises(SystemExit):
+        main(["simulate", "--help"])
+    assert "_cameras.json" in capsys.readouterr().out
+
+
+def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
+    from model.folders import made_folder
+
+    with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "a" / "b"):
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ValueError, match="later"), made_folder(tmp_path / "a" / "b"):
+        (tmp_path / "a" / "kept.txt").touch()
+        raise ValueError("later")
+    assert [p.name for p in (tmp_path / "a").iterdir()] == ["kept.txt"]
+    with made_folder(tmp_path / "c"):
+        pass
+    assert (tmp_path / "c").is_dir()
+
+
+def test_ctrl_c_during_the_imports_is_one_line(tmp_path):
+    """A module of the command line's own that is slow to import stands for a slow disk."""
+    import os
+    import signal
+    import subprocess
+    import sys
+
+    (tmp_path / "argparse.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+    command = [sys.executable, "-m", "viewer", "info", "x.laz"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        assert process.stdout is not None and process.stdout.readline() == "importing\n"
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+    assert process.returncode == 130 and said == "pointglass: stopped\n"
+
+
+def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys):
+    from viewer import cli
+
+    def stopped(_options):
+        try:
+            raise KeyboardInterrupt
+        except KeyboardInterrupt as error:
+            raise SystemError("returned a result with an exception set") from error
+
+    monkeypatch.setitem(cli._RUN, "doctor", stopped)
+    assert cli.main(["doctor"]) == 130 and capsys.readouterr().err == "pointglass: stopped\n"
+
+
+def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch):
+    """Raised before, it was a crash of the process: of several results numba does not look whether each was made."""
+    import signal
+
+    from model.synth import shapes
+    from model.synth.place import Place
+
+    whole = []
+
+    def interrupted(*_):
+        signal.raise_signal(signal.SIGINT)
+        whole.append(True)
+
+    place, before = Place(1, probe_rays=0), signal.getsignal(signal.SIGINT)
+    monkeypatch.setattr(shapes, "trace_rays", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        place.shapes.trace(np.ones((1, 3)), np.array([[0.0, 0.0, 1.0]]))
+    assert whole and signal.getsignal(signal.SIGINT) is before
+
+
+def test_convert_of_a_torn_scan_leaves_no_folders(tmp_path, capsys):
+    from viewer.paths import assets_dir
+
+    torn = tmp_path / "torn.laz"
+    torn.write_bytes((assets_dir() / "demo.laz").read_bytes()[:200_000])
+    assert "torn.laz" in refused(capsys, "convert", torn, "--out", tmp_path / "a" / "b" / "c")
+    assert [p.name for p in tmp_path.iterdir()] == ["torn.laz"]
+
+
+def test_render_without_weights_reads_no_scan_and_makes_no_folder(tmp_path, capsys, monkeypatch):
+    import viewer.cloud
+    from viewer.paths import assets_dir
+
+    monkeypatch.setattr(viewer.cloud, "open_scene", lambda *_, **__: pytest.fail("the scan was opened"))
+    scan, cameras = assets_dir() / "demo.laz", assets_dir() / "demo_cameras.json"
+    line = ("render", scan, "--cameras", cameras, "--out", tmp_path / "a" / "b", "--view", "neural")
+    assert "no weights are shipped for quality 'paper'" in refused(capsys, *line, "--quality", "paper")
+    assert "/nope: no such weights" in refused(capsys, *line, "--weights", "/nope")
+    assert not list(tmp_path.iterdir())
+
+
+def test_pictures_that_cannot_be_made_leave_no_folder(tmp_path):
+    from types import SimpleNamespace
+    from typing import Any
+
+    from viewer.settings import Settings
+    from viewer.tools.export import export_pictures
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    cameras: Any = [SimpleNamespace(name="a")]
+    renderer: Any = SimpleNamespace(render=stopped)
+    with pytest.raises(KeyboardInterrupt):
+        export_pictures(renderer, cameras, Settings(), tmp_path / "a" / "b")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_training_stopped_while_places_are_built_leaves_no_folder(tmp_path, monkeypatch, capsys):
+    import model.data.procedural as procedural
+
+    def stopped(_place):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(procedural.ProceduralPlace, "views", property(stopped))
+    assert main(["train", "--procedural", "1", "--out", str(tmp_path / "a" / "b")]) == 130
+    assert capsys.readouterr().err == "pointglass: stopped\n" and not list(tmp_path.iterdir())
