@@ -13,10 +13,10 @@ from viewer.errors import InputError
 
 _FLIP = np.diag([1.0, -1.0, -1.0])  # OpenGL camera axes -> view axes (y down, z forward)
 MAX_SIDE = 16384
-FOCAL_LENGTHS = (1e-6, 5e5)
-"""The least and the most, in sides of the picture: fields of view of 1e-4 degrees less than 180, and of 1e-4 degrees.
-Beyond, float32 can tell no direction from the next, and no picture comes of it."""
-_OFF_CENTRE = 1e4
+FOCAL_LENGTHS = (1e-12, 1e12)
+"""The least and the most, in sides of the picture.  Long before, float32 tells no direction from the next and a picture shows
+little; beyond, numbers overflow."""
+_OFF_CENTRE = 1e9
 """How many sides the principal point may lie off the picture."""
 _FARTHEST = 1e20
 """File units from zero; beyond it a number is no position (as for points, viewer.cloud.histogram)."""
@@ -57,7 +57,7 @@ class Camera:
             side = self.width if focal == "fx" else self.height
             low, high = (side * limit for limit in FOCAL_LENGTHS)
             if not low <= value <= high:
-                raise InputError(f"{label}: {focal} {given!r}: no picture {side} pixels across can be made with this focal "
+                raise InputError(f"{label}: {focal} {value:g}: no picture {side} pixels across can be made with this focal "
                                  f"length; expected pixels, from {low:g} to {high:g}")
         for centre, side in (("cx", self.width), ("cy", self.height)):
             given = getattr(self, centre)

@@ -47,7 +47,7 @@ def test_no_distortion_is_read(tmp_path, distortion):
 
 
 @pytest.mark.parametrize("key", ["fl_x", "fl_y"])
-@pytest.mark.parametrize("value", [1e300, 1e30, 1e9, 1e-30, 1e-6, 0, -3.0])
+@pytest.mark.parametrize("value", [1e300, 1e30, 1e16, 1e-30, 1e-14, 0, -3.0])
 def test_a_focal_length_no_picture_can_be_made_with_is_refused(tmp_path, key, value):
     path = write(tmp_path, transforms({}, {key: value}))
     axis = {"fl_x": "fx", "fl_y": "fy"}[key]

@@ -143,7 +143,8 @@ def test_ctrl_c_during_the_imports_is_one_line(tmp_path):
     (tmp_path / "argparse.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
     command = [sys.executable, "-m", "viewer", "info", "x.laz"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
+                          preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)) as process:
         assert process.stdout is not None and process.stdout.readline() == "importing\n"
         process.send_signal(signal.SIGINT)
         _, said = process.communicate(timeout=30)
@@ -176,11 +177,15 @@ def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch
         signal.raise_signal(signal.SIGINT)
         whole.append(True)
 
-    place, before = Place(1, probe_rays=0), signal.getsignal(signal.SIGINT)
+    place, before = Place(1, probe_rays=0), signal.default_int_handler
     monkeypatch.setattr(shapes, "trace_rays", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        place.shapes.trace(np.ones((1, 3)), np.array([[0.0, 0.0, 1.0]]))
-    assert whole and signal.getsignal(signal.SIGINT) is before
+    given = signal.signal(signal.SIGINT, before)  # a shell's background jobs are given none
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            place.shapes.trace(np.ones((1, 3)), np.array([[0.0, 0.0, 1.0]]))
+        assert whole and signal.getsignal(signal.SIGINT) is before
+    finally:
+        signal.signal(signal.SIGINT, given)
 
 
 def test_convert_of_a_torn_scan_leaves_no_folders(tmp_path, capsys):
