@@ -85,16 +85,21 @@ def _blend(sums, blurred, out, blocks, block, number, limit, density, first, las
 
 @compiled(nogil=True)
 def _means(blocks, block, height, width, means, first, last):
-    """Means of the first channel over squares of MEAN_BLOCK pixels, edges repeated; rows ``first`` to ``last`` of means."""
+    """Means of the first channel over squares of MEAN_BLOCK pixels, for each corner of the blocks by itself, edges repeated.
+
+    means: (rows, block**2, columns), rows ``first`` to ``last`` are made.
+    """
     row = np.empty(blocks.shape[1] * block, np.float32)
     for v in range(first, last):
         means[v] = 0.0
         for y in range(v * MEAN_BLOCK, (v + 1) * MEAN_BLOCK):
             _guide_row(blocks, block, 0, min(y, height - 1), row)
-            for x in range(means.shape[1] * MEAN_BLOCK):
-                means[v, x // MEAN_BLOCK] += row[min(x, width - 1)]
-        for u in range(means.shape[1]):
-            means[v, u] /= MEAN_BLOCK * MEAN_BLOCK
+            corner = (y % block) * block
+            for x in range(means.shape[2] * MEAN_BLOCK):
+                means[v, corner + x % block, x // MEAN_BLOCK] += row[min(x, width - 1)]
+        for corner in range(block * block):
+            for u in range(means.shape[2]):
+                means[v, corner, u] *= _F(block * block / (MEAN_BLOCK * MEAN_BLOCK))
 
 
 @compiled(nogil=True, inline="always")
@@ -115,17 +120,21 @@ def _unit(value):
 
 
 @compiled(nogil=True)
-def _mean_row(means, y, column, row):
-    """The means at one row of pixels, interpolated between the squares' middles; column: scratch, as wide as means."""
-    place = max((y + 0.5) / MEAN_BLOCK - 0.5, 0.0)
-    v = int(place)
+def _mean_row(means, block, y, column, row):
+    """The means at one row of pixels, interpolated between the squares' middles; column: scratch, (block, columns)."""
+    across = MEAN_BLOCK // block  # blocks in a square
+    place = max((y // block + 0.5) / across - 0.5, 0.0)
+    v, first = int(place), (y % block) * block
     below = min(v + 1, means.shape[0] - 1)
-    for u in range(means.shape[1]):
-        column[u] = means[v, u] + _F(place - v) * (means[below, u] - means[v, u])
+    for corner in range(block):
+        for u in range(means.shape[2]):
+            above = means[v, first + corner, u]
+            column[corner, u] = above + _F(place - v) * (means[below, first + corner, u] - above)
     for x in range(len(row)):
-        place = max((x + 0.5) / MEAN_BLOCK - 0.5, 0.0)
-        u = int(place)
-        row[x] = column[u] + _F(place - u) * (column[min(u + 1, means.shape[1] - 1)] - column[u])
+        place = max((x // block + 0.5) / across - 0.5, 0.0)
+        u, corner = int(place), x % block
+        left = column[corner, u]
+        row[x] = left + _F(place - u) * (column[corner, min(u + 1, means.shape[2] - 1)] - left)
 
 
 @compiled(nogil=True)
@@ -133,11 +142,11 @@ def _finish(packed, out, blocks, block, means, limit, density, made, first, last
     """The correction of the light, and the coverage: made (H, W, 4) float32, 0..1, never NaN."""
     width = out.shape[2]
     light, cover = np.empty(blocks.shape[1] * block, np.float32), np.empty(blocks.shape[1] * block, np.float32)
-    around, column = np.empty(width, np.float32), np.empty(means.shape[1], np.float32)
+    around, column = np.empty(width, np.float32), np.empty((block, means.shape[2]), np.float32)
     for y in range(first, last):
         _guide_row(blocks, block, 0, y, light)
         _guide_row(blocks, block, 1 + BLENDS, y, cover)
-        _mean_row(means, y, column, around)
+        _mean_row(means, block, y, column, around)
         bound, dense = limit[y], density[y]
         red, green, blue = out[0, y], out[1, y], out[2, y]
         for x in range(width):
@@ -187,7 +196,7 @@ class Blender:
         sums, blurred = (planes[i : i + _PLANES].reshape(_PLANES, height, width) for i in (0, _PLANES))
         out, limit, density = (planes[i:j].reshape(-1, height, width) for i, j in ((10, 13), (13, 14), (14, 15)))
         made = planes[15:19].reshape(height, width, 4)
-        means = np.empty((-(-height // MEAN_BLOCK), -(-width // MEAN_BLOCK)), np.float32)
+        means = np.empty((-(-height // MEAN_BLOCK), block * block, -(-width // MEAN_BLOCK)), np.float32)
         self._rows(height, _weigh, packed, sums, out)
         for number in range(BLENDS):
             self._rows(height, _blend, sums, blurred, out, blocks, block, number, limit[0], density[0])

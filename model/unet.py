@@ -65,12 +65,17 @@ def _luma(rgb: Tensor) -> Tensor:
     return LUMA[0] * rgb[:, :1] + LUMA[1] * rgb[:, 1:2] + LUMA[2] * rgb[:, 2:3]
 
 
-def local_mean(x: Tensor) -> Tensor:
-    """Means over blocks of MEAN_BLOCK pixels, interpolated between the blocks' centres; the size of ``x``."""
+def local_mean(x: Tensor, phases: int = 1) -> Tensor:
+    """Means over squares of MEAN_BLOCK pixels, interpolated between the squares' centres; the size of ``x``, (B, 1, H, W).
+
+    phases: pixels that are so many apart have a mean of their own.  Made of blocks, a picture is a little lighter in one corner
+    of every block than in the next: with a mean for each corner, that pattern is part of the mean.
+    """
     height, width = x.shape[-2:]
-    padded = F.pad(x, (0, -width % MEAN_BLOCK, 0, -height % MEAN_BLOCK), mode="replicate")
-    means = F.avg_pool2d(padded, MEAN_BLOCK)
-    return F.interpolate(means, padded.shape[-2:], mode="bilinear", align_corners=False)[..., :height, :width]
+    padded = F.pixel_unshuffle(F.pad(x, (0, -width % MEAN_BLOCK, 0, -height % MEAN_BLOCK), mode="replicate"), phases)
+    means = F.avg_pool2d(padded, MEAN_BLOCK // phases)
+    around = F.interpolate(means, padded.shape[-2:], mode="bilinear", align_corners=False)
+    return F.pixel_shuffle(around, phases)[..., :height, :width]
 
 
 class CompactUNet(nn.Module):
@@ -123,7 +128,7 @@ class CompactUNet(nn.Module):
                 density = (sums[:, 3:4] - FILLED_WEIGHT) / (1.0 - FILLED_WEIGHT)
                 variance = sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()
                 limit = (variance.clamp_min(0.0) + LEAST_CONTRAST**2).sqrt()
-        light = guide[:, :1] - local_mean(guide[:, :1])
+        light = guide[:, :1] - local_mean(guide[:, :1], self.block)
         light = limit * torch.tanh(light / limit) * (density / SPARSE).clamp(0.0, 1.0)
         return torch.cat([out * (1.0 + light / _luma(out).clamp_min(DARK)), 1.0 + guide[:, -1:]], 1)
 
