@@ -83,6 +83,12 @@ def _blend(sums, blurred, out, blocks, block, number, limit, density, first, las
                 density[y, x] = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
 
 
+@compiled(inline="always")
+def _held(place, block, size):
+    """Where a place beyond the picture's ``size`` is taken from: the last block, the same corner of it where there is one."""
+    return min(min(place // block, (size - 1) // block) * block + place % block, size - 1)
+
+
 @compiled(nogil=True)
 def _means(blocks, block, height, width, means, first, last):
     """Means of the first channel over squares of MEAN_BLOCK pixels, for each corner of the blocks by itself, edges repeated.
@@ -93,10 +99,10 @@ def _means(blocks, block, height, width, means, first, last):
     for v in range(first, last):
         means[v] = 0.0
         for y in range(v * MEAN_BLOCK, (v + 1) * MEAN_BLOCK):
-            _guide_row(blocks, block, 0, min(y, height - 1), row)
+            _guide_row(blocks, block, 0, _held(y, block, height), row)
             corner = (y % block) * block
             for x in range(means.shape[2] * MEAN_BLOCK):
-                means[v, corner + x % block, x // MEAN_BLOCK] += row[min(x, width - 1)]
+                means[v, corner + x % block, x // MEAN_BLOCK] += row[x if x < width else _held(x, block, width)]
         for corner in range(block * block):
             for u in range(means.shape[2]):
                 means[v, corner, u] *= _F(block * block / (MEAN_BLOCK * MEAN_BLOCK))
@@ -120,21 +126,30 @@ def _unit(value):
 
 
 @compiled(nogil=True)
-def _mean_row(means, block, y, column, row):
-    """The means at one row of pixels, interpolated between the squares' middles; column: scratch, (block, columns)."""
+def _between(block, columns, left, share):
+    """Between which squares each block of a row lies, left and the next, and how far on the way; left, share: (blocks,)."""
+    for b in range(len(left)):
+        place = max((b + 0.5) / (MEAN_BLOCK // block) - 0.5, 0.0)
+        left[b] = int(place)
+        share[b] = place - left[b] if left[b] + 1 < columns else 0.0
+
+
+@compiled(nogil=True)
+def _mean_row(means, block, y, left, share, column, row):
+    """The means at one row of pixels, interpolated between the squares' middles.  left, share: from _between.  column: scratch,
+    (block, columns + 1)."""
     across = MEAN_BLOCK // block  # blocks in a square
     place = max((y // block + 0.5) / across - 0.5, 0.0)
     v, first = int(place), (y % block) * block
     below = min(v + 1, means.shape[0] - 1)
     for corner in range(block):
+        line = column[corner]
         for u in range(means.shape[2]):
             above = means[v, first + corner, u]
-            column[corner, u] = above + _F(place - v) * (means[below, first + corner, u] - above)
-    for x in range(len(row)):
-        place = max((x // block + 0.5) / across - 0.5, 0.0)
-        u, corner = int(place), x % block
-        left = column[corner, u]
-        row[x] = left + _F(place - u) * (column[corner, min(u + 1, means.shape[2] - 1)] - left)
+            line[u] = above + _F(place - v) * (means[below, first + corner, u] - above)
+        for b in range((len(row) - corner + block - 1) // block):
+            u = left[b]
+            row[b * block + corner] = line[u] + share[b] * (line[u + 1] - line[u])
 
 
 @compiled(nogil=True)
@@ -142,11 +157,13 @@ def _finish(packed, out, blocks, block, means, limit, density, made, first, last
     """The correction of the light, and the coverage: made (H, W, 4) float32, 0..1, never NaN."""
     width = out.shape[2]
     light, cover = np.empty(blocks.shape[1] * block, np.float32), np.empty(blocks.shape[1] * block, np.float32)
-    around, column = np.empty(width, np.float32), np.empty((block, means.shape[2]), np.float32)
+    around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
+    left, share = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32)
+    _between(block, means.shape[2], left, share)
     for y in range(first, last):
         _guide_row(blocks, block, 0, y, light)
         _guide_row(blocks, block, 1 + BLENDS, y, cover)
-        _mean_row(means, block, y, column, around)
+        _mean_row(means, block, y, left, share, column, around)
         bound, dense = limit[y], density[y]
         red, green, blue = out[0, y], out[1, y], out[2, y]
         for x in range(width):

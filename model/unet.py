@@ -72,8 +72,10 @@ def local_mean(x: Tensor, phases: int = 1) -> Tensor:
     of every block than in the next: with a mean for each corner, that pattern is part of the mean.
     """
     height, width = x.shape[-2:]
-    padded = F.pixel_unshuffle(F.pad(x, (0, -width % MEAN_BLOCK, 0, -height % MEAN_BLOCK), mode="replicate"), phases)
-    means = F.avg_pool2d(padded, MEAN_BLOCK // phases)
+    apart = F.pixel_unshuffle(F.pad(x, (0, -width % phases, 0, -height % phases), mode="replicate"), phases)
+    side = MEAN_BLOCK // phases
+    padded = F.pad(apart, (0, -apart.shape[-1] % side, 0, -apart.shape[-2] % side), mode="replicate")
+    means = F.avg_pool2d(padded, side)
     around = F.interpolate(means, padded.shape[-2:], mode="bilinear", align_corners=False)
     return F.pixel_shuffle(around, phases)[..., :height, :width]
 
