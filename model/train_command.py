@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from model.seeds import MOST_SEED
+
 if TYPE_CHECKING:
     from model.data.truth import TruePlace
 
 LEAST_CROP = 32
 """Pixels: of smaller crops the textures laid over them cannot be made, and a network learns nothing from them."""
-MOST_SEED = 2**32 - 1
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from model.data.truth import DataError
 from model.folders import made_folder
+from model.seeds import MOST_SEED
 
 from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner
@@ -22,7 +23,6 @@ STATIONS = np.array([[2.55, 3.2, 1.5], [5.4, 2.05, 1.6], [7.3, 3.5, 1.5]])
 DEMO_POINTS = 1_350_000  # as many as stay below 8 MB
 LEAST_POINTS, MOST_POINTS = 1000, 100_000_000
 """Of fewer no room can be seen; of more the pulses of a station no longer fit into memory."""
-MOST_SEED = 2**32 - 1
 SUFFIXES = (".laz", ".las")
 SPREAD = 0.12  # exposures lie within 1 +- this, and their mean is 1
 SCALE = 0.0005  # metres per LAS step

@@ -21,7 +21,6 @@ from viewer.bench.subject import Subject, described
     (("frame", "--repeats", "0"), "--repeats 0: expected at least 1"),
     (("open", "--procedural", "1M", "--rooms", "0"), "--rooms 0: expected at least 1"),
     (("open", "--json", "/nowhere/at/all/x.json"), "--json /nowhere/at/all/x.json: no such folder"),
-    (("frame", "--json", "x.txt"), "--json x.txt: the name must end in .json"),
     (("frame", "--plot", "x.foo"), "--plot x.foo: the name must end in .png, .svg"),
     (("frame", "--plot", "x"), "--plot x: the name must end in"),
     (("versus", "--frames", "-1", "--size", "64x48"), "--frames -1: expected at least 1"),

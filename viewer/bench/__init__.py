@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from model.seeds import MOST_SEED
 from viewer.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ PROCEDURAL = 25_000_000
 """Points made on the spot where a bench needs a scan and none is given."""
 _UNITS = {"k": 10**3, "m": 10**6, "g": 10**9}
 _MOST_POINTS = 10**11
-MOST_SEED = 2**32 - 1
 LEAST_FRAMES = {"occlusion": 3}
 """Cameras a bench needs, where more than one: occlusion's first, the one after its jump, and one that has a past."""
 PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".eps", ".ps", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
@@ -96,11 +96,11 @@ def subject_of(options: argparse.Namespace) -> "Subject":
 
 def _check(options: argparse.Namespace) -> None:
     """Raises InputError naming the first option that cannot be followed, before anything is measured."""
-    for option, suffixes in (("json", (".json",)), ("plot", PLOT_SUFFIXES)):
+    for option, suffixes in (("json", None), ("plot", PLOT_SUFFIXES)):
         path = getattr(options, option)
         if path is None:
             continue
-        if path.suffix.lower() not in suffixes:
+        if suffixes is not None and path.suffix.lower() not in suffixes:
             raise InputError(f"--{option} {path}: the name must end in {', '.join(suffixes)}")
         if not path.absolute().parent.is_dir():
             raise InputError(f"--{option} {path}: no such folder; make it first")
@@ -267,5 +267,5 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids there, and use those that are")
     parser.add_argument("--only", metavar="GROUP", help="error: one group of approximations, such as void")
     parser.add_argument("--repeats", type=int, metavar="N", help="rounds (default: by kind)")
-    parser.add_argument("--json", type=Path, metavar="F.json", help="every figure")
+    parser.add_argument("--json", type=Path, metavar="F", help="every figure")
     parser.add_argument("--plot", type=Path, metavar="F.png", help="a picture of them; also .svg, .pdf and others")
