@@ -1,6 +1,7 @@
 """The grid: every point once, where it was, in a layer drawn fairly, the same as a plain NumPy twin makes it."""
 
 import itertools
+import time
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from hypothesis import strategies as st
 
 from viewer.cloud import arrays as arrays_module
 from viewer.cloud import grid as grid_module
+from viewer.cloud import histogram as histogram_module
 from viewer.cloud import kernels, layers, scene_from_arrays, unpack
+from viewer.cloud import scatter as scatter_module
 from viewer.errors import InputError
 
 PARTS = [int(f"{number:06b}"[::-1], 2) for number in range(64)]
@@ -183,11 +186,37 @@ def test_the_grid_depends_neither_on_chunks_nor_on_processors(monkeypatch):
     one = scene_from_arrays(xyz, rgb)
     for chunk, block, processors in ((10_007, 1000, 5), (60_000, 77_777, 1)):
         monkeypatch.setattr(arrays_module, "CHUNK", chunk)
-        monkeypatch.setattr(grid_module, "_BLOCK", block)
+        monkeypatch.setattr(scatter_module, "BLOCK", block)
         monkeypatch.setattr(grid_module, "processors", lambda processors=processors: processors)
         other = scene_from_arrays(xyz, rgb)
         np.testing.assert_array_equal(one.points, other.points)
         np.testing.assert_array_equal(one.offsets, other.offsets)
+
+
+def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):
+    """Full tables, while either thread is a chunk further than the other."""
+    random = np.random.default_rng(4)
+    xyz = random.normal(0, 0.01, (200_000, 3))
+    xyz[20_000:] = np.cumsum(random.normal(0, 1, (180_000, 3)), axis=0)  # ever further: cells are merged again and again
+    rgb = random.integers(0, 256, (len(xyz), 3), dtype=np.uint8)
+    monkeypatch.setattr(arrays_module, "CHUNK", 20_000)
+    count, room, merged = kernels.count_points, histogram_module.Histogram._make_room, []
+    monkeypatch.setattr(histogram_module.Histogram, "_make_room", lambda self: (merged.append(1), room(self)))
+    scenes = []
+    for slow in (None, 0, 1):
+
+        def counted(rows, start, *rest, slow=slow):
+            if slow == (start > 0):
+                time.sleep(0.02)
+            return count(rows, start, *rest)
+
+        monkeypatch.setattr(kernels, "count_points", counted)
+        scenes.append(scene_from_arrays(xyz, rgb))
+    assert len(merged) >= 3 * 2
+    for other in scenes[1:]:
+        assert other.cell_size == scenes[0].cell_size
+        np.testing.assert_array_equal(other.points, scenes[0].points)
+        np.testing.assert_array_equal(other.offsets, scenes[0].offsets)
 
 
 def test_one_point_and_equal_points_make_a_scene():

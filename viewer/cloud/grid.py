@@ -4,31 +4,25 @@ Frame: file coordinates in, packed cells out.  Memory: one chunk, the histogram 
 not a file, the packed points.  The result does not depend on the number of processors.
 """
 
-import itertools
 import os
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from viewer.cloud import kernels, layers
-from viewer.cloud.boxes import boxes_of
 from viewer.cloud.colour import Colours
 from viewer.cloud.faces import cover_of_faces
-from viewer.cloud.histogram import FARTHEST, dense_table_of, merge, power_of_two, table_of
+from viewer.cloud.histogram import FARTHEST, power_of_two
 from viewer.cloud.layers import PARTS
+from viewer.cloud.layout import Layout, choose_layout
+from viewer.cloud.scatter import scatter
 from viewer.cloud.scene import STEPS, Scene
-from viewer.cloud.source import Chunk, Source
+from viewer.cloud.source import Source
 from viewer.cloud.spacing import measure_spacing
-from viewer.cloud.survey import Survey, numbered_chunks, survey_points
+from viewer.cloud.survey import Survey, survey_points
 from viewer.errors import InputError
 
-TARGET = 8192
-"""Points a cell should hold on average; within a factor of two, since cell sizes are powers of two."""
-_BLOCK = 1 << 18  # points packed before they are placed: packed and bucket numbers stay in the processor's cache
-_BULK = 0.95  # share of the points that decides on the cell size, so that scattered outliers do not
 _STEPS_APART = 4  # neighbouring points lie at least so many packed positions apart
 _COINCIDING = 0.02  # share of points packed into one place with their neighbours from which finer cells are tried
 _PARTED = 0.75  # share of those that must be left for finer cells to have been in vain
@@ -36,18 +30,6 @@ _ATTEMPTS = 4
 
 Allocate = Callable[[int], np.ndarray]
 """Gives a writable (n, 3) uint32 array for the packed points."""
-
-
-@dataclass
-class Layout:
-    """Where every point goes.  cells (C, 3) int32 from 0 in Morton order, of ``cell_size``, relative to ``base`` (3,)
-    float64 whole numbers; offsets (layers * C + 1,) int64 as in Scene."""
-
-    cells: np.ndarray
-    offsets: np.ndarray
-    base: np.ndarray
-    cell_size: float
-    layers: int
 
 
 class _Clock:
@@ -81,7 +63,7 @@ def build_grid(
     """
     clock = _Clock({} if stages is None else stages)
     with ThreadPoolExecutor(processors(), "grid") as pool:
-        survey = survey_points(sources, colours, pool)
+        survey = survey_points(sources, colours)
         _check_any(sources, survey)
         if colours is not None:
             meta["colour"], said = colours.decide(_heights(survey))
@@ -93,7 +75,7 @@ def build_grid(
         coinciding, coarsest, boxes = 0.0, None, None
         for attempt in range(_ATTEMPTS):
             clock.lap("cells")
-            boxes = _scatter(sources, colours, survey, layout, points, pool)
+            boxes = scatter(sources, colours, survey, layout, points, pool, processors())
             clock.lap("place")
             steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
             clock.lap("spacing")
@@ -106,14 +88,14 @@ def build_grid(
             smallest = 1 / 16 if coinciding > _COINCIDING else max(steps, 1 / 16)
             size = power_of_two(layout.cell_size * smallest / (4 * _STEPS_APART))
             if survey.cell_size > size:
-                finer = survey_points(sources, None, pool, size)
+                finer = survey_points(sources, None, size)
                 if finer.count != survey.count or finer.cell_size >= layout.cell_size:
                     break
                 survey = finer
             layout = choose_layout(survey, size)
         if coarsest and coarsest[1] is not layout and coinciding > _PARTED * coarsest[3]:
             survey, layout, steps, _ = coarsest  # the same points over and over: no cells part them
-            boxes = _scatter(sources, colours, survey, layout, points, pool)
+            boxes = scatter(sources, colours, survey, layout, points, pool, processors())
             clock.lap("place")
         known = {"faces": cover_of_faces(points, layout.offsets, layout.layers, pool), "boxes": boxes}
         clock.lap("faces")
@@ -133,82 +115,6 @@ def _finish(sources, survey: Survey, layout: Layout, points, steps: float, known
         points, layout.cells, layout.offsets, origin, layout.cell_size, layout.layers, survey.count, spacing,
         survey.bounds, meta, parts=PARTS, **known,
     )  # fmt: skip
-
-
-def choose_layout(survey: Survey, at_most: float = np.inf) -> Layout:
-    """Merges the survey's cells until they hold about TARGET points (or are few), or are as large as ``at_most``.
-
-    Going from fine to coarse and stopping at once keeps the choice independent of where the grid's zero lies.
-    """
-    cells, counts, base, size = survey.cells, survey.counts, survey.base, survey.cell_size
-    enough = min(TARGET / 2, _BULK * survey.count / 8)
-    while 2 * size <= at_most and _typical(counts) < enough:
-        coarse = np.floor(base / 2)
-        cells = (np.floor((cells + base) / 2) - coarse).astype(np.int32)
-        cells, counts = merge(cells, counts)
-        base, size = coarse, 2 * size
-    low = cells.min(axis=0)
-    order = layers.morton_order(cells - low)
-    depth = layers.layer_count(survey.count)
-    offsets = np.zeros(depth * len(cells) + 1, np.int64)
-    np.cumsum(layers.layer_sizes(counts[order], depth).reshape(-1), out=offsets[1:])
-    return Layout(np.ascontiguousarray((cells - low)[order]), offsets, base + low, size, depth)
-
-
-def _typical(counts: np.ndarray) -> float:
-    """Points per cell over the fullest cells that together hold the bulk of the points."""
-    fullest = np.sort(counts.sum(axis=1))[::-1].cumsum()
-    bulk = _BULK * fullest[-1]
-    return bulk / (np.searchsorted(fullest, bulk) + 1)
-
-
-def _scatter(sources, colours, survey: Survey, layout: Layout, points, pool: Executor) -> np.ndarray:
-    """Pass 2: packs blocks of points on all processors, then places them, one half of the runs beside the other.  Returns
-    the cells' boxes."""
-    cells, parts = layout.cells, processors()
-    runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
-    dense = dense_table_of(cells)
-    table = table_of(cells[:1] if dense.size else cells)
-    buckets, words = np.empty(_BLOCK, np.int32), np.empty((_BLOCK, 3), np.uint32)
-    marks = np.zeros((parts, len(cells)), np.int64)
-    none, inverse, first = np.zeros(_BLOCK, np.uint16), 1 / layout.cell_size, 0
-    for number, chunk in numbered_chunks(sources, "building the grid"):
-        xyz = np.ascontiguousarray(chunk.xyz, np.float64)
-        rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
-        scan = _scan_numbers(sources, number, chunk)
-        for start in range(0, len(xyz), _BLOCK):
-            size = min(_BLOCK, len(xyz) - start)
-            edges = [size * i // parts for i in range(parts + 1)]
-            jobs = []
-            for marked, (a, b) in zip(marks, itertools.pairwise(edges), strict=True):
-                rows = slice(start + a, start + b)
-                intensity = none[: b - a] if chunk.intensity is None else chunk.intensity[rows]
-                jobs.append(pool.submit(
-                    kernels.pack_points, xyz[rows], rgb[rows], intensity, scan[rows], first + start + a, inverse,
-                    layout.base, survey.reach, dense, table, len(cells), layout.layers, buckets[a:b], words[a:b],
-                    marked,
-                ))  # fmt: skip
-            filled = [job.result() for job in jobs]
-            fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
-            backs = [(b - 1, b - 1 - back, -1) for b, (_, back) in zip(edges[1:], filled, strict=True)]
-            for job in [pool.submit(_place, pieces, buckets, words, runs, points) for pieces in (fronts, backs)]:
-                job.result()
-        first += len(xyz)
-    if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
-        raise InputError(f"{sources[0].path}: changed while it was read; try again")
-    return boxes_of(marks)
-
-
-def _place(pieces, buckets, words, runs, points) -> None:
-    for start, stop, stride in pieces:
-        kernels.place_points(buckets, words, start, stop, stride, runs, points)
-
-
-def _scan_numbers(sources, number: int, chunk: Chunk) -> np.ndarray:
-    if isinstance(chunk.scan, np.ndarray):
-        return chunk.scan
-    before = sum(len(source.scans) for source in sources[:number])
-    return np.full(len(chunk.xyz), min(before + chunk.scan, 255), np.uint8)
 
 
 def _heights(survey: Survey) -> tuple[float, float]:

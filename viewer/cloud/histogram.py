@@ -5,14 +5,17 @@ multiples of their size, so merging is exact, and memory is bounded whatever the
 coordinates.
 """
 
-from concurrent.futures import Executor
+from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from viewer.cloud import kernels
 
 SLICES = 2
-"""Tables filled side by side.  Fixed, not the number of processors, so that every machine builds the same grid."""
+"""Tables filled side by side, each on a thread of its own.  Fixed, not the number of processors, so that every machine builds
+the same grid: when a table is full, and cells are merged, depends on its own points alone."""
 MAX_CELLS = 1 << 18
 _REACH = 1 << 30  # cells either side of the middle of the scan
 FARTHEST = 1e20  # file units from zero; beyond it a number is no position: a light year has 1e16 m, GPU floats end at 3e38
@@ -34,18 +37,41 @@ def power_of_two(value: float) -> float:
     return float(np.ldexp(1.0, exponent - 1)) if mantissa else 1.0
 
 
+@dataclass
+class _Part:
+    """What one table takes of a chunk: its points from ``done`` to ``stop``.  lost: those dropped, by cause."""
+
+    slice: int
+    done: int
+    stop: int
+    job: Future | None = None
+    lost: np.ndarray = field(default_factory=lambda: np.zeros(2, np.int64))
+
+
+@dataclass
+class _Counted:
+    """A chunk being counted.  first: running number of its first point."""
+
+    xyz: np.ndarray
+    first: int
+    key: tuple[int, int] | None
+    parts: list[_Part]
+
+
 class Histogram:
     """Occupied cells of ``cell_size`` file units (a power of two, growing as needed) and their point counts.
 
-    Begin with the first chunk's points, (n, 3) float64, to learn where the scan lies; then ``add`` every chunk.
+    Begin with the first chunk's points, (n, 3) float64, to learn where the scan lies; then ``add`` every chunk; then
+    ``result``; in a ``with`` block, since it owns threads.
     expected: number of points to come, as far as known; more cells are kept the more points.  cell_size: to begin
     with, if it is known.
-    reach: (2, 3) float64 file coordinates; points outside are stray: dropped and counted.
+    reach: (2, 3) float64 file coordinates; points outside are stray: dropped and counted.  dropped: not finite, and out of
+    reach.  kept: points counted, by the key that came with their chunk.
     """
 
     def __init__(self, sample: np.ndarray, expected: int, cell_size: float | None = None):
         wanted = int(np.clip(expected // 1024, 8192, MAX_CELLS // 4))
-        sample = sample[:: max(1, len(sample) // (8 * wanted))]
+        sample = np.ascontiguousarray(sample[:: max(1, len(sample) // (8 * wanted))])
         sample = sample[_near(sample)]
         if len(sample) == 0:
             sample = np.zeros((1, 3))
@@ -55,37 +81,69 @@ class Histogram:
         self.reach = np.clip(reach, -FARTHEST, FARTHEST)
         self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
         self.seen = 0
+        self.dropped = np.zeros(2, np.int64)
+        self.kept: dict[tuple[int, int], int] = {}
         self._limit = MAX_CELLS if cell_size else 4 * wanted
         self._tables = [_table(self._limit) for _ in range(SLICES)]
         self._counts = [np.zeros((self._limit, kernels.GEOMETRIC), np.int64) for _ in range(SLICES)]
         self._tallies = [np.zeros(3, np.int64) for _ in range(SLICES)]
         self._bounds = [self.bounds.copy() for _ in range(SLICES)]
+        self._threads = [ThreadPoolExecutor(1, "count") for _ in range(SLICES)]
+        self._running: list[_Counted] = []
 
-    @property
-    def dropped(self) -> tuple[int, int]:
-        """Points that were not finite, and points out of reach."""
-        return sum(int(t[1]) for t in self._tallies), sum(int(t[2]) for t in self._tallies)
+    def __enter__(self) -> "Histogram":
+        return self
 
-    def add(self, xyz: np.ndarray, pool: Executor) -> None:
-        """Counts a chunk, (n, 3) float64.  Raises OutOfReach where more than stray points are out of reach."""
-        stray_before = self.dropped[1]
+    def __exit__(self, *_) -> None:
+        for thread in self._threads:
+            thread.shutdown(cancel_futures=True)
+
+    def add(self, xyz: np.ndarray, key: tuple[int, int] | None = None) -> None:
+        """Counts a chunk, (n, 3) float64, while the next is being read.  key: under which its points are counted in ``kept``.
+
+        Raises OutOfReach where more than stray points of it, or of the chunk before it, are out of reach.
+        """
         edges = [len(xyz) * i // SLICES for i in range(SLICES + 1)]
-        done = edges[:-1]
-        while True:
-            jobs = [
-                pool.submit(
-                    kernels.count_points, xyz[: edges[i + 1]], done[i], self.seen, 1 / self.cell_size, self.base,
-                    self.reach, self._tables[i], self._counts[i], self._limit, self._tallies[i], self._bounds[i],
-                )
-                for i in range(SLICES)
-            ]  # fmt: skip
-            done = [job.result() for job in jobs]
-            if done == edges[1:]:
-                break
-            self._make_room()
+        chunk = _Counted(xyz, self.seen, key, [_Part(i, edges[i], edges[i + 1]) for i in range(SLICES)])
+        for part in chunk.parts:
+            self._go_on(chunk, part)
+        self._running.append(chunk)
         self.seen += len(xyz)
-        if self.dropped[1] - stray_before > _LOST * len(xyz):
-            wider = self._wide_enough(xyz)
+        while len(self._running) > 1:
+            self._settle()
+
+    def _go_on(self, chunk: _Counted, part: _Part) -> None:
+        part.job = self._threads[part.slice].submit(self._count, chunk, part)
+
+    def _count(self, chunk: _Counted, part: _Part) -> None:
+        i = part.slice
+        tally = self._tallies[i]
+        before = tally[1:].copy()
+        part.done = kernels.count_points(
+            chunk.xyz[: part.stop], part.done, chunk.first, 1 / self.cell_size, self.base, self.reach, self._tables[i],
+            self._counts[i], self._limit, tally, self._bounds[i],
+        )  # fmt: skip
+        part.lost += tally[1:] - before
+
+    def _settle(self) -> None:
+        """Waits for the first chunk that is being counted, merging cells where a table is full."""
+        chunk = self._running[0]
+        _wait(chunk.parts)
+        while any(part.done < part.stop for part in chunk.parts):
+            everything = [(c, part) for c in self._running for part in c.parts]
+            _wait(part for _, part in everything)
+            self._make_room()
+            for c, part in everything:
+                if part.done < part.stop:
+                    self._go_on(c, part)
+            _wait(chunk.parts)
+        self._running.pop(0)
+        nan, stray = lost = np.sum([part.lost for part in chunk.parts], axis=0)
+        self.dropped += lost
+        if chunk.key is not None:
+            self.kept[chunk.key] = self.kept.get(chunk.key, 0) + len(chunk.xyz) - int(nan + stray)
+        if stray > _LOST * len(chunk.xyz):
+            wider = self._wide_enough(chunk.xyz)
             if wider > self.cell_size:  # else no size would do: what is out of reach is no position
                 raise OutOfReach(wider)
 
@@ -120,11 +178,19 @@ class Histogram:
         return self._counts[i][: self._tallies[i][0]]
 
     def result(self) -> tuple[np.ndarray, np.ndarray]:
-        """(C, 3) int32 cells relative to ``base`` and (C, GEOMETRIC) int64 counts; sets ``bounds``."""
+        """(C, 3) int32 cells relative to ``base`` and (C, GEOMETRIC) int64 counts; sets ``bounds``.  Raises as ``add`` does."""
+        while self._running:
+            self._settle()
         lows, highs = zip(*self._bounds, strict=True)
         self.bounds = np.stack([np.min(lows, axis=0), np.max(highs, axis=0)])
         cells = np.concatenate([self._cells(i) for i in range(SLICES)])
         return merge(cells, np.concatenate([self._used_counts(i) for i in range(SLICES)]))
+
+
+def _wait(parts: Iterable[_Part]) -> None:
+    for part in parts:
+        if part.job is not None:
+            part.job.result()
 
 
 def _near(xyz: np.ndarray) -> np.ndarray:
@@ -165,10 +231,12 @@ def merge(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray
         order = np.argsort(x << 42 | y << 21 | z, kind="stable")
     else:
         order = np.lexsort((z, y, x))
-    cells, counts = cells[order], counts[order]
+    cells = cells[order]
     new = np.ones(len(cells), bool)
     new[1:] = (cells[1:] != cells[:-1]).any(axis=1)
-    return cells[new], np.add.reduceat(counts, np.flatnonzero(new), axis=0) if len(cells) else counts
+    sums = np.zeros((np.count_nonzero(new), counts.shape[1]), counts.dtype)
+    kernels.add_rows(counts, order, np.cumsum(new) - 1, sums)
+    return cells[new], sums
 
 
 def table_of(cells: np.ndarray) -> np.ndarray:

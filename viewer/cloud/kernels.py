@@ -132,6 +132,14 @@ def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, 
 
 
 @compiled(nogil=True)
+def add_rows(counts, order, number, sums):
+    """Adds row order[i] of counts (n, G) int64 to row number[i] of ``sums``."""
+    for i in range(order.shape[0]):
+        for value in range(counts.shape[1]):
+            sums[number[i], value] += counts[order[i], value]
+
+
+@compiled(nogil=True)
 def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words, marks):
     """Packs a slice of points and names each one's bucket, layer * cells + cell.
 

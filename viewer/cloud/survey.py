@@ -1,10 +1,11 @@
 """Pass 1 over all sources: a survey of where the points lie, and the walk over chunks that both passes share.
 
-Frame: file coordinates.  Memory: two chunks (one worked on, one being read) and the histogram.
+Frame: file coordinates.  Memory: three chunks (two worked on, one being read) and the histogram.
 """
 
 from collections.abc import Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,42 +36,42 @@ class Survey:
         return int(self.counts.sum())
 
 
-def survey_points(
-    sources: list[Source], colours: Colours | None, pool: Executor, cell_size: float | None = None
-) -> Survey:
+def survey_points(sources: list[Source], colours: Colours | None, cell_size: float | None = None) -> Survey:
     """Counts all points.  colours: takes note of every chunk.  cell_size: to begin with; None looks at the first chunk.
 
     Starts again with larger cells where the scan turns out far wider than its beginning.
     """
-    expected = sum(source.count or 0 for source in sources)
     while True:
-        histogram, kept, invalid, first = None, {}, 0, 0
         if colours is not None:
             colours.forget()
         try:
-            for number, chunk in numbered_chunks(sources, "reading"):
-                invalid += chunk.invalid
-                if len(chunk.xyz) == 0:
-                    continue
-                if histogram is None:
-                    histogram = Histogram(chunk.xyz, expected, cell_size)
-                lost = sum(histogram.dropped)
-                histogram.add(np.ascontiguousarray(chunk.xyz, np.float64), pool)
-                if not isinstance(chunk.scan, np.ndarray):
-                    key = (number, chunk.scan)
-                    kept[key] = kept.get(key, 0) + len(chunk.xyz) - sum(histogram.dropped) + lost
-                if colours is not None:
-                    colours.add(number, first, chunk)
-                first += len(chunk.xyz)
+            return _survey(sources, colours, cell_size)
         except OutOfReach as wider:
             cell_size = wider.cell_size
-            continue
+
+
+def _survey(sources: list[Source], colours: Colours | None, cell_size: float | None) -> Survey:
+    expected = sum(source.count or 0 for source in sources)
+    invalid, first = 0, 0
+    with ExitStack() as opened:
+        histogram = None
+        for number, chunk in numbered_chunks(sources, "reading"):
+            invalid += chunk.invalid
+            if len(chunk.xyz) == 0:
+                continue
+            if histogram is None:
+                histogram = opened.enter_context(Histogram(chunk.xyz, expected, cell_size))
+            key = None if isinstance(chunk.scan, np.ndarray) else (number, chunk.scan)
+            histogram.add(np.ascontiguousarray(chunk.xyz, np.float64), key)
+            if colours is not None:
+                colours.add(number, first, chunk)
+            first += len(chunk.xyz)
         if histogram is None:
-            histogram = Histogram(np.zeros((1, 3)), 0)
+            histogram = opened.enter_context(Histogram(np.zeros((1, 3)), 0))
         cells, counts = histogram.result()
-        nan, stray = histogram.dropped
+        nan, stray = histogram.dropped.tolist()
         return Survey(
-            cells, counts, histogram.base, histogram.cell_size, histogram.reach, histogram.bounds, kept,
+            cells, counts, histogram.base, histogram.cell_size, histogram.reach, histogram.bounds, histogram.kept,
             (nan, stray, invalid),
         )  # fmt: skip
 
