@@ -219,6 +219,13 @@ def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):
         np.testing.assert_array_equal(other.offsets, scenes[0].offsets)
 
 
+def test_points_unpack_alike_however_they_are_asked_for():
+    scene = scene_from_arrays(*surface(5_000))
+    for part in (slice(3, 4_000), slice(3, 4_000, 7), slice(None, None, 11), slice(None, None, -1), slice(7, 7)):
+        for one, other in zip(unpack(scene, part), unpack(scene, np.arange(5_000)[part]), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
 def test_one_point_and_equal_points_make_a_scene():
     for xyz in ([[1.5, 2.5, -3.5]], [[0.0, 0.0, 0.0]], [[4.1e6, 5.2e6, 100.0]] * 1000):
         scene = scene_from_arrays(np.array(xyz), np.full((len(xyz), 3), 9, np.uint8))

@@ -1,5 +1,7 @@
 """Directions that a scan closes: the compiled loop against NumPy, and what a picture's directions have in common."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,37 @@ def walls(rng, roof: bool = True) -> np.ndarray:
     side = rng.integers(0, 6 if roof else 5, len(points))
     points[np.arange(len(points)), side // 2] = np.array([6.0, 5.0, 3.0])[side // 2] * (side % 2)
     return points
+
+
+def floor_of_rooms(rng, rooms: int) -> np.ndarray:
+    """Closed rooms in a row, side by side."""
+    return np.concatenate([walls(rng) + (7.0 * room, 0, 0) for room in range(rooms)])
+
+
+def test_what_is_near_is_looked_at_point_by_point_in_a_large_scan(seed, monkeypatch):
+    """A floor of rooms far larger than the skeleton of all of it can tell: the room around the eye is closed all the same."""
+    rng = np.random.default_rng(seed)
+    points = floor_of_rooms(rng, 12)
+    scene = scene_from_arrays(points, np.zeros(points.shape, np.uint8))
+    monkeypatch.setattr(void, "_SAMPLES", 300)
+    large = Surroundings(scene)
+    assert len(large._near) > 300 >= len(large._blocks) and large._first[-1] == len(large._near)
+    eyes = [np.array([7.0 * room + 3.0, 2.5, 1.5]) for room in (0, 5, 11)]
+    assert all((large.closed(eye) == SEALED).all() for eye in eyes)
+    found = 0
+    for eye in (*eyes, *rng.normal(0, 30, (20, 3))):
+        distance = np.linalg.norm(large._blocks - eye, axis=1)
+        fills = (large._side / (distance * 2 / SIDE)) ** 2
+        wanted = (void._SAMPLES_A_CELL * fills).astype(int)
+        thin = np.flatnonzero((fills >= 1) & (void._SAMPLES_A_CELL * fills > large._marked))
+        near = [large._near[large._first[b] : large._first[b + 1]][: wanted[b]] for b in thin]
+        assert np.array_equal(large.closed(eye), closed_plainly(np.concatenate([large._points, *near]), eye))
+        found += len(near)
+    assert found
+    for block, (begin, end) in enumerate(itertools.pairwise(large._first)):
+        assert (np.abs(large._near[begin:end] - large._blocks[block]) <= large._side / 2 * (1 + 1e-9)).all()
+    large._marked = np.inf
+    assert not any((large.closed(eye) == SEALED).all() for eye in eyes)  # what it would be without
 
 
 @pytest.mark.parametrize("height", [0.9, 1.3, 1.6, 2.5])

@@ -107,7 +107,8 @@ def unpack(scene: Scene, index=slice(None)) -> tuple[np.ndarray, np.ndarray, np.
         start, stop, _ = index.indices(scene.count)
         cells = scene.cell_of_points(start, max(start, stop))
     else:
-        places = np.atleast_1d(np.arange(scene.count)[index])
+        places = np.arange(*index.indices(scene.count)) if isinstance(index, slice) else np.arange(scene.count)[index]
+        places = np.atleast_1d(places)
         cells = (np.searchsorted(scene.offsets, places, side="right") - 1) % len(scene.cell_coords)
     low = (words & 0xFFFF).astype(np.float64)
     high = words >> 16

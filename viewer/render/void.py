@@ -38,6 +38,10 @@ AROUND = 3
 OPEN, CLOSED, SEALED = 0, 1, 2
 """What a direction is: void; filled; filled, and not the network's to open."""
 _SAMPLES = 24576
+_NEAR_SAMPLES = 1 << 19
+"""Points of the scene among which those near the camera are looked at."""
+_SAMPLES_A_CELL = 8
+"""Points in a cell of the cube, from which more would tell nothing."""
 
 
 def cell_of(directions: np.ndarray) -> np.ndarray:
@@ -79,27 +83,52 @@ def _walks() -> np.ndarray:
     return np.stack(met, axis=1)
 
 
-@compiled(nogil=True)
-def close_directions(points, position, side, walks, needed, scanned, closed):
-    """Which cells hold a point as seen from ``position``, and which are closed by those that do.
-
-    points: (N, 3) float64.  walks: as in _walks.  Writes scanned (cells,) bool and closed (cells,) int8.
-    """
-    scanned[:] = False
-    for i in range(points.shape[0]):
-        x, y, z = points[i, 0] - position[0], points[i, 1] - position[1], points[i, 2] - position[2]
-        if abs(x) >= abs(y) and abs(x) >= abs(z):
-            axis, along, u, v = 0, x, y, z
-        elif abs(y) >= abs(z):
-            axis, along, u, v = 1, y, z, x
-        else:
-            axis, along, u, v = 2, z, x, y
-        if along == 0.0:
-            continue
+@compiled(inline="always")
+def _mark(x, y, z, side, scanned):
+    """Notes the cell of one direction; (0, 0, 0) has none."""
+    if abs(x) >= abs(y) and abs(x) >= abs(z):
+        axis, along, u, v = 0, x, y, z
+    elif abs(y) >= abs(z):
+        axis, along, u, v = 1, y, z, x
+    else:
+        axis, along, u, v = 2, z, x, y
+    if along != 0.0:
         size = abs(along)
         column = min(max(int((u / size * 0.5 + 0.5) * side), 0), side - 1)
         row = min(max(int((v / size * 0.5 + 0.5) * side), 0), side - 1)
         scanned[((2 * axis + (1 if along < 0.0 else 0)) * side + row) * side + column] = True
+
+
+@compiled(nogil=True)
+def mark_directions(points, position, side, scanned):
+    """Which cells hold a point as seen from ``position``.  points: (N, 3) float64.  Sets cells of scanned (cells,) bool."""
+    for i in range(points.shape[0]):
+        _mark(points[i, 0] - position[0], points[i, 1] - position[1], points[i, 2] - position[2], side, scanned)
+
+
+@compiled(nogil=True)
+def mark_near(blocks, marked, first, points, block_side, position, side, scanned):
+    """The same for blocks so near that ``marked`` points each, as there are marked already, are less than _SAMPLES_A_CELL in a
+    cell of the cube.
+
+    blocks: (B, 3) float64 their middles.  first: (B + 1,) int64, where each one's points begin in points (N, 3) float64; in
+    each block in random order.
+    """
+    cell = 2.0 / side  # what a cell of the cube fills at distance 1
+    for block in range(blocks.shape[0]):
+        x, y, z = blocks[block, 0] - position[0], blocks[block, 1] - position[1], blocks[block, 2] - position[2]
+        cells = block_side * block_side / (cell * cell * max(x * x + y * y + z * z, 1e-30 * block_side * block_side))
+        if cells < 1.0 or marked >= _SAMPLES_A_CELL * cells:
+            continue
+        begin, end = first[block], first[block + 1]
+        if _SAMPLES_A_CELL * cells < end - begin:
+            end = begin + int(_SAMPLES_A_CELL * cells)
+        mark_directions(points[begin:end], position, side, scanned)
+
+
+@compiled(nogil=True)
+def close_directions(scanned, walks, needed, closed):
+    """Which cells are closed by those that hold a point.  walks: as in _walks.  Writes closed (cells,) int8."""
     for cell in range(walks.shape[0]):
         hits = 0
         for walk in range(walks.shape[1]):
@@ -168,16 +197,22 @@ class Surroundings:
     """A thinned skeleton of a scene, and the directions it closes as seen from anywhere."""
 
     def __init__(self, scene: "Scene"):
-        coords = np.asarray(scene.cell_coords, np.int64)
-        shift = 0
-        while len(np.unique(coords >> shift, axis=0)) > _SAMPLES:
+        coords = np.asarray(scene.cell_coords)  # along the Morton curve: those of a block lie together
+        shift, starts = 0, np.arange(len(coords))
+        while len(starts) > _SAMPLES:
             shift += 1
-        coarse = np.unique(coords >> shift, axis=0)
-        centres = scene.origin + (coarse + 0.5) * (scene.cell_size * 2.0**shift)
-        ends = np.asarray(scene.offsets)[:: len(coords)][1:]
-        head = int(ends[min(np.searchsorted(ends, _SAMPLES), len(ends) - 1)])  # coarse layers: an even sample
-        points, *_ = unpack(scene, slice(0, head, max(1, head // _SAMPLES)))
-        self._points = np.concatenate([centres, points])
+            coarse = coords >> shift
+            starts = np.flatnonzero(np.r_[True, (coarse[1:] != coarse[:-1]).any(axis=1)])
+        self._side = scene.cell_size * 2.0**shift
+        self._blocks = scene.origin + ((coords[starts] >> shift).astype(np.float64) + 0.5) * self._side
+        points, _ = _sample(scene, starts, _SAMPLES, _SAMPLES)
+        self._points = np.concatenate([self._blocks, points])
+        self._marked = len(points) / len(starts) if len(points) < scene.count else np.inf
+        points, blocks = _sample(scene, starts, max(_NEAR_SAMPLES // 4, 4 * len(coords)), _NEAR_SAMPLES)
+        mixed = np.random.default_rng(0).permutation(len(points))
+        self._near = points[mixed[np.argsort(blocks[mixed], kind="stable")]]
+        self._first = np.zeros(len(starts) + 1, np.int64)
+        np.cumsum(np.bincount(blocks, minlength=len(starts)), out=self._first[1:])
         self._below = _centres()[:, 2] < 0
         self._scanned = np.empty(len(self._below), bool)
         self._hole, self._queue = np.empty((2, len(self._below)), np.int32)
@@ -185,10 +220,24 @@ class Surroundings:
 
     def closed(self, position: np.ndarray) -> np.ndarray:
         """(6 * SIDE, SIDE) int8: OPEN, CLOSED or SEALED, what each direction from ``position`` (3,) is."""
-        closed, walks = np.empty(len(self._scanned), np.int8), _walks()
-        close_directions(self._points, np.asarray(position, np.float64), SIDE, walks, _NEEDED, self._scanned, closed)
-        settle_holes(self._scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
+        closed, walks, scanned = np.empty(len(self._scanned), np.int8), _walks(), self._scanned
+        eye = np.asarray(position, np.float64)
+        scanned[:] = False
+        mark_directions(self._points, eye, SIDE, scanned)
+        mark_near(self._blocks, self._marked, self._first, self._near, self._side, eye, SIDE, scanned)
+        close_directions(scanned, walks, _NEEDED, closed)
+        settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
         in_room = np.count_nonzero(closed) > ROOM * len(closed)
-        around = AROUND * np.count_nonzero(self._scanned) >= len(closed)
+        around = AROUND * np.count_nonzero(scanned) >= len(closed)
         closed[(closed > 0) & (in_room | (around & self._below))] = SEALED
         return closed.reshape(6 * SIDE, SIDE)
+
+
+def _sample(scene: "Scene", starts: np.ndarray, at_least: int, about: int) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) float64 points spread over the scene, if it has so many at least ``at_least``, and less than twice ``about``; (n,)
+    int64 the block each is in.  starts: (B,) the first cell of each block."""
+    ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
+    head = int(ends[min(np.searchsorted(ends, at_least), len(ends) - 1)])  # coarse layers: an even sample
+    step = max(1, head // about)
+    cells = scene.cell_of_points(0, head)[::step]
+    return unpack(scene, slice(0, head, step))[0], np.searchsorted(starts, cells, side="right") - 1
