@@ -10,104 +10,47 @@ import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
-from typing import NoReturn
 
 from model import train_command
 from model.evaluation import command as evaluation_command
 from viewer import __version__
 from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
+from viewer.options import Parser, add_exposures, add_memory, add_scans, add_settings, memory_of, settings_of
 from viewer.progress import progress
-from viewer.settings import CHOICES, MEMORY, Memory, Settings
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise InputError(f"{message} (see `{self.prog} --help`)")
-
-
-def _add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
-    """The options that make a Settings, from its own tables."""
-    defaults = Settings()
-    for name, table in CHOICES.items():
-        if name == "view" and not view:
-            continue
-        texts = "; ".join(f"{key}: {text}" for key, text in table.items()).replace("%", "%%")
-        default = getattr(defaults, name)
-        parser.add_argument(f"--{name.replace('_', '-')}", choices=list(table), default=default, help=texts)
-    parser.add_argument("--filter-strength", type=float, default=defaults.filter_strength, metavar="X",
-                        help="multiplies the filter's depth tolerance; smaller keeps fewer points (default 1)")
-    parser.add_argument("--filter-levels", type=int, metavar="N", help="pyramid levels (default: the filter's own)")
-    parser.add_argument("--lod", type=float, metavar="P",
-                        help="level of detail: draw only as many points as give P a pixel (default: every point)")
-    parser.add_argument("--weights", metavar="F", help="weights of your own, as `train` makes them (default: the shipped ones)")
-
-
-def _settings(options: argparse.Namespace) -> Settings:
-    names = (*CHOICES, "filter_strength", "filter_levels", "lod", "weights")
-    return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
-
-
-def _add_memory(parser: argparse.ArgumentParser) -> None:
-    """The options that make a Memory."""
-    parser.add_argument("--gpu-memory", metavar="SIZE",
-                        help="what points may take on the GPU, such as 4G; a larger scan is streamed (default: by the device)")
-    parser.add_argument("--read-ahead", metavar="SIZE",
-                        help=f"main memory for points on their way there (default {MEMORY.read_ahead >> 20}M)")
-
-
-def _memory(options: argparse.Namespace) -> Memory:
-    from viewer.cloud.residency import byte_count
-
-    given = {"gpu": options.gpu_memory, "read_ahead": options.read_ahead}
-    return Memory(**{name: byte_count(text, f"--{_MEMORY[name]}") for name, text in given.items() if text is not None})
-
-
-_MEMORY = {"gpu": "gpu-memory", "read_ahead": "read-ahead"}
-
-
-def _add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
-    parser.add_argument("scans", nargs=least, type=Path, metavar="SCAN",
-                        help="PLY, LAS, LAZ, COPC or E57 files, or a folder made by `convert`; several make one scene")
-    parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and keep nothing")
-
-
-def _add_exposures(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--exposures", choices=["matched", "as-scanned"], default="matched",
-                        help="matched: scans of one place are given the same brightness; as-scanned: colours as in the file")
-
-
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="pointglass", description="Fly through a raw coloured laser scan as if it were a film of the place.")
+    parser = Parser(prog="pointglass", description="Fly through a raw coloured laser scan as if it were a film of the place.")
     parser.add_argument("--version", action="version", version=f"pointglass {__version__}")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
 
     view = commands.add_parser("view", help="open the window (what `pointglass SCAN` does)")
-    _add_scans(view, least="*")
-    _add_exposures(view)
-    _add_settings(view)
-    _add_memory(view)
+    add_scans(view, least="*")
+    add_exposures(view)
+    add_settings(view)
+    add_memory(view)
 
     demo = commands.add_parser("demo", help="the shipped scan, in a window or as pictures")
     demo.add_argument("--out", type=Path, default=Path("out/demo"), help="where pictures go without a display")
-    _add_settings(demo)
+    add_settings(demo)
 
     render = commands.add_parser("render", help="pictures of a list of cameras")
-    _add_scans(render)
-    _add_exposures(render)
+    add_scans(render)
+    add_exposures(render)
     render.add_argument("--cameras", type=Path, required=True, metavar="F",
                         help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
     render.add_argument("--out", type=Path, required=True, metavar="DIR")
     render.add_argument("--size", metavar="WxH", help="picture size (default: the cameras' own)")
     render.add_argument("--aux", action="store_true", help="also depth, mask and stats of each picture")
     render.add_argument("--shard", metavar="i/n", help="only every n-th camera, starting at the i-th (from 0)")
-    _add_settings(render)
-    _add_memory(render)
+    add_settings(render)
+    add_memory(render)
 
     info = commands.add_parser("info", help="what a scan holds")
-    _add_scans(info)
+    add_scans(info)
     info.add_argument("--json", action="store_true")
 
     convert = commands.add_parser("convert", help="build the grid into a folder")
@@ -116,11 +59,11 @@ def _parser() -> argparse.ArgumentParser:
     convert.add_argument("--each", action="store_true",
                          help="a grid for every scan (SCAN may be a folder of them), in DIR/NAME; what is up to date is kept")
     convert.add_argument("--shard", metavar="i/n", help="with --each: only every n-th scan, starting at the i-th (from 0)")
-    _add_exposures(convert)
+    add_exposures(convert)
 
     bench = commands.add_parser("bench", help="run time, measured")
     bench_arguments(bench)
-    _add_settings(bench, view=False)
+    add_settings(bench, view=False)
 
     simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner",
                                    description="Scans a procedural place with the virtual scanner.")
@@ -148,21 +91,21 @@ def _view(options: argparse.Namespace) -> int:
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     from viewer.window.app import run
 
-    return run(options.scans, _settings(options), cache=not options.no_cache, match=options.exposures == "matched",
-               memory=_memory(options))
+    return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
+               memory=memory_of(options))
 
 
 def _demo(options: argparse.Namespace) -> int:
     from viewer.tools.demo import run_demo
 
-    return run_demo(options.out, _settings(options))
+    return run_demo(options.out, settings_of(options))
 
 
 def _render(options: argparse.Namespace) -> int:
     from viewer.tools.camera_files import read_cameras
     from viewer.tools.export import export_pictures, parse_shard, parse_size
 
-    settings, memory = _settings(options), _memory(options)
+    settings, memory = settings_of(options), memory_of(options)
     size = parse_size(options.size) if options.size else None
     cameras = read_cameras(options.cameras, size=size)
     if options.shard:
@@ -216,7 +159,7 @@ def _convert(options: argparse.Namespace) -> int:
 def _bench(options: argparse.Namespace) -> int:
     from viewer.bench import run_bench
 
-    return run_bench(options, _settings(options))
+    return run_bench(options, settings_of(options))
 
 
 def _simulate(options: argparse.Namespace) -> int:

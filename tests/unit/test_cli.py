@@ -12,7 +12,8 @@ import pytest
 from PIL import Image
 
 from viewer import cli
-from viewer.cli import main
+from viewer.cli import _parser, main
+from viewer.errors import InputError
 from viewer.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -108,6 +109,20 @@ def test_info_counts_every_point(scan, capsys):
     assert facts["points"] == 16000 and facts["format"] == "LAZ"
     assert run("info", scan) == 0
     assert "16,000" in capsys.readouterr().out
+
+
+def test_options_stand_anywhere_between_files():
+    """Before, between and after; what follows -- is a file, whatever it begins with."""
+    parse = _parser().parse_args
+    places = ["bench frame A B --size 64x48", "bench --size 64x48 frame A B", "bench frame --size 64x48 A B",
+              "bench frame A --size 64x48 B"]
+    first, *others = [parse(line.split()) for line in places]
+    assert first.scans == [Path("A"), Path("B")] and first.kind == "frame" and first.size == ["64x48"]
+    assert all(vars(other) == vars(first) for other in others)
+    assert parse(["render", "A", "--cameras", "C", "B", "--out", "O", "D"]).scans == [Path("A"), Path("B"), Path("D")]
+    assert parse(["info", "--json", "--", "-x.las", "--json"]).scans == [Path("-x.las"), Path("--json")]
+    with pytest.raises(InputError, match="unrecognized arguments: --lots"):
+        parse(["info", "A", "--lots", "B"])
 
 
 @pytest.mark.parametrize("command", ["info", pytest.param("render", marks=pytest.mark.gl)])

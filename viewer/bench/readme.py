@@ -195,8 +195,8 @@ def truth(files: dict[str, dict]) -> str:
     lines = [f"{found['scene']}, {found['views']} views, {found['points'] / 1e6:.1f} M points; distance: "
              f"{found['distance']}.", "", *_judged(by_exposure["matched"])]
     if by_exposure["scanned"]:
-        lines += ["", "<details><summary>the same with exposures as scanned</summary>", "", *_judged(by_exposure["scanned"]), "",
-                  "</details>"]
+        lines += ["", "<details><summary>the same with exposures as scanned</summary>", ""]
+        lines += [*_judged(by_exposure["scanned"]), "", "</details>"]
     if found["flicker"]:
         lines += ["", f"Along {found['frames']} frames of a slow move, against the truth's own change and gradient energy:", "",
                   "| picture | points | change | gradient energy |", "|---|---|---|---|"]

@@ -1,0 +1,78 @@
+"""Options that several commands share: scans, settings, exposures, memory; and what reads them."""
+
+import argparse
+from pathlib import Path
+from typing import NoReturn
+
+from viewer.errors import InputError
+from viewer.settings import CHOICES, MEMORY, Memory, Settings
+
+
+class Parser(argparse.ArgumentParser):
+    """Options may stand anywhere between names of files.  What it cannot read raises InputError."""
+
+    _mixing = False
+
+    def parse_known_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
+        # The commands' own parsers do the mixing.  What follows "--" begins with a dash, perhaps, which mixing would not heed.
+        if self._mixing or self._subparsers is not None or "--" in (args or ()):
+            return super().parse_known_args(args, namespace)
+        self._mixing = True
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self._mixing = False
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message} (see `{self.prog} --help`)")
+
+
+def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
+    """The options that make a Settings, from its own tables."""
+    defaults = Settings()
+    for name, table in CHOICES.items():
+        if name == "view" and not view:
+            continue
+        texts = "; ".join(f"{key}: {text}" for key, text in table.items()).replace("%", "%%")
+        default = getattr(defaults, name)
+        parser.add_argument(f"--{name.replace('_', '-')}", choices=list(table), default=default, help=texts)
+    parser.add_argument("--filter-strength", type=float, default=defaults.filter_strength, metavar="X",
+                        help="multiplies the filter's depth tolerance; smaller keeps fewer points (default 1)")
+    parser.add_argument("--filter-levels", type=int, metavar="N", help="pyramid levels (default: the filter's own)")
+    parser.add_argument("--lod", type=float, metavar="P",
+                        help="level of detail: draw only as many points as give P a pixel (default: every point)")
+    parser.add_argument("--weights", metavar="F", help="weights of your own, as `train` makes them (default: the shipped ones)")
+
+
+def settings_of(options: argparse.Namespace) -> Settings:
+    names = (*CHOICES, "filter_strength", "filter_levels", "lod", "weights")
+    return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
+
+
+def add_memory(parser: argparse.ArgumentParser) -> None:
+    """The options that make a Memory."""
+    parser.add_argument("--gpu-memory", metavar="SIZE",
+                        help="what points may take on the GPU, such as 4G; a larger scan is streamed (default: by the device)")
+    parser.add_argument("--read-ahead", metavar="SIZE",
+                        help=f"main memory for points on their way there (default {MEMORY.read_ahead >> 20}M)")
+
+
+_MEMORY = {"gpu": "gpu-memory", "read_ahead": "read-ahead"}
+
+
+def memory_of(options: argparse.Namespace) -> Memory:
+    from viewer.cloud.residency import byte_count
+
+    given = {"gpu": options.gpu_memory, "read_ahead": options.read_ahead}
+    return Memory(**{name: byte_count(text, f"--{_MEMORY[name]}") for name, text in given.items() if text is not None})
+
+
+def add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
+    parser.add_argument("scans", nargs=least, type=Path, metavar="SCAN",
+                        help="PLY, LAS, LAZ, COPC or E57 files, or a folder made by `convert`; several make one scene")
+    parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and keep nothing")
+
+
+def add_exposures(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--exposures", choices=["matched", "as-scanned"], default="matched",
+                        help="matched: scans of one place are given the same brightness; as-scanned: colours as in the file")
