@@ -16,6 +16,7 @@ from torch import Tensor, nn
 
 from model.blend_cpu import CLOSED, Blender
 from model.engines import fold_normalisation
+from model.memory import keep_freed_memory
 from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
@@ -102,6 +103,7 @@ class Reconstructor:
         if device == "cuda":
             torch.backends.cudnn.allow_tf32 = False  # fp32 is to be fp32: 10 bits of fraction would be called exact
         if device == "cpu":
+            keep_freed_memory()
             threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
             torch.set_num_threads(threads)
             self._blender = Blender(threads) if self.compact else None

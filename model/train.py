@@ -21,6 +21,7 @@ from torch import nn
 
 from model.data.crops import Ahead, Crops
 from model.data.truth import DataError
+from model.memory import keep_freed_memory
 from model.objective import Objective
 from model.training_log import TrainingLog
 from model.unet import make_network
@@ -185,6 +186,7 @@ def train(config: TrainConfig, on_step=None) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     if config.threads:
         torch.set_num_threads(config.threads)
+    keep_freed_memory()
     with processes(config.device) as process:
         crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed, config.shares, recolour=config.recolour)
         objective = Objective(
