@@ -1,8 +1,9 @@
-"""The last part of the compact network, on a CPU: blends, correction and packing in compiled loops over rows.
+"""The last part of the compact network, on a CPU: blends, correction and packing in one compiled loop over rows.
 
 What :meth:`model.unet.CompactUNet._blend` says in a dozen torch calls, each of which reads and writes the whole picture, is
-done here in five passes: each blur and all that needs it go together.  Rows are shared out to threads; no result depends on
-how many.  Planes lie one after the other, so that the inner loops run along a row in vector instructions.
+done here row by row: each blur follows the one before it as far behind as it reaches, so that of every step only the few
+rows that the next one looks at are kept, in the processor's cache.  Rows are shared out to threads; no result depends on how
+many.  Planes lie one after the other, so that the inner loops run along a row in vector instructions.
 """
 
 import itertools
@@ -17,22 +18,20 @@ from model.compiled import compiled
 from model.unet import BLENDS, CONTRAST_AT, DARK, FILLED_WEIGHT, LEAST_CONTRAST, LUMA, MEAN_BLOCK, SPARSE
 
 CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
-_PLANES = 5  # sums of red, green, blue, weight, and squared light
 _RED, _GREEN, _BLUE = LUMA
 _F = np.float32
 
 
 @compiled(nogil=True)
-def _weigh(packed, sums, out, first, last):
-    """Rows of the sums to be blurred, from packed (H, W, 8) float32; out (3, H, W) begins as the picture."""
-    for y in range(first, last):
-        for x in range(packed.shape[1]):
-            red, green, blue = packed[y, x, 0], packed[y, x, 1], packed[y, x, 2]
-            weight = packed[y, x, 3] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
-            light = _F(_RED) * red + _F(_GREEN) * green + _F(_BLUE) * blue
-            out[0, y, x], out[1, y, x], out[2, y, x] = red, green, blue
-            sums[0, y, x], sums[1, y, x], sums[2, y, x] = red * weight, green * weight, blue * weight
-            sums[3, y, x], sums[4, y, x] = weight, weight * light * light
+def _weigh_row(packed, sums, out):
+    """A row of the sums to be blurred (5, W), from packed (W, 8) float32; out (3, W) begins as the picture."""
+    for x in range(packed.shape[0]):
+        red, green, blue = packed[x, 0], packed[x, 1], packed[x, 2]
+        weight = packed[x, 3] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
+        light = _F(_RED) * red + _F(_GREEN) * green + _F(_BLUE) * blue
+        out[0, x], out[1, x], out[2, x] = red, green, blue
+        sums[0, x], sums[1, x], sums[2, x] = red * weight, green * weight, blue * weight
+        sums[3, x], sums[4, x] = weight, weight * light * light
 
 
 @compiled(nogil=True)
@@ -45,10 +44,9 @@ def _guide_row(blocks, block, channel, y, row):
 
 
 @compiled(nogil=True)
-def _blur_row(source, y, reach, line, row):
-    """The 3x3 binomial blur at a dilation of one row of a plane (H, W), edges repeated; line: scratch, (W + 2 reach,)."""
-    height, width = source.shape
-    above, here, below = source[max(y - reach, 0)], source[y], source[min(y + reach, height - 1)]
+def _blur_row(above, here, below, reach, line, row):
+    """The 3x3 binomial blur at a dilation of one row (W,) of a plane, edges repeated; line: scratch, (W + 2 reach,)."""
+    width = len(here)
     middle, left, right = line[reach : reach + width], line[:width], line[2 * reach : 2 * reach + width]
     for x in range(width):
         middle[x] = _F(0.25) * (above[x] + below[x]) + _F(0.5) * here[x]
@@ -58,29 +56,29 @@ def _blur_row(source, y, reach, line, row):
 
 
 @compiled(nogil=True)
-def _blend(sums, blurred, out, blocks, block, number, limit, density, first, last):
-    """Blur ``number`` of the sums, and the picture blended towards it; at CONTRAST_AT also limit and density (H, W)."""
-    planes = 5 if number <= CONTRAST_AT else 4
-    width, reach = out.shape[2], 2**number
-    line, share = np.empty(width + 2 * reach, np.float32), np.empty(blocks.shape[1] * block, np.float32)
-    for y in range(first, last):
-        for plane in range(planes):
-            _blur_row(sums[plane], y, reach, line, blurred[plane, y])
-        _guide_row(blocks, block, 1 + number, y, share)
-        for x in range(width):
-            share[x] = min(max(share[x], _F(0.0)), _F(1.0))
-        weight, sharp = blurred[3, y], sums[3, y]
-        for plane in range(3):
-            smoother, sharper, made = blurred[plane, y], sums[plane, y], out[plane, y]
-            for x in range(width):
-                made[x] += share[x] * (smoother[x] / weight[x] - sharper[x] / sharp[x])
-        if number == CONTRAST_AT:
-            red, green, blue, square = blurred[0, y], blurred[1, y], blurred[2, y], blurred[4, y]
-            for x in range(width):
-                light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
-                variance = max(square[x] / weight[x] - light * light, _F(0.0))
-                limit[y, x] = np.sqrt(variance + _F(LEAST_CONTRAST**2))
-                density[y, x] = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
+def _blend_row(sharp, smooth, share, out):
+    """The picture out (3, W) blended, by share (W,), from one blur's sums (>= 4, W) towards the next one's."""
+    red, green, blue, weight = smooth[0], smooth[1], smooth[2], smooth[3]
+    red_before, green_before, blue_before, weight_before = sharp[0], sharp[1], sharp[2], sharp[3]
+    out_red, out_green, out_blue = out[0], out[1], out[2]
+    for x in range(len(share)):
+        part = min(max(share[x], _F(0.0)), _F(1.0))
+        now, before = part / weight[x], part / weight_before[x]
+        out_red[x] += now * red[x] - before * red_before[x]
+        out_green[x] += now * green[x] - before * green_before[x]
+        out_blue[x] += now * blue[x] - before * blue_before[x]
+
+
+@compiled(nogil=True)
+def _contrast_row(sums, bounds):
+    """How much the correction may change, and how much was measured: bounds (2, W), from sums (5, W)."""
+    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
+    limit, density = bounds[0], bounds[1]
+    for x in range(len(red)):
+        light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
+        variance = max(square[x] / weight[x] - light * light, _F(0.0))
+        limit[x] = np.sqrt(variance + _F(LEAST_CONTRAST**2))
+        density[x] = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
 
 
 @compiled(inline="always")
@@ -153,36 +151,76 @@ def _mean_row(means, block, y, left, share, column, row):
 
 
 @compiled(nogil=True)
-def _finish(packed, out, blocks, block, means, limit, density, made, first, last):
-    """The correction of the light, and the coverage: made (H, W, 4) float32, 0..1, never NaN."""
-    width = out.shape[2]
-    light, cover = np.empty(blocks.shape[1] * block, np.float32), np.empty(blocks.shape[1] * block, np.float32)
+def _finish_row(packed, out, light, around, cover, bounds, made):
+    """The correction of the light, and the coverage: made (W, 4) float32, 0..1, never NaN.
+
+    light, around, cover: (W,) of the network's channels: correction, its local mean, which is overwritten, coverage less 1.
+    """
+    bound, dense = bounds[0], bounds[1]
+    red, green, blue = out[0], out[1], out[2]
+    for x in range(len(around)):
+        change = bound[x] * _tanh((light[x] - around[x]) / bound[x]) * min(max(dense[x] / _F(SPARSE), _F(0.0)), _F(1.0))
+        around[x] = _F(1.0) + change / max(_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x], _F(DARK))
+    for x in range(len(around)):
+        made[x, 0], made[x, 1] = _unit(red[x] * around[x]), _unit(green[x] * around[x])
+        made[x, 2] = _unit(blue[x] * around[x])
+        made[x, 3] = max(_unit(_F(1.0) + cover[x]), packed[x, CLOSED])
+
+
+@compiled(nogil=True)
+def _make(packed, blocks, block, means, made, first, last):
+    """Rows ``first`` to ``last`` of the picture, made (H, W, 4).
+
+    Blur k looks 2**k rows up and down, so its row y is had 2**(k + 1) - 1 rows after row y of the picture; of the sums that
+    it looks at 2 * 2**k + 1 rows are kept, of the picture being blended all that are on their way.
+    """
+    height, width = packed.shape[0], packed.shape[1]
+    behind = 2**BLENDS - 1
+    kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # of blur k from row 2**(k + 1) - 2 + k
+    out, bounds = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, 2, width), np.float32)
+    smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
+    share, light = np.empty(blocks.shape[1] * block, np.float32), np.empty(blocks.shape[1] * block, np.float32)
     around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
-    left, share = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32)
-    _between(block, means.shape[2], left, share)
-    for y in range(first, last):
-        _guide_row(blocks, block, 0, y, light)
-        _guide_row(blocks, block, 1 + BLENDS, y, cover)
-        _mean_row(means, block, y, left, share, column, around)
-        bound, dense = limit[y], density[y]
-        red, green, blue = out[0, y], out[1, y], out[2, y]
-        for x in range(width):
-            change = bound[x] * _tanh((light[x] - around[x]) / bound[x]) * min(max(dense[x] / _F(SPARSE), _F(0.0)), _F(1.0))
-            around[x] = _F(1.0) + change / max(_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x], _F(DARK))
-        for x in range(width):
-            made[y, x, 0], made[y, x, 1] = _unit(red[x] * around[x]), _unit(green[x] * around[x])
-            made[y, x, 2] = _unit(blue[x] * around[x])
-            made[y, x, 3] = max(_unit(_F(1.0) + cover[x]), packed[y, x, CLOSED])
+    left, part = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32)
+    _between(block, means.shape[2], left, part)
+    for row in range(max(first - behind, 0), last + behind):
+        if row < height:
+            _weigh_row(packed[row], kept[row % 3], out[row % (behind + 1)])
+        for number in range(BLENDS):
+            reach, late = 2**number, 2 ** (number + 1) - 1
+            y = row - late
+            if y < max(first - (behind - late), 0) or y >= min(last + behind - late, height):
+                continue
+            rows, begin = 2 * reach + 1, 2 * reach - 2 + number
+            here = kept[begin + y % rows]
+            above, below = kept[begin + max(y - reach, 0) % rows], kept[begin + min(y + reach, height - 1) % rows]
+            smooth = smoothest
+            if number + 1 < BLENDS:
+                smooth = kept[begin + rows + y % (4 * reach + 1)]
+            for plane in range(5 if number <= CONTRAST_AT else 4):
+                _blur_row(above[plane], here[plane], below[plane], reach, line, smooth[plane])
+            if y < first or y >= last:
+                continue
+            place = y % (behind + 1)
+            _guide_row(blocks, block, 1 + number, y, share)
+            _blend_row(here, smooth, share[:width], out[place])
+            if number == CONTRAST_AT:
+                _contrast_row(smooth, bounds[place])
+            if number + 1 == BLENDS:
+                _guide_row(blocks, block, 0, y, light)
+                _guide_row(blocks, block, 1 + BLENDS, y, share)
+                _mean_row(means, block, y, left, part, column, around)
+                _finish_row(packed[y], out[place], light[:width], around, share[:width], bounds[place], made[y])
 
 
 class Blender:
-    """The passes on ``threads`` threads; its arrays are kept from picture to picture.  Safe to call from any thread."""
+    """The loop on ``threads`` threads; its arrays are kept from picture to picture.  Safe to call from any thread."""
 
     def __init__(self, threads: int):
         self._threads = threads
         self._pool = ThreadPoolExecutor(threads, "blend")
         self._lock = threading.Lock()
-        self._room = np.empty(0, np.float32)
+        self._made = np.empty(0, np.float32)
         self._floats: dict[str, np.ndarray] = {}
 
     def __call__(self, packed: Tensor, blocks: Tensor, block: int) -> Tensor:
@@ -209,23 +247,13 @@ class Blender:
     def made(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> np.ndarray:
         """The same from float32 in float32, overwritten by the next call, and for one thread at a time."""
         height, width = packed.shape[:2]
-        planes = self._planes(2 * _PLANES + 3 + 2 + 4, height * width)
-        sums, blurred = (planes[i : i + _PLANES].reshape(_PLANES, height, width) for i in (0, _PLANES))
-        out, limit, density = (planes[i:j].reshape(-1, height, width) for i, j in ((10, 13), (13, 14), (14, 15)))
-        made = planes[15:19].reshape(height, width, 4)
+        if self._made.size < height * width * 4:
+            self._made = np.empty(height * width * 4, np.float32)
+        made = self._made[: height * width * 4].reshape(height, width, 4)
         means = np.empty((-(-height // MEAN_BLOCK), block * block, -(-width // MEAN_BLOCK)), np.float32)
-        self._rows(height, _weigh, packed, sums, out)
-        for number in range(BLENDS):
-            self._rows(height, _blend, sums, blurred, out, blocks, block, number, limit[0], density[0])
-            sums, blurred = blurred, sums
         self._rows(len(means), _means, blocks, block, height, width, means)
-        self._rows(height, _finish, packed, out, blocks, block, means, limit[0], density[0], made)
+        self._rows(height, _make, packed, blocks, block, means, made)
         return made
-
-    def _planes(self, count: int, pixels: int) -> np.ndarray:
-        if len(self._room) < count * pixels:
-            self._room = np.empty(count * pixels, np.float32)
-        return self._room[: count * pixels].reshape(count, pixels)
 
     def _rows(self, height: int, work, *arguments) -> None:
         edges = [height * i // self._threads for i in range(self._threads + 1)]

@@ -9,7 +9,11 @@ from numba import njit
 
 
 def compiled(**options):
-    """njit, kept on disk between runs where numba finds a folder it can write to: an installation may be read-only."""
+    """njit, kept on disk between runs where numba finds a folder it can write to: an installation may be read-only.
+
+    Division is IEEE's: Python's, which raises an error, would keep a loop from vector instructions.
+    """
+    options = {"error_model": "numpy", **options}
 
     def decorate(function):
         try:
