@@ -38,8 +38,8 @@ AROUND = 3
 OPEN, CLOSED, SEALED = 0, 1, 2
 """What a direction is: void; filled; filled, and not the network's to open."""
 _SAMPLES = 24576
-_NEAR_SAMPLES = 1 << 19
-"""Points of the scene among which those near the camera are looked at."""
+_NEAR_SAMPLES, _NEAR_A_CELL = 1 << 17, 4
+"""Points of the scene among which those near the camera are looked at, at least; and for each of the scene's cells."""
 _SAMPLES_A_CELL = 8
 """Points in a cell of the cube, from which more would tell nothing."""
 
@@ -205,10 +205,10 @@ class Surroundings:
             starts = np.flatnonzero(np.r_[True, (coarse[1:] != coarse[:-1]).any(axis=1)])
         self._side = scene.cell_size * 2.0**shift
         self._blocks = scene.origin + ((coords[starts] >> shift).astype(np.float64) + 0.5) * self._side
-        points, _ = _sample(scene, starts, _SAMPLES, _SAMPLES)
+        points, _ = _sample(scene, starts, _SAMPLES)
         self._points = np.concatenate([self._blocks, points])
         self._marked = len(points) / len(starts) if len(points) < scene.count else np.inf
-        points, blocks = _sample(scene, starts, max(_NEAR_SAMPLES // 4, 4 * len(coords)), _NEAR_SAMPLES)
+        points, blocks = _sample(scene, starts, max(_NEAR_SAMPLES, _NEAR_A_CELL * len(coords)))
         mixed = np.random.default_rng(0).permutation(len(points))
         self._near = points[mixed[np.argsort(blocks[mixed], kind="stable")]]
         self._first = np.zeros(len(starts) + 1, np.int64)
@@ -233,11 +233,11 @@ class Surroundings:
         return closed.reshape(6 * SIDE, SIDE)
 
 
-def _sample(scene: "Scene", starts: np.ndarray, at_least: int, about: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) float64 points spread over the scene, if it has so many at least ``at_least``, and less than twice ``about``; (n,)
-    int64 the block each is in.  starts: (B,) the first cell of each block."""
+def _sample(scene: "Scene", starts: np.ndarray, wanted: int) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 3) float64 points spread over the scene, ``wanted`` to twice as many where it has them; (n,) int64 the block each is
+    in.  starts: (B,) the first cell of each block."""
     ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
-    head = int(ends[min(np.searchsorted(ends, at_least), len(ends) - 1)])  # coarse layers: an even sample
-    step = max(1, head // about)
+    head = int(ends[min(np.searchsorted(ends, wanted), len(ends) - 1)])  # coarse layers: an even sample
+    step = max(1, head // wanted)
     cells = scene.cell_of_points(0, head)[::step]
     return unpack(scene, slice(0, head, step))[0], np.searchsorted(starts, cells, side="right") - 1
