@@ -10,7 +10,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from viewer.cloud.chunk_reader import CHUNK, ChunkError, ChunkReader, ChunkSource
+from viewer.cloud.chunk_reader import ChunkReader
+from viewer.cloud.chunk_source import CHUNK, ChunkError, ChunkSource
 from viewer.errors import InputError
 
 

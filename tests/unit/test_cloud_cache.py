@@ -12,7 +12,7 @@ import pytest
 from cloud_files import surface, write_ply
 
 from viewer.cloud import cache, open_scene, unpack
-from viewer.cloud.chunk_reader import CHUNK, ChunkSource
+from viewer.cloud.chunk_source import CHUNK, ChunkSource
 from viewer.cloud.convert import convert, convert_each
 from viewer.cloud.info import describe, format_text
 from viewer.errors import Cancelled, InputError

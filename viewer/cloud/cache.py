@@ -2,7 +2,7 @@
 
 A grid is written into a sibling folder and renamed in one step, so that it is there whole or not at all.  What is torn,
 stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.  Whether
-the points are still those written is checked chunk by chunk as they are read (viewer.cloud.chunk_reader); the other arrays,
+the points are still those written is checked chunk by chunk as they are read (viewer.cloud.chunk_source); the other arrays,
 tens of bytes a cell, are read and checked on opening.
 """
 
@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud.chunk_reader import checksum
+from viewer.cloud.chunk_source import checksum
 from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
 from viewer.errors import InputError

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.cloud.chunk_reader import POINT_BYTES, READ_AHEAD, ChunkError, ChunkReader, ChunkSource
+from viewer.cloud.chunk_reader import READ_AHEAD, ChunkReader
+from viewer.cloud.chunk_source import POINT_BYTES, ChunkError, ChunkSource
 from viewer.cloud.residency import OVERVIEW, Residency, Round, available_memory, opening_chunks, overview_chunks
 from viewer.cloud.scene import CHUNK
 from viewer.errors import DeviceError, InputError
