@@ -20,6 +20,8 @@ from model.unet import BLENDS, CONTRAST_AT, DARK, FILLED_WEIGHT, LEAST_CONTRAST,
 CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
 _RED, _GREEN, _BLUE = LUMA
 _F = np.float32
+_LEAST_ROWS = 32
+"""Of a thread, since 15 above and below them are blurred too."""
 
 
 @compiled(nogil=True)
@@ -251,12 +253,14 @@ class Blender:
             self._made = np.empty(height * width * 4, np.float32)
         made = self._made[: height * width * 4].reshape(height, width, 4)
         means = np.empty((-(-height // MEAN_BLOCK), block * block, -(-width // MEAN_BLOCK)), np.float32)
-        self._rows(len(means), _means, blocks, block, height, width, means)
-        self._rows(height, _make, packed, blocks, block, means, made)
+        self._rows(len(means), 1, _means, blocks, block, height, width, means)
+        self._rows(height, _LEAST_ROWS, _make, packed, blocks, block, means, made)
         return made
 
-    def _rows(self, height: int, work, *arguments) -> None:
-        edges = [height * i // self._threads for i in range(self._threads + 1)]
+    def _rows(self, height: int, least: int, work, *arguments) -> None:
+        """Shares rows out to the threads, at least ``least`` to one."""
+        parts = max(1, min(self._threads, height // least))
+        edges = [height * i // parts for i in range(parts + 1)]
         jobs = [self._pool.submit(work, *arguments, a, b) for a, b in itertools.pairwise(edges) if b > a]
         for job in jobs:
             job.result()

@@ -186,8 +186,9 @@ def train(config: TrainConfig, on_step=None) -> Path:
     out.mkdir(parents=True, exist_ok=True)
     if config.threads:
         torch.set_num_threads(config.threads)
-    keep_freed_memory()
     with processes(config.device) as process:
+        if process.device.type == "cpu":
+            keep_freed_memory()
         crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed, config.shares, recolour=config.recolour)
         objective = Objective(
             Path(config.perceptual_path) if config.perceptual_path else None, config.perceptual_weight,

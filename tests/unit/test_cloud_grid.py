@@ -1,6 +1,7 @@
 """The grid: every point once, where it was, in a layer drawn fairly, the same as a plain NumPy twin makes it."""
 
 import itertools
+import threading
 import time
 
 import numpy as np
@@ -191,6 +192,40 @@ def test_the_grid_depends_neither_on_chunks_nor_on_processors(monkeypatch):
         other = scene_from_arrays(xyz, rgb)
         np.testing.assert_array_equal(one.points, other.points)
         np.testing.assert_array_equal(one.offsets, other.offsets)
+        np.testing.assert_array_equal(one.boxes, other.boxes)
+
+
+@pytest.mark.parametrize("processors", [1, 2, 5])
+def test_nothing_is_written_by_two_threads_at_a_time(monkeypatch, processors):
+    """Blocks are packed while others are, and placed: some late, each in arrays that nobody else has at the time."""
+    pack, place, calls = kernels.pack_points, kernels.place_points, itertools.count()
+    busy, shared, lock = {}, [], threading.Lock()
+
+    def alone(work, own, *arguments):
+        names = [arguments[k].ctypes.data for k in own]
+        with lock:
+            shared.extend(name for name in names if name in busy)
+            busy.update(dict.fromkeys(names))
+            late = next(calls) % 7 == 0
+        if late:
+            time.sleep(0.01)
+        done = work(*arguments)
+        with lock:
+            for name in names:
+                busy.pop(name, None)
+        return done
+
+    monkeypatch.setattr(scatter_module, "BLOCK", 2_000)
+    monkeypatch.setattr(grid_module, "processors", lambda: processors)
+    monkeypatch.setattr(kernels, "pack_points", lambda *a: alone(pack, (-3, -2, -1), *a))  # buckets, words, marks
+    monkeypatch.setattr(kernels, "place_points", lambda *a: alone(place, (), *a))
+    xyz, rgb = surface(60_000)
+    made = scene_from_arrays(xyz, rgb)
+    assert next(calls) > 60 and not shared
+    monkeypatch.undo()
+    plain = scene_from_arrays(xyz, rgb)
+    np.testing.assert_array_equal(made.points, plain.points)
+    np.testing.assert_array_equal(made.boxes, plain.boxes)
 
 
 def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):

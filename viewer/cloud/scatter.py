@@ -54,13 +54,14 @@ class _Blocks:
         cells = layout.cells
         self._pool, self._points, self._parts = pool, points, processors
         self._runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
-        self._marks = np.zeros((processors, len(cells)), np.int64)
         dense = dense_table_of(cells)
         table = table_of(cells[:1] if dense.size else cells)
         self._grid = 1 / layout.cell_size, layout.base, survey.reach, dense, table, len(cells), layout.layers
-        self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 3), np.uint32)) for _ in range(2)]
+        # Two blocks are on their way at a time: nothing that packing writes may be the other's.
+        self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 3), np.uint32), np.zeros((processors, len(cells)), np.int64))
+                      for _ in range(2)]
         self._no_intensity = np.zeros(BLOCK, np.uint16)
-        self._packing: tuple[list[Future], list[int], tuple[np.ndarray, np.ndarray]] | None = None
+        self._packing: tuple[list[Future], list[int], np.ndarray, np.ndarray] | None = None
         self._placing: list[Future] = []
 
     def add(self, xyz: np.ndarray, rgb: np.ndarray, intensity: np.ndarray | None, scan: np.ndarray, first: int) -> None:
@@ -69,30 +70,30 @@ class _Blocks:
         intensity = self._no_intensity if intensity is None else intensity
         edges = [len(xyz) * i // self._parts for i in range(self._parts + 1)]
         self._room.reverse()
-        room = buckets, words = self._room[0]
+        buckets, words, marks = self._room[0]
         jobs = [
             self._pool.submit(kernels.pack_points, xyz[a:b], rgb[a:b], intensity[a:b], scan[a:b], first + a, *self._grid,
-                              buckets[a:b], words[a:b], marks)
-            for marks, (a, b) in zip(self._marks, itertools.pairwise(edges), strict=True)
+                              buckets[a:b], words[a:b], marked)
+            for marked, (a, b) in zip(marks, itertools.pairwise(edges), strict=True)
         ]
         self._place_packed()
-        self._packing = jobs, edges, room
+        self._packing = jobs, edges, buckets, words
 
     def finish(self) -> tuple[np.ndarray, np.ndarray]:
         """(buckets + 1, 2) int64, where each run begins and how many points it was given; the cells' boxes."""
         self._wait()
         self._place_packed()
         self._wait()
-        return self._runs, boxes_of(self._marks)
+        return self._runs, boxes_of(np.concatenate([marks for *_, marks in self._room]))
 
     def _place_packed(self) -> None:
         if self._packing is None:
             return
-        jobs, edges, room = self._packing
+        jobs, edges, *block = self._packing
         filled = [job.result() for job in jobs]
         fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
         backs = [(b - 1, b - 1 - back, -1) for b, (_, back) in zip(edges[1:], filled, strict=True)]
-        self._placing = [self._pool.submit(self._place, pieces, *room) for pieces in (fronts, backs)]
+        self._placing = [self._pool.submit(self._place, pieces, *block) for pieces in (fronts, backs)]
         self._packing = None
 
     def _place(self, pieces: list[tuple[int, int, int]], buckets: np.ndarray, words: np.ndarray) -> None:

@@ -7,6 +7,7 @@ refinement) lives around it.  A Renderer owns the scene's points on the GPU and 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from model.memory import give_back
 from model.project import SoftZ
 from viewer.errors import DeviceError, InputError
 from viewer.render.context import describe_device
@@ -229,7 +230,8 @@ class Renderer:
         self._rasterisers, self._filter, self._fill, self._trust, self._neural = {}, None, None, None, None
 
     def release(self) -> None:
-        """Frees everything on the GPU."""
+        """Frees everything on the GPU, and gives back what memory its pictures kept."""
         self._release_passes()
         self.pages.release()
         self._programs.release()
+        give_back()
