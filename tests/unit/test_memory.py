@@ -64,24 +64,6 @@ def test_other_c_libraries_are_left_alone(monkeypatch):
     assert memory.keep_freed_memory() is False
     memory.give_back()
 
-HELD = """
-import os, sys
-from pathlib import Path
-from model.memory import give_back, keep_freed_memory
-
-def resident():
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-
-if not keep_freed_memory() or not os.path.exists("/proc/self/statm"):
-    sys.exit(3)
-before = resident()
-large = bytearray(os.urandom(1 << 20) * 200)
-del large
-print(resident() - before, end=" ")
-give_back()
-print(resident() - before)
-"""
-
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library can be told")
 def test_what_is_kept_can_be_given_back():
