@@ -256,6 +256,15 @@ def test_convert_refuses_a_folder_with_other_files(scan, tmp_path):
     assert (out / "thesis.txt").read_text() == "years"
 
 
+def test_what_file_managers_leave_in_a_folder_is_in_nobodys_way(scan, tmp_path):
+    out = tmp_path / "grid"
+    out.mkdir()
+    for _ in range(2):  # into a folder that was only looked at, and over a grid
+        (out / ".DS_Store").write_bytes(b"looked at")
+        convert([scan], out)
+        assert open_scene(out).count and not (out / ".DS_Store").exists()
+
+
 def test_a_folder_of_scans_is_converted_in_shards_that_know_nothing_of_each_other(tmp_path):
     scans = tmp_path / "scans"
     scans.mkdir()

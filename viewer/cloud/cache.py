@@ -34,6 +34,8 @@ COLOURS, ORDER = 2, 4
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1")}
+_CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
+"""What file managers leave in folders, and nobody's loss."""
 _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
 _OUT_REMEDY = "free space or give --out a writable folder"
@@ -80,7 +82,7 @@ def stranger(folder: Path) -> str | None:
     """The name of something in ``folder`` that is no part of a grid, None where it could be replaced by one."""
     names = sorted(path.name for path in folder.iterdir())
     ours = {_META, *(f"{name}.npy" for name in _ARRAYS)} if is_grid(folder) else set()
-    return next((name for name in names if name not in ours), None)
+    return next((name for name in names if name not in ours | _CLUTTER), None)
 
 
 def load_folder(folder: Path) -> Scene:
