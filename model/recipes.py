@@ -7,13 +7,13 @@ Stopped at any moment, the same command goes on where it was.
 """
 
 import json
-import os
 import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
+from model.processors import usable_processors
 from model.train import TrainConfig, train
 from model.weights import weights_name
 
@@ -98,7 +98,7 @@ def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, seconds: floa
     Returns the folders of pairs for filtered and for unfiltered input.  What an earlier call made is kept.
     """
     kinds = sorted({stage.filtered for stage in recipe.stages}, reverse=True)
-    workers = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    workers = usable_processors()
     end = time.monotonic() + seconds
     jobs: list[tuple] = [("folder", str(folder)) for folder in folders]
     with ProcessPoolExecutor(workers) as pool:

@@ -7,7 +7,6 @@ renderer's buffers have.  The paper's network has no coverage: it is 1 everywher
 """
 
 import math
-import os
 from pathlib import Path
 
 import torch
@@ -17,6 +16,7 @@ from torch import Tensor, nn
 from model.blend_cpu import CLOSED, Blender
 from model.engines import fold_normalisation
 from model.memory import keep_freed_memory
+from model.processors import usable_processors
 from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
@@ -104,7 +104,7 @@ class Reconstructor:
             torch.backends.cudnn.allow_tf32 = False  # fp32 is to be fp32: 10 bits of fraction would be called exact
         if device == "cpu":
             keep_freed_memory()
-            threads = max(1, len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
+            threads = usable_processors()
             torch.set_num_threads(threads)
             self._blender = Blender(threads) if self.compact else None
 

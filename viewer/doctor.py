@@ -15,6 +15,7 @@ from importlib import metadata
 from pathlib import Path
 
 import viewer
+from model.processors import usable_processors
 from viewer.doctor_probes import GB, PROBES, item
 from viewer.paths import cache_dir
 
@@ -102,7 +103,7 @@ def _memory() -> dict:
 
 
 def _processor() -> dict:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = usable_processors()
     return item("processor", "ok", f"{cores} {'core' if cores == 1 else 'cores'} for this process")
 
 

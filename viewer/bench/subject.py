@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from model.processors import usable_processors
+
 if TYPE_CHECKING:
     from viewer.bench.procedural_scan import ProceduralScan
     from viewer.cloud.scene import Scene
@@ -57,7 +59,7 @@ def machine() -> dict:
             versions[name] = version(name)
         except PackageNotFoundError:
             versions[name] = None
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    cores = usable_processors()
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {"processor": processor, "cores": cores, "load": load, "system": platform.platform(), "gpu": _gpu(),
             "versions": versions}

@@ -1,11 +1,11 @@
 """Chunks of packed points, read by threads into a bounded ring of buffers, in the order asked for.  No OpenGL here."""
 
-import os
 import threading
 from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from model.processors import usable_processors
 from viewer.cloud.chunk_source import ChunkSource
 from viewer.settings import MEMORY
 
@@ -37,7 +37,7 @@ class ChunkReader:
         self._broken: Exception | None = None  # what ended a thread
         lock = threading.Lock()
         self._jobs, self._news = threading.Condition(lock), threading.Condition(lock)
-        count = min(_processors(), _THREADS) if threads is None else threads
+        count = min(usable_processors(), _THREADS) if threads is None else threads
         self._threads = [
             threading.Thread(target=self._work, name=f"pointglass reader {n}", daemon=True)
             for n in range(min(count, self._most))
@@ -171,7 +171,3 @@ class ChunkReader:
                     return chunk, self._spare.pop()
                 self._jobs.wait()
         return None
-
-
-def _processors() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

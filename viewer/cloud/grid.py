@@ -1,16 +1,16 @@
 """Builds the grid in two passes over chunks: count (pass 1), choose the cells, then pack every point into its place.
 
-Frame: file coordinates in, packed cells out.  Memory: one chunk, the histogram and, where ``allocate`` gives memory and
-not a file, the packed points.  The result does not depend on the number of processors.
+Frame: file coordinates in, packed cells out.  Memory: three chunks, the histogram, two blocks and, where
+``allocate`` gives memory and not a file, the packed points.  The result does not depend on the number of processors.
 """
 
-import os
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
+from model.processors import usable_processors
 from viewer.cloud.colour import Colours
 from viewer.cloud.faces import cover_of_faces
 from viewer.cloud.histogram import FARTHEST, power_of_two
@@ -46,9 +46,7 @@ class _Clock:
 
 def processors() -> int:
     """Processors this process may use, at most 8: beyond that memory is the limit."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, min(8, len(os.sched_getaffinity(0))))
-    return max(1, min(8, os.cpu_count() or 1))
+    return min(8, usable_processors())
 
 
 def build_grid(
