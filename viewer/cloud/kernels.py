@@ -20,6 +20,8 @@ _ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 
 _BACK = _ZEROS // STEP  # layers back from the finest
 _PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
 _TO_SHARE = 16 - SHARE_BITS
+_ROWS = 256
+"""Points whose cells and packed positions are worked out at a time."""
 _SIDE_BIT = 4
 """Of a bucket's number: which of two threads places its points.  Not the lowest: neighbouring buckets' counters lie in one line
 of the cache, and two threads that take turns at it are slower together than one alone."""
@@ -150,42 +152,54 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
     the other from the back in reverse, so that two threads can place them.
     Returns (points at the front, points at the back); points out of reach are left out.
     """
-    n = xyz.shape[0]
+    n, direct = xyz.shape[0], dense.size > 0
     front, back = 0, n - 1
-    finest = layers - 1
-    bx, by, bz = base
-    for i in range(n):
-        x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
-        inside = (x >= reach[0, 0]) & (x <= reach[1, 0]) & (y >= reach[0, 1]) & (y <= reach[1, 1])
-        inside &= (z >= reach[0, 2]) & (z <= reach[1, 2])
-        if not inside:
-            continue
-        x, y, z = x * inverse, y * inverse, z * inverse
-        fx, fy, fz = np.floor(x), np.floor(y), np.floor(z)
-        cx, cy, cz = np.int32(fx - bx), np.int32(fy - by), np.int32(fz - bz)
-        cell = np.int32(-1)  # stays so only where a file changed since pass 1; the caller sees it from the totals
-        if dense.size:
-            if 0 <= cx < dense.shape[0] and 0 <= cy < dense.shape[1] and 0 <= cz < dense.shape[2]:
-                cell = dense[cx, cy, cz]
-        else:
-            cell = table[_slot(table, cx, cy, cz), 3]
-        if cell < 0:
-            continue
-        # the fraction of a tiny negative coordinate rounds up to 1, hence the clip
-        qx = np.uint32(min(np.int64((x - fx) * 65536.0), 65535))
-        qy = np.uint32(min(np.int64((y - fy) * 65536.0), 65535))
-        qz = np.uint32(min(np.int64((z - fz) * 65536.0), 65535))
-        marks[cell] |= 1 << (qx >> _TO_SHARE) | 1 << (SHARES + (qy >> _TO_SHARE)) | 1 << (2 * SHARES + (qz >> _TO_SHARE))
-        bucket = max(finest - _BACK[_draw(first + i)], 0) * cells + cell
-        ahead = bucket >> _SIDE_BIT & 1 == 0
-        place = front if ahead else back
-        front += ahead
-        back -= not ahead
-        buckets[place] = bucket
-        words[place, 0] = qx | qy << np.uint32(16)
-        words[place, 1] = qz | np.uint32(intensity[i]) << np.uint32(16)
-        colour = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
-        words[place, 2] = colour | np.uint32(scan[i]) << np.uint32(24)
+    coordinates, numbers = xyz.reshape(-1), dense.reshape(-1)
+    # Rows of points at a time, in loops that become vector instructions: coordinates as they lie, x, y and z in turn.
+    low, high, lowest = np.empty(3 * _ROWS), np.empty(3 * _ROWS), np.empty(3 * _ROWS)
+    sides, strides = np.empty(3 * _ROWS, np.int32), np.empty(3 * _ROWS, np.int32)
+    for k in range(3 * _ROWS):
+        axis = k % 3
+        low[k], high[k], lowest[k] = reach[0, axis], reach[1, axis], base[axis]
+        sides[k] = dense.shape[axis] if direct else 2**31 - 1
+        strides[k] = 1 if axis == 2 or not direct else dense.shape[2] * (1 if axis == 1 else dense.shape[1])
+    held, at, steps = np.empty(3 * _ROWS, np.bool_), np.empty(3 * _ROWS, np.int32), np.empty(3 * _ROWS, np.int32)
+    layer = np.empty(_ROWS, np.int32)
+    for start in range(0, n, _ROWS):
+        rows = min(_ROWS, n - start)
+        part = coordinates[3 * start : 3 * (start + rows)]
+        for k in range(3 * rows):
+            inside = (part[k] >= low[k]) & (part[k] <= high[k])
+            place = (part[k] if inside else low[k]) * inverse
+            whole = np.floor(place)
+            number = np.int32(whole - lowest[k])
+            held[k] = inside & (number >= 0) & (number < sides[k])
+            at[k] = number * strides[k]
+            # the fraction of a tiny negative coordinate rounds up to 1, hence the clip
+            steps[k] = min(np.int32((place - whole) * 65536.0), 65535)
+        for k in range(rows):
+            layer[k] = _draw(first + start + k)
+        for k in range(rows):
+            layer[k] = max(layers - 1 - _BACK[layer[k]], 0)
+        for k in range(rows):
+            x, y, z = 3 * k, 3 * k + 1, 3 * k + 2
+            if not (held[x] & held[y] & held[z]):
+                continue
+            cell = numbers[at[x] + at[y] + at[z]] if direct else table[_slot(table, at[x], at[y], at[z]), 3]
+            if cell < 0:  # only where a file changed since pass 1; the caller sees it from the totals
+                continue
+            qx, qy, qz = np.uint32(steps[x]), np.uint32(steps[y]), np.uint32(steps[z])
+            marks[cell] |= 1 << (qx >> _TO_SHARE) | 1 << (SHARES + (qy >> _TO_SHARE)) | 1 << (2 * SHARES + (qz >> _TO_SHARE))
+            i, bucket = start + k, layer[k] * cells + cell
+            behind = bucket >> _SIDE_BIT & 1  # no branch, which could not be foreseen
+            place = front + (back - front) * behind
+            front += 1 - behind
+            back -= behind
+            buckets[place] = bucket
+            words[place, 0] = qx | qy << np.uint32(16)
+            words[place, 1] = qz | np.uint32(intensity[i]) << np.uint32(16)
+            colour = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
+            words[place, 2] = colour | np.uint32(scan[i]) << np.uint32(24)
     return front, n - 1 - back
 
 
