@@ -20,7 +20,7 @@ _ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 
 _BACK = _ZEROS // STEP  # layers back from the finest
 _PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
 _TO_SHARE = 16 - SHARE_BITS
-_ROWS = 256
+_ROWS = 64
 """Points whose cells and packed positions are worked out at a time."""
 _SIDE_BIT = 4
 """Of a bucket's number: which of two threads places its points.  Not the lowest: neighbouring buckets' counters lie in one line
