@@ -27,13 +27,19 @@ PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float
 
 
 def cuda_problem() -> str | None:
-    """Why CUDA cannot be used, or None where a kernel ran on it.  Probed by use, not by asking."""
+    """Why CUDA cannot be used, or None where a convolution ran on it.  Probed by use, not by asking.
+
+    By what the network needs most: simpler kernels run on devices too old for this cuDNN as well.
+    """
     if not torch.cuda.is_available():
         return "torch sees no CUDA device" if torch.version.cuda else "this torch build has no CUDA"
     try:
-        torch.ones(8, device="cuda").sum().item()
+        with torch.inference_mode():
+            picture, kernel = (torch.zeros(8, 8, 8, 8, dtype=torch.float16, device="cuda") for _ in range(2))
+            F.conv2d(picture.to(memory_format=torch.channels_last), kernel).sum().item()
     except Exception as error:
-        return f"a first CUDA kernel failed: {str(error).splitlines()[0]}"
+        said = str(error).strip().splitlines() or [type(error).__name__]
+        return f"a first convolution on CUDA failed: {said[0]}"
     return None
 
 

@@ -10,6 +10,7 @@ import enum
 import sys
 import types
 from contextlib import contextmanager
+from time import perf_counter
 
 import numpy as np
 import torch
@@ -202,8 +203,23 @@ def install(monkeypatch, driver: Driver, *, core: bool = True, bindings: bool = 
             driver.log.append("wait_event")
 
     class Event:
+        def __init__(self, enable_timing=False):
+            self._clock, self.moment = enable_timing, 0.0
+
         def record(self, stream=None):
-            driver.log.append("record")
+            self.moment = perf_counter()
+            if self._clock:
+                assert isinstance(stream, Stream)  # of the work being timed, not the default one
+            else:
+                driver.log.append("record")
+
+        def synchronize(self):
+            if driver.fail.get("synchronize"):
+                raise RuntimeError("CUDA error: device lost")
+
+        def elapsed_time(self, after):
+            assert self._clock and after._clock
+            return (after.moment - self.moment) * 1e3
 
     @contextmanager
     def stream(chosen):

@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+from time import sleep
 
 import numpy as np
 import pytest
@@ -77,6 +78,21 @@ def test_a_frame_maps_once_between_opengl_and_the_network(monkeypatch, driver, p
         bridge.run(noted)  # type: ignore[arg-type]
         assert driver.log == ["memory_barrier", "record", "wait_event", *calls]
         bridge.release()
+
+
+def test_a_run_tells_its_own_time_and_a_lost_device_none(monkeypatch, driver, programs):
+    install(monkeypatch, driver)
+    bridge = CudaBridge(programs, (33, 17))
+
+    def slow(packed):
+        sleep(0.02)
+        return network(packed)
+
+    slow.device = "cpu"
+    first, second = bridge.run(slow), bridge.run(network)
+    assert first() >= 20 > second() > 0  # the one before it can still be asked
+    driver.fail["synchronize"] = Status.cudaErrorUnknown
+    assert second() == 0
 
 
 def test_the_order_is_core_then_bindings_then_a_copy_and_says_why(monkeypatch, driver, programs):

@@ -18,7 +18,7 @@ from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_
 from viewer.camera import Camera, from_fov, look_at
 from viewer.cloud.boxes import SHARES
 from viewer.render.cull import Culler
-from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, WORTH, Occlusion
+from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, WORTH, HiddenCells, Occlusion
 from viewer.render.renderer import Renderer
 from viewer.render.shader import BATCH, ROWS
 from viewer.settings import Settings
@@ -264,6 +264,23 @@ def test_where_nothing_is_known_the_nearest_cells_are_drawn_first(floor):
         memory.recall(floor.scene, draw, nobody)
         got = memory.recall(floor.scene, draw, SimpleNamespace(begin=lambda: 2, flags_of=lambda *_, told=told: told))
         assert np.array_equal(got, told | added)
+
+
+def test_a_frame_that_fails_on_its_way_is_forgotten(floor, monkeypatch):
+    """Memory ran out between taking note of the cells and the passes: the flags there are belong to an earlier frame."""
+    memory, elsewhere = Occlusion(), standing(floor.scan, 2, 1.0)
+    settled(floor.renderer, standing(floor.scan, *FULL), memory)
+
+    def no_room(*_):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(HiddenCells, "start", no_room)
+        with pytest.raises(MemoryError):
+            picture(floor.renderer, elsewhere, memory)
+    camera = standing(floor.scan, *FULL)
+    plain, got = picture(floor.renderer, camera), picture(floor.renderer, camera, memory)
+    assert wrong(plain, got) < LIMIT and is_first(floor.renderer, camera, got)
 
 
 def test_a_view_of_nothing_and_back(floor):

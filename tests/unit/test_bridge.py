@@ -11,6 +11,7 @@ import pytest
 import torch
 from torch import nn
 
+from model import reconstruct
 from model.engines import ENGINES, Captured, Runner, fold_normalisation
 from model.reconstruct import PACKED_IN, PACKED_OUT
 from model.unet import SIZES, CompactUNet, PaperUNet
@@ -33,6 +34,25 @@ def test_a_picture_beyond_a_buffer_is_refused_before_it_is_begun(size, limit, so
         return
     with pytest.raises(DeviceError, match=f"a neural picture of {size[0]}x{size[1]} needs .* --size or --view filled"):
         bridge.check_room(device, size)
+
+
+# -- CUDA by use -------------------------------------------------------------------------------------------------------
+
+
+def test_a_device_that_adds_but_does_not_convolve_is_a_problem(monkeypatch):
+    """As on cards that torch still knows and its cuDNN no longer does."""
+    made, convolve = torch.zeros, torch.nn.functional.conv2d
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
+    monkeypatch.setattr(torch, "zeros", lambda *size, device=None, **more: made(*size, **more))
+    assert reconstruct.cuda_problem() is None
+
+    def too_old(*arguments, **more):
+        convolve(*arguments, **more)
+        raise RuntimeError("GET was unable to find an engine to execute this computation\nmore")
+
+    monkeypatch.setattr(reconstruct.F, "conv2d", too_old)
+    said = reconstruct.cuda_problem()
+    assert said == "a first convolution on CUDA failed: GET was unable to find an engine to execute this computation"
 
 
 # -- EGL devices ----------------------------------------------------------------------------------------------------
@@ -116,6 +136,7 @@ class CUDAError(Exception):
 @pytest.mark.parametrize("error", [
     torch.OutOfMemoryError("CUDA out of memory. Tried to allocate 20 MiB.\nmore"),
     AcceleratorError("CUDA error: unspecified launch failure\nCUDA kernel errors might be asynchronously reported"),
+    RuntimeError("GET was unable to find an engine to execute this computation"),
     CUDAError("CUDA_ERROR_ILLEGAL_ADDRESS: The device encountered a load"),
     CudaCallError("cudaGraphicsMapResources: unknown error (999)"),
     RuntimeError("cuDNN error: CUDNN_STATUS_EXECUTION_FAILED"),

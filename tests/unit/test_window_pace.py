@@ -78,6 +78,19 @@ def test_points_a_pixel_settle_while_moving_and_all_come_back_at_rest(per_point)
     assert fly(made, clock, cost, frames=3)[0] == settled[0], "the next flight begins where this one settled"
 
 
+def test_what_the_host_takes_to_prepare_a_picture_counts_where_the_gpu_is_quicker():
+    made, clock = session()
+    made.flight.held.add("forward")
+    levels = []
+    for _ in range(40):
+        clock.now += 0.05
+        made.advance()
+        plan = made.plan
+        levels.append(plan.level)
+        made.drew(plan, stats(raster=2.0) | {"host": {"raster": min(400.0, 12.0 * (plan.level or 1e9))}})
+    assert levels[-1] is not None and 12.0 * levels[-1] <= 60.0
+
+
 def test_points_are_not_left_out_where_that_saves_nothing():
     made, clock = session()
     made.flight.held.add("forward")

@@ -37,7 +37,7 @@ def session(*, loader=lambda settings: None, settings=None):
 
 
 def stats(**stages):
-    return {"total_ms": 1.0, "stages": stages, "points_drawn": 1, "cells_drawn": 1, "raster": "compute",
+    return {"total_ms": 1.0, "stages": stages, "host": {}, "points_drawn": 1, "cells_drawn": 1, "raster": "compute",
             "network": None, "approximations": []}  # fmt: skip
 
 

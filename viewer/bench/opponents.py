@@ -72,8 +72,11 @@ class PaperNetwork:
         self._graph: Any = None
         self.picture = torch.empty(0)
         if device == "cuda":
-            torch.backends.cudnn.benchmark = True
-            self._capture()
+            before, torch.backends.cudnn.benchmark = torch.backends.cudnn.benchmark, True
+            try:
+                self._capture()
+            finally:
+                torch.backends.cudnn.benchmark = before  # what is timed beside it runs as it does in the application
 
     def _capture(self) -> None:
         import torch

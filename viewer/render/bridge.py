@@ -6,6 +6,7 @@ cuda.bindings; the copy through host memory here is the last resort and the refe
 written by OpenGL and changed by torch has come back right.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -67,8 +68,11 @@ class Bridge(Protocol):
     @property
     def output(self) -> Pixels: ...
 
-    def run(self, network: Network) -> None:
-        """Reads ``input``, runs the network, writes ``output``."""
+    def run(self, network: Network) -> Callable[[], float] | None:
+        """Reads ``input``, runs the network, writes ``output``.
+
+        Returns what tells the milliseconds that this took, waiting for them; None where it is done on return.
+        """
         ...
 
     def release(self) -> None: ...

@@ -69,7 +69,8 @@ def _standalone() -> "moderngl.Context":
 
 
 def context_lost(context: "moderngl.Context") -> bool:
-    """Whether the driver has reset and forgotten everything in this context."""
+    """Whether the driver has reset and forgotten everything in this context: known of a window's, which asks to be told
+    (viewer.window.app); a headless one never hears of it, and fails in other ways."""
     return context.error == "GL_CONTEXT_LOST"
 
 

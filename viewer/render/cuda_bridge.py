@@ -21,7 +21,10 @@ if TYPE_CHECKING:
 
 ALIGNMENT = 256
 """Bytes: what OpenGL may ask at most of a part's offset in a storage buffer."""
-_OF_DEVICE = re.compile(r"CUDA( driver)? error|CUDA out of memory|cuDNN error|CUDNN_STATUS|CUBLAS_STATUS|cudaError|CUDA_ERROR")
+_OF_DEVICE = re.compile(
+    r"CUDA( driver)? error|CUDA out of memory|cuDNN error|CUDNN_STATUS|CUBLAS_STATUS|cudaError|CUDA_ERROR"
+    r"|unable to find an engine"  # cuDNN's, on a device too old for it or short of memory
+)
 
 
 def device_failure(error: BaseException) -> str | None:
@@ -144,6 +147,22 @@ class Region:
         self._buffer.write(data, offset=self._offset)
 
 
+class Clock:
+    """Milliseconds between two moments on a stream, for the caller who waits for them.  Valid until the run after next."""
+
+    def __init__(self):
+        import torch
+
+        self.start, self.stop = (torch.cuda.Event(enable_timing=True) for _ in range(2))
+
+    def __call__(self) -> float:
+        try:
+            self.stop.synchronize()
+            return self.start.elapsed_time(self.stop)
+        except RuntimeError:  # the device was lost: whoever draws the next picture hears of it
+            return 0.0
+
+
 class CudaBridge:
     """Maps a buffer into CUDA.  kind: by which library.  problem: why not by one before it, or None.
 
@@ -170,6 +189,7 @@ class CudaBridge:
         try:
             self._stream = torch.cuda.Stream()
             self._before = torch.cuda.Event()
+            self._clocks = [Clock(), Clock()]
             for name in mappers:
                 if (problem := self._try(name, programs)) is None:
                     self.kind = f"CUDA mapping by {name}"
@@ -196,21 +216,26 @@ class CudaBridge:
         self._close_mapper()
         return problem
 
-    def run(self, network: Network) -> None:
+    def run(self, network: Network) -> "Clock":
         import torch
 
         assert self._mapper is not None
+        self._clocks.reverse()
+        clock = self._clocks[0]
         self._context.memory_barrier()
         with torch.inference_mode(), torch.cuda.stream(self._stream):
             self._before.record(torch.cuda.default_stream())  # where weights were loaded
             self._stream.wait_event(self._before)
             source, target = self._mapped(*self._mapper.map())
             try:
+                clock.start.record(self._stream)
                 target.copy_(network(source), non_blocking=True)
+                clock.stop.record(self._stream)
             except BaseException:
                 self._unmap_quietly()
                 raise
             self._mapper.unmap()
+        return clock
 
     def _mapped(self, pointer: int, size: int) -> "tuple[torch.Tensor, torch.Tensor]":
         """The two parts as tensors.  The address rarely changes, and they are kept while it does not."""

@@ -13,7 +13,7 @@ from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from model.pull_push import STRICT_FROM, surround_levels
 from viewer.render import shader
 from viewer.render.filter import level_sizes
-from viewer.render.void import CLOSED, OPEN, SEALED, SIDE, closed_in_view
+from viewer.render.void import CLOSED, SEALED, SIDE, closed_in_view
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -48,12 +48,8 @@ class Fill:
         self._pull_base = programs.compute("fill_pull.comp", BASE=1, **_CONSTANTS)
         self._pull = programs.compute("fill_pull.comp", **_CONSTANTS)
         self._push = programs.compute("fill_push.comp")
-        self._push_base = {
-            (wanted, view): programs.compute(
-                "fill_picture.comp", BASE=1, NETWORK=wanted or None, ALIKE=view, SEALED=SEALED, **_CONSTANTS
-            )
-            for wanted in (False, True) for view in (None, OPEN, CLOSED, SEALED)
-        }
+        self._programs = programs
+        self._pictures: dict[tuple[bool, int | None], moderngl.ComputeShader] = {}  # of eight that there are, those in use
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, mask: moderngl.Texture, *, camera: "Camera",
             closed: np.ndarray, spacing: float, network: "Pixels | None" = None) -> None:
@@ -79,12 +75,20 @@ class Fill:
         self._closed.write(closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
-        push = self._push_base[network is not None, view]
+        push = self._picture(network is not None, view)
         if view is None:
             push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
             push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         inputs = {**base, "coarse": coarse, "inside": self._inside[0], "closed": self._closed}
         self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale, is_sum)
+
+    def _picture(self, network: bool, view: int | None) -> moderngl.ComputeShader:
+        """The last pass, compiled when it is first needed."""
+        if (network, view) not in self._pictures:
+            self._pictures[network, view] = self._programs.compute(
+                "fill_picture.comp", BASE=1, NETWORK=network or None, ALIKE=view, SEALED=SEALED, **_CONSTANTS
+            )
+        return self._pictures[network, view]
 
     def _pass(self, program: moderngl.ComputeShader, size: tuple[int, int], outputs: list[moderngl.Texture],
               inputs: dict[str, moderngl.Texture], feature_scale: float, is_sum: int = 0) -> None:

@@ -1,6 +1,7 @@
 """The neural view: filled pixels through the bridge and the network into a picture.  torch is imported here, at first use."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from model.engines import ENGINES, Runner
@@ -87,15 +88,15 @@ class NeuralStage:
         """How pixels travel, and why not the better way where there is one."""
         return self.bridge.kind + (f" ({self.bridge_problem})" if self.bridge_problem else "")
 
-    def infer(self) -> None:
-        """Runs the network on what the fill pass wrote.
+    def infer(self) -> Callable[[], float] | None:
+        """Runs the network on what the fill pass wrote.  Returns what the bridge does.
 
         Raises DeviceError where the GPU failed, was lost or has no memory left; asked for again, the stage is then made anew,
         which finds out what still works.
         """
         network: Network = self.network if self._runner is None else self._runner
         try:
-            self.bridge.run(network)
+            return self.bridge.run(network)
         except Exception as error:
             lost = context_lost(self.context)
             said = "the graphics driver was reset; start pointglass again" if lost else device_failure(error)

@@ -139,8 +139,8 @@ class HiddenCells:
         self._visible = self._pages = self._serial = 0
 
     def begin(self) -> int:
-        """A new frame; returns its number."""
-        self._serial += 1
+        """A new frame; returns its number.  Until it has started there are no flags to be had."""
+        self._serial, self._visible = self._serial + 1, 0
         return self._serial
 
     def flags_of(self, made_by: "HiddenCells", serial: int) -> np.ndarray | None:

@@ -14,19 +14,21 @@ from viewer.render.context import describe_device
 from viewer.render.cull import Culler, DrawList
 from viewer.render.fill import Fill
 from viewer.render.filter import DepthFilter
-from viewer.render.frame import Frame, Stages
+from viewer.render.frame import Frame
 from viewer.render.occlusion import History, Occlusion, may_hide
 from viewer.render.points import PointPages
 from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
 from viewer.render.raster_points import PointRasteriser
 from viewer.render.shader import Programs
+from viewer.render.stages import Stages
 from viewer.render.stations import Places, Trust, weighs
 from viewer.render.void import Surroundings
 from viewer.settings import MEMORY, VIEWS, Memory, Settings
 
 if TYPE_CHECKING:
     import moderngl
+    import numpy as np
 
     from viewer.camera import Camera
     from viewer.cloud.scene import Scene
@@ -89,9 +91,9 @@ class Renderer:
         stages.run("cull", lambda: draws.append(self._culler.select(camera, settings.lod)))
         draw = draws[0]
         soft = self._soft_z(settings)
-        rasteriser = self._choose(settings, draw, camera, soft, streaming)
-        wanted = self._history(history, settings, views)
         stations = self._places.seen_from(camera) if weighs(settings, self._places) else None
+        rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
+        wanted = self._history(history, settings, views)
         hid: list[bool] = []
         stages.run("raster", lambda: hid.append(rasteriser.run(
             self.pages, draw, camera, soft, self.pages.prepare(draw.first, draw.count, streaming=streaming),
@@ -138,7 +140,7 @@ class Renderer:
                     facts |= {"device": neural.device, "network": neural.name, "bridge": neural.bridge_name}
                     facts["approximations"] = [*facts["approximations"], *neural.approximations]
         stages.end()
-        return Frame({v: textures[v] for v in views}, rasteriser.depth, mask, facts, stages)
+        return Frame({v: textures[v] for v in views}, rasteriser.depth, mask, facts, stages.times)
 
     def prefetch(self, camera: "Camera", settings: Settings) -> int:
         """Has points of a picture to come brought to the GPU, as many as one frame may; returns how many are still missing."""
@@ -166,31 +168,36 @@ class Renderer:
     def _approximations(self, settings: Settings) -> list[str]:
         return [] if settings.lod is None else [f"level of detail: {settings.lod:g} points per pixel"]
 
-    def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, streaming: bool) -> Rasteriser:
+    def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None",
+                streaming: bool) -> Rasteriser:
         """The rasteriser asked for; ``auto`` is the one that measured faster here, fixed for this renderer's life."""
         wanted = settings.raster if settings.raster != "auto" else self._raster
         if wanted == "auto":
-            wanted = self._raster = "compute" if self.device.software else self._faster(draw, camera, soft, streaming)
+            wanted = self._raster = "compute" if self.device.software else self._faster(draw, camera, soft, stations, streaming)
         if wanted not in self._rasterisers:
             self._rasterisers[wanted] = RASTERISERS[wanted](self._programs, self._size, self.device)
         return self._rasterisers[wanted]
 
-    def _faster(self, draw: DrawList, camera: "Camera", soft: SoftZ, streaming: bool) -> str:
+    def _faster(self, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None", streaming: bool) -> str:
         from time import perf_counter
 
         rounds = self.pages.prepare(draw.first, draw.count, streaming=streaming)  # both draw the same points
+        if len(rounds) > 1:  # those that are there: reading the rest again and again would be what is measured
+            rounds = self.pages.prepare(draw.first, draw.count, streaming=True)
         made = {kind: make(self._programs, self._size, self.device) for kind, make in RASTERISERS.items()}
         times: dict[str, list[float]] = {kind: [] for kind in made}
         for _ in range(4):  # in turn; the first, which compiles, is hardly the quickest
             for kind, rasteriser in made.items():
                 self.context.finish()
                 start = perf_counter()
-                rasteriser.run(self.pages, draw, camera, soft, rounds)
+                rasteriser.run(self.pages, draw, camera, soft, rounds, stations=stations)
                 self.context.finish()
                 times[kind].append(perf_counter() - start)
+        best = min(times, key=lambda kind: min(times[kind]))
+        self._rasterisers[best] = made.pop(best)
         for rasteriser in made.values():
             rasteriser.release()
-        return min(times, key=lambda kind: min(times[kind]))
+        return best
 
     def _filter_for(self, settings: Settings) -> DepthFilter:
         current = self._filter
@@ -232,6 +239,7 @@ class Renderer:
     def release(self) -> None:
         """Frees everything on the GPU, and gives back what memory its pictures kept."""
         self._release_passes()
+        self._stages.release()
         self.pages.release()
         self._programs.release()
         give_back()

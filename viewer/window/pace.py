@@ -64,7 +64,7 @@ class Pace:
         """Learns from a picture made at a level of detail: that of ``level``, or a coarser one that a person chose."""
         stages = stats["stages"]
         self._network = stages.get("network", self._network)
-        spent = stages.get("cull", 0.0) + stages.get("raster", 0.0)
+        spent = stages.get("cull", 0.0) + max(stages.get("raster", 0.0), stats["host"].get("raster", 0.0))
         if moving:
             self._drew_moving(level, spent, stats)
             return
