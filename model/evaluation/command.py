@@ -1,6 +1,7 @@
 """The command line's part: what ``pointglass evaluate`` takes, and doing it.  Importing this loads nothing heavy."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -74,12 +75,18 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+_NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposures": "both", "flicker": True, "frames": 20}
+"""Options that the paper's table has no use for, as they are where nobody gives them."""
+
+
 def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
     from model.data.scannetpp import load_scannetpp, scenes
     from model.data.sources import open_places
     from model.evaluation.report import save
     from model.paper_table import format_paper_table, paper_table
 
+    if ignored := [f"--{name}" for name, usual in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != usual]:
+        print(f"pointglass: --paper-table has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
     if (options.data / "splits").is_dir():
         names = scenes(options.data, options.split)
         places = [load_scannetpp(options.data, name, options.camera) for name in names]

@@ -3,12 +3,12 @@
 import json
 import math
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from model.data.truth import DataError
+from model.whole import write_whole
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -84,15 +84,6 @@ def format_table(result: dict) -> str:
     return "\n".join(lines)
 
 
-def _beside(path: Path, write: Callable[[Path], Any]) -> None:
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
-    try:
-        write(partial)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
 def _plain(value: Any) -> Any:
     """What JSON can hold: numbers that are not finite become null."""
     if isinstance(value, dict):
@@ -105,7 +96,7 @@ def _plain(value: Any) -> Any:
 def save(result: dict, path: Path) -> None:
     """Writes the figures as JSON; null where there is no figure, or an infinite one."""
     text = json.dumps(_plain(result), indent=1, allow_nan=False)
-    _beside(path, lambda partial: partial.write_text(text))
+    write_whole(path, lambda partial: partial.write_text(text))
 
 
 def check_output(path: Path, suffixes: tuple[str, ...] = ()) -> None:
@@ -163,4 +154,4 @@ def plot(result: dict, path: Path) -> None:
         panels[0][-1].plot([], [], marks[name], color=colours[name], label=name)
     figure.legend(loc="outside right center", fontsize="small", title="filled: matched\nhollow: as scanned")
     figure.suptitle(f"{result['scene']}, {result['views']} views")
-    _beside(path, lambda partial: figure.savefig(partial, format=path.suffix[1:].lower(), dpi=130))
+    write_whole(path, lambda partial: figure.savefig(partial, format=path.suffix[1:].lower(), dpi=130))

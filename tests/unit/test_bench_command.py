@@ -6,6 +6,7 @@ import sys
 import pytest
 from bench_run import run
 
+from viewer import bench
 from viewer.bench import KINDS
 from viewer.bench.procedural_scan import ProceduralScan
 from viewer.bench.subject import Subject, described
@@ -36,6 +37,24 @@ def test_bad_usage_is_one_line(arguments, said, capsys):
     assert run("bench", *arguments) == 2
     out = capsys.readouterr().err
     assert said in out and out.count("\n") == 1
+
+
+@pytest.mark.parametrize(("arguments", "said"), [
+    (("error", "--quality", "fast", "--raster", "points"), "`bench error` has no use for --raster points, --quality fast"),
+    (("open", "--size", "64x48,96x64"), "`bench open` has no use for more than one --size"),
+    (("frame", "--frames", "2", "--points", "5"), "`bench frame` has no use for --frames 2, --points 5"),
+    (("grid", "--seed", "3"), "--seed 3"),
+    (("occlusion", "--lod", "4", "--rooms", "2", "--repeats", "2"), "has no use for --repeats 2: left"),
+    (("frame", "--quality", "fast", "--along", "views", "--repeats", "2", "--size", "64x48,96x64", "--seed", "2"), None),
+    (("versus", "--frames", "2", "--precision", "fp32"), None),
+    (("scale", "--points", "1M", "--lod", "2", "--filter-levels", "3"), None),
+    (("raster",), None),
+])
+def test_options_that_a_bench_has_no_use_for_are_named(monkeypatch, capsys, arguments, said):
+    monkeypatch.setitem(bench._RUN, arguments[0], lambda *_: ({}, lambda result: [], None))
+    assert run("bench", *arguments) == 0
+    heard = capsys.readouterr().err
+    assert said in heard if said else not heard
 
 
 def test_the_picture_formats_are_those_that_matplotlib_writes():

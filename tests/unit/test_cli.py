@@ -125,6 +125,14 @@ def test_options_stand_anywhere_between_files():
         parse(["info", "A", "--lots", "B"])
 
 
+@pytest.mark.parametrize("first", [("--view", "raw"), ("--no-cache",), ("--lod", "2")])
+def test_to_look_at_a_scan_options_may_come_first(scan, monkeypatch, first):
+    seen = []
+    monkeypatch.setitem(cli._RUN, "view", lambda options: seen.append((options.command, options.scans)) or 0)
+    assert main([*first, str(scan)]) == main(["view", str(scan), *first]) == 0
+    assert seen[0] == seen[1] == ("view", [scan])
+
+
 @pytest.mark.parametrize("command", ["info", pytest.param("render", marks=pytest.mark.gl)])
 def test_no_cache_keeps_nothing(scan, cameras, tmp_path, monkeypatch, command):
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))

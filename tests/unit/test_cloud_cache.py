@@ -177,14 +177,6 @@ def test_interrupting_leaves_nothing_behind(scan, store, monkeypatch):
     assert list(store.iterdir()) == []
 
 
-def test_what_a_killed_process_left_is_swept(scan, store):
-    store.mkdir()
-    (store / ".abc.999999999.tmp").mkdir()
-    (store / f".abc.{os.getppid()}.tmp").mkdir()
-    open_scene(scan)
-    assert not (store / ".abc.999999999.tmp").exists() and (store / f".abc.{os.getppid()}.tmp").exists()
-
-
 def test_an_unusable_cache_names_the_folder_and_the_remedy(scan, tmp_path, monkeypatch):
     blocked = tmp_path / "file"
     blocked.write_text("in the way")

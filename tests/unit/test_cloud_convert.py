@@ -8,7 +8,7 @@ from cloud_files import surface, write_ply
 
 from viewer.cli import main
 from viewer.cloud import cache, open_scene
-from viewer.cloud.convert import convert
+from viewer.cloud.convert import convert, convert_each, scans_in
 
 
 @pytest.fixture
@@ -100,3 +100,12 @@ def test_what_somebody_put_into_a_grid_is_not_deleted_with_it(scan, tmp_path, ca
     request.getfixturevalue("no_work")
     refused(capsys, scan, str(out), f"holds other files ({kept.split('/')[0]})")
     assert (out / kept).is_file() and open_scene(out).count == 3000
+
+
+def test_a_scan_given_twice_is_one_however_it_is_spelt(tmp_path, monkeypatch):
+    scan = write_ply(tmp_path / "a.ply", *surface(2000))
+    (tmp_path / "link.ply").symlink_to(scan)
+    monkeypatch.chdir(tmp_path)
+    assert open_scene(["a.ply", scan, "./a.ply", "link.ply"], cache=False).count == 2000
+    assert scans_in([Path("."), tmp_path, Path("link.ply")]) == [Path("a.ply")]
+    assert [folder.name for folder in convert_each([Path("."), tmp_path / "link.ply"], tmp_path / "out")] == ["a"]

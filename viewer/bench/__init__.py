@@ -7,12 +7,14 @@ Every result carries the machine, driver, versions, scan and size it was had wit
 import argparse
 import math
 import os
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from model.seeds import MOST_SEED
 from viewer.errors import InputError
+from viewer.settings import CHOICES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,24 +35,29 @@ PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".eps", ".ps", ".jpg", ".jpeg", ".tif",
 @dataclass(frozen=True)
 class Kind:
     """One bench.  text: for --help.  repeats: rounds unless told otherwise.  scan: what it takes where none is given, demo,
-    procedural or nothing."""
+    procedural or nothing.  uses: of the options, besides those that all use and those that choose a scan; all of those that
+    make a Settings where SETTINGS is among them."""
 
     text: str
     repeats: int
     scan: str
+    uses: tuple[str, ...]
 
 
+SETTINGS = (*CHOICES, "filter_strength", "filter_levels", "lod", "weights")
 KINDS = {
-    "frame": Kind("frame times by stage along a path", 1, "demo"),
-    "grid": Kind("building the grid", 3, "nothing"),
-    "open": Kind("time to the first picture and to full quality", 1, "demo"),
-    "error": Kind("time saved and error made by every approximation", 5, "demo"),
-    "scale": Kind("time and memory from 1M to 1G points", 2, "nothing"),
-    "versus": Kind("against the paper's pipeline and Open3D", 3, "procedural"),
-    "stability": Kind("numerical limits", 1, "nothing"),
-    "occlusion": Kind("what occlusion culling saves, and its error", 1, "nothing"),
-    "raster": Kind("both rasterisers on points at random", 5, "nothing"),
+    "frame": Kind("frame times by stage along a path", 1, "demo", (*SETTINGS, "size", "along", "repeats")),
+    "grid": Kind("building the grid", 3, "nothing", ("points", "repeats")),
+    "open": Kind("time to the first picture and to full quality", 1, "demo", SETTINGS),
+    "error": Kind("time saved and error made by every approximation", 5, "demo", ("only", "repeats")),
+    "scale": Kind("time and memory from 1M to 1G points", 2, "nothing", (*SETTINGS, "points", "keep", "repeats", "seed")),
+    "versus": Kind("against the paper's pipeline and Open3D", 3, "procedural", (*SETTINGS, "size", "frames", "repeats")),
+    "stability": Kind("numerical limits", 1, "nothing", ("seed",)),
+    "occlusion": Kind("what occlusion culling saves, and its error", 1, "nothing",
+                      ("lod", "points", "rooms", "frames", "seed")),
+    "raster": Kind("both rasterisers on points at random", 5, "nothing", ("points", "repeats", "seed")),
 }
+_OF_SCANS = ("procedural", "rooms", "seed")
 
 
 def parse_count(text: str, option: str) -> int:
@@ -117,6 +124,20 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(f"--keep {options.keep}: is a file; give a folder")
 
 
+def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
+    """The options given that this bench has no use for."""
+    kind = KINDS[options.kind]
+    uses = {*kind.uses, *(() if kind.scan == "nothing" else _OF_SCANS)}
+    usual: dict[str, Any] = {name: getattr(type(settings)(), name) for name in SETTINGS}
+    usual |= {"procedural": None, "rooms": None, "seed": 1, "along": "path", "frames": None, "points": None, "keep": None,
+              "only": None, "repeats": None}  # fmt: skip
+    found = [name for name, value in usual.items() if name not in uses and getattr(options, name, value) != value]
+    said = [f"--{name.replace('_', '-')} {getattr(options, name)}" for name in found]
+    if "size" not in uses and len(parse_sizes(options.size)) > 1:
+        said.append("more than one --size")
+    return said
+
+
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     """Runs the bench that the command line names, prints a table, writes JSON and plot where asked."""
     from viewer.bench.subject import described, machine
@@ -126,6 +147,8 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     repeats = KINDS[options.kind].repeats if options.repeats is None else options.repeats
     if KINDS[options.kind].scan == "nothing" and options.scans:
         raise InputError(f"{options.scans[0]}: `bench {options.kind}` makes its own points and takes no scan")
+    if ignored := unused(options, settings):
+        print(f"pointglass: `bench {options.kind}` has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
     result, rows, plot = _RUN[options.kind](options, settings, repeats)
     result = {"bench": options.kind, "machine": machine(), **result}
     print(described(result))

@@ -29,7 +29,7 @@ def save(made: "Figure", path: Path, result: dict) -> None:
     """Writes a figure with the facts of ``result`` under it, whole or not at all."""
     from matplotlib import pyplot as plt
 
-    from viewer.tools.files import write_whole
+    from model.whole import write_whole
 
     columns = int(made.get_figwidth() * 18)
     lines = [part for line in described(result).splitlines() for part in textwrap.wrap(line, columns)]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from viewer.tools.files import write_whole
+from model.whole import write_whole
 
 
 def _views(run: dict[str, Any]) -> str:

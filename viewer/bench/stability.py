@@ -104,7 +104,7 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    from viewer.tools.files import write_whole
+    from model.whole import write_whole
 
     labels = {"depth_99": "depth error, 99th percentile, point spacings", "mask": "keep-masks that differ, share of pixels",
               "filled": "filled picture, PSNR in dB"}

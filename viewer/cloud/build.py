@@ -3,7 +3,8 @@
 Frame: file coordinates throughout; several files are taken to share one frame.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -117,12 +118,19 @@ def in_memory(count: int) -> np.ndarray:
 
 
 def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
-    """The given path or paths as a list, each once.  Raises InputError where there is none."""
+    """The given path or paths as a list, each once, however it is spelt.  Raises InputError where there is none."""
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
         raise InputError("no scan given; name at least one file")
-    files = [Path(path) for path in given]
-    return list(dict.fromkeys(files))
+    return each_once(Path(path) for path in given)
+
+
+def each_once(paths: Iterable[Path]) -> list[Path]:
+    """The paths without those that lead to the same file or folder as one before."""
+    places: dict[str, Path] = {}
+    for path in paths:
+        places.setdefault(os.path.realpath(path), path)
+    return list(places.values())
 
 
 def _common(values: list, otherwise):

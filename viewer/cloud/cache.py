@@ -10,7 +10,6 @@ import errno
 import hashlib
 import json
 import os
-import secrets
 import shutil
 import zlib
 from collections.abc import Callable, Iterator
@@ -23,8 +22,8 @@ import numpy as np
 from viewer.cloud.chunk_source import checksum
 from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
+from viewer.cloud.scratch import move, scratch
 from viewer.errors import InputError
-from viewer.numerals import whole_number
 from viewer.paths import cache_dir
 from viewer.progress import progress
 
@@ -37,7 +36,7 @@ _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets":
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 """What file managers leave in folders, and nobody's loss."""
 _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
-_CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder, or use --no-cache"
+_CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError)  # what reading a folder that is not whole raises
 _SPARE = 64 << 20  # bytes left free on the disk
@@ -167,7 +166,7 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
     Nothing is left behind on failure or cancellation.
     """
     identity = _identity(files)
-    with _scratch(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY) as work:
+    with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY) as work:
         # the points go straight to their file: pages are written back as the system sees fit, memory stays bounded
         scene = build(files, lambda count: _points_file(work, count))
         _write(work, scene, identity)
@@ -175,7 +174,9 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
             raise InputError(f"{files[0]}: changed while it was read; try again")
         _release(scene.points)
         del scene
-        _move(work, folder, keep_old)
+        if keep_old and folder.exists() and (name := stranger(folder)):
+            raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
+        move(work, folder)
     return _read(folder, identity)
 
 
@@ -242,57 +243,16 @@ def _release(points: np.ndarray) -> None:
 
 
 @contextmanager
-def _scratch(folder: Path, remedy: str) -> Iterator[Path]:
+def _written(folder: Path, remedy: str) -> Iterator[Path]:
     """A fresh folder beside ``folder``, removed at the end whatever happens; failures to write become CacheError."""
-    work = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp")
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(folder.parent)
-        work.mkdir()
-        yield work
+        with scratch(folder) as work:
+            yield work
     except OSError as error:
         why = error.strerror or str(error)
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             why = "no space left" + why.removeprefix(os.strerror(error.errno)).removeprefix("no space left")
         raise CacheError(f"{folder.parent}: cannot be written ({why}); {remedy}") from None
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
-
-
-def _sweep(parent: Path) -> None:
-    """Removes what a process that was killed left behind."""
-    for left in parent.glob(".*.tmp"):
-        owner = whole_number(left.name.split(".")[-2])
-        if owner is not None and not _alive(owner):
-            shutil.rmtree(left, ignore_errors=True)
-
-
-def _alive(process: int) -> bool:
-    if os.name != "posix":  # there signal 0 is not a question but the end of the process
-        return True
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:
-        pass
-    return True
-
-
-def _move(work: Path, folder: Path, keep_old: bool) -> None:
-    """Renames ``work`` to ``folder``; an older grid there is put aside first, so that no reader sees half of each."""
-    aside = work.with_name(f"{work.name.removesuffix('.tmp')}.old.{os.getpid()}.tmp")
-    if folder.exists():
-        if keep_old and (name := stranger(folder)):
-            raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
-        folder.rename(aside)
-    try:
-        work.rename(folder)
-    except OSError:
-        if aside.exists():
-            aside.rename(folder)
-        raise
-    shutil.rmtree(aside, ignore_errors=True)
 
 
 def _first_line(error: Exception) -> str:

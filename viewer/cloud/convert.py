@@ -6,7 +6,7 @@ from pathlib import Path
 
 from model.folders import made_folder
 from viewer.cloud import cache
-from viewer.cloud.build import as_paths, build_scene
+from viewer.cloud.build import as_paths, build_scene, each_once
 from viewer.cloud.scene import Scene
 from viewer.errors import InputError
 
@@ -55,7 +55,7 @@ def scans_in(paths: list[Path]) -> list[Path]:
         if not inside:
             raise InputError(f"{path}: holds no PLY, LAS, LAZ, COPC or E57 file")
         found += inside
-    return list(dict.fromkeys(found))
+    return each_once(found)
 
 
 def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True) -> list[Path]:

@@ -1,4 +1,4 @@
-"""Files written beside and renamed, so that nobody ever finds half of one."""
+"""Pictures, arrays and JSON, and several files at once, written beside and renamed (model.whole)."""
 
 import json
 import os
@@ -8,20 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from model.whole import write_whole
 from viewer.errors import InputError
-
-
-def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Calls ``write`` with a temporary name in the same folder and renames the result to ``path``.
-
-    On any failure, Ctrl-C included, the temporary file is removed and an older ``path`` stays as it was.
-    """
-    beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        write(beside)
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> None:
