@@ -9,6 +9,7 @@ from clouds import camera_in
 from paged import CHUNK_BYTES, CHUNKS, POINTS, SCENE, draw_list, drawn, expected, on_disk, pages_of, plain_batches
 
 from viewer.render.batches import PageMap
+from viewer.render.points import PointPages
 from viewer.render.renderer import Renderer
 from viewer.render.shader import BATCH
 from viewer.settings import Settings
@@ -169,3 +170,35 @@ def test_at_rest_points_that_no_picture_waits_for_come_without_a_picture(context
         assert not session.picture.dirty and not painter.note_arrivals()
     finally:
         painter.release()
+
+
+def test_the_room_of_the_scan_before_is_for_the_next_one(context, monkeypatch):
+    """A device with memory for one of them: the second is uploaded beside the first, with what is left, and then alone."""
+    from viewer.render import renderer as module
+    from viewer.settings import Memory
+
+    held: list[int] = []
+    said: list[str] = []
+
+    class Limited(PointPages):
+        def __init__(self, *arguments, **options):
+            super().__init__(*arguments, **options)
+            self.short = bool(held)
+            held.append(id(self))
+
+        def release(self):
+            super().release()
+            held.remove(id(self))
+
+    monkeypatch.setattr(module, "PointPages", Limited)
+    session = SimpleNamespace(accept=said.append, notices=SimpleNamespace(say=lambda *text: said.append(text)))
+    painter = Painter(context, session, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    try:
+        for number in range(1, 4):
+            loaded = SimpleNamespace(scene=SCENE)
+            assert painter.upload(loaded)  # type: ignore[arg-type]
+            assert len(held) == 1 and not painter.renderer.pages.short  # type: ignore[union-attr]
+            assert said == [loaded] * number
+    finally:
+        painter.release()
+    assert not held

@@ -29,6 +29,28 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
     assert made.plan.views == ("neural",)
 
 
+def test_while_the_window_is_being_resized_the_network_waits():
+    """On a GPU it is made ready for every size anew; what is dragged passes through many."""
+    made, clock = session()
+    made.choice.show("neural")
+    finish(made)
+    made.drew(made.plan, stats(network=5.0))
+    clock.now += 1
+    for width in (650, 660, 670):
+        made.resize((width, 400))
+        assert made.needs_picture and made.plan.views == ("filled",)
+        made.drew(made.plan, stats())
+        clock.now += 0.1
+    assert 0 < made.next_change() < 0.21 and not made.needs_picture
+    clock.now += 0.25
+    assert made.needs_picture and made.plan.views == ("neural",)
+    made.drew(made.plan, stats(network=5.0))
+    assert made.next_change() is None and not made.needs_picture
+    made.picture.pace.keep_up = False
+    made.resize((700, 400))
+    assert made.plan.views == ("neural",)
+
+
 def fly(made, clock, raster, *, frames=40, occlusion=None):
     """Moves for some frames whose raster stage takes ``raster(level)`` milliseconds; returns the levels drawn with."""
     levels = []

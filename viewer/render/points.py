@@ -57,7 +57,8 @@ class PointPages:
     Raises InputError where the points cannot be read or the budget is too small, DeviceError where there is no memory.
 
     After each ``prepare``, in points of the draw list: ``missing``, on their way; ``left_out``, more than the pool holds;
-    ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.
+    ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.  ``short``: the
+    device had no memory for all that was asked for.
     """
 
     def __init__(
@@ -98,8 +99,10 @@ class PointPages:
         self.problem: str | None = None
         self._reader = ChunkReader(ChunkSource(scene, self.chunk_points), memory=read_ahead, wake=wake)
         try:
+            wanted = slots
             if not software:
                 slots = self._memory_for(total, slots)
+            self.short = slots < wanted
             whole = slots * self.chunk_points >= total
             pinned = 0 if whole else overview_chunks(scene, slots, self.chunk_points)
             self.residency = Residency(total, slots, chunk_points=self.chunk_points, pinned=pinned)

@@ -30,6 +30,7 @@ SIZE = (1280, 720)
 _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
 _NAP = 0.5  # seconds of sleep at most while idle
 _BREATH = 0.06  # seconds between interface frames while only the interface changes: a load's bar, a tooltip's delay
+_LONG = 50.0  # milliseconds a picture from which on what is said of it must fit at once, since the next one is far off
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
@@ -173,6 +174,9 @@ class App:
         if session.needs_picture:
             self.painter.paint()
             self._settle = max(self._settle, 1)
+            stats = session.picture.stats
+            if stats is not None and stats["total_ms"] > _LONG:
+                self._interface(shown=False)
         if self._settle > 0 or not wait:
             self._settle = max(0, self._settle - 1)
             self._draw()
@@ -189,7 +193,8 @@ class App:
         self._interface()
         canvas.to_screen()
 
-    def _interface(self) -> None:
+    def _interface(self, *, shown: bool = True) -> None:
+        """shown: drawn as well, and not only laid out: a window is as large as its text was in the frame before."""
         from viewer.window import dialogs, hud, panels
 
         imgui, session, look = self.imgui, self.session, self.theme
@@ -211,7 +216,8 @@ class App:
         dialogs.draw_load(session, look)
         dialogs.draw_message(session, look)
         imgui.render()
-        imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+        if shown:
+            imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""

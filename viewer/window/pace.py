@@ -56,9 +56,11 @@ class Pace:
         """Whether cells hidden in the last frame are to be left out."""
         return moving and self.keep_up and self._idle == 0
 
-    def stand_in(self, view: str, *, moving: bool) -> str:
-        """The view drawn for ``view``: ``filled`` for ``neural`` while flying where the network is slow."""
-        return "filled" if view == "neural" and moving and self.keep_up and self._network > SLOW_NETWORK else view
+    def stand_in(self, view: str, *, moving: bool, resizing: bool = False) -> str:
+        """The view drawn for ``view``: ``filled`` for ``neural`` while flying where the network is slow, and while the
+        window's size changes, since the network is made ready for one size."""
+        slow = resizing or (moving and self._network > SLOW_NETWORK)
+        return "filled" if view == "neural" and slow and self.keep_up else view
 
     def drew(self, level: float | None, stats: dict, *, moving: bool) -> None:
         """Learns from a picture made at a level of detail: that of ``level``, or a coarser one that a person chose."""

@@ -60,6 +60,10 @@ class Painter:
             return False
         if self.renderer is not None:
             self.renderer.release()
+            if renderer.pages.short:  # of the room that the scan before it has left only now
+                renderer.release()
+                self.renderer = None
+                return self.upload(loaded)
         self.renderer, self._frame, self._shown, self._problem = renderer, None, (), None
         self._session.accept(loaded)
         self._intervals.clear()

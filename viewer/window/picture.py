@@ -40,9 +40,9 @@ class Picture:
         self.dirty = True
         self.pace.jump()
 
-    def plan(self, views: Sequence[str], lod: float | None, *, moving: bool) -> Plan:
+    def plan(self, views: Sequence[str], lod: float | None, *, moving: bool, resizing: bool = False) -> Plan:
         """The picture to make now.  views, lod: as chosen."""
-        stand_ins = tuple(self.pace.stand_in(view, moving=moving) for view in views)
+        stand_ins = tuple(self.pace.stand_in(view, moving=moving, resizing=resizing) for view in views)
         levels = [level for level in (lod, self.pace.level(moving=moving)) if level is not None]
         return Plan(stand_ins, min(levels) if levels else None, self.pace.hides(moving=moving), moving)
 

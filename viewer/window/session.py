@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from viewer.cloud.scene import Scene
 
 _NOTE_SECONDS = 10.0
+_RESIZED = 0.3
+"""Seconds that a window must have kept its size for it to be the one wanted."""
 
 
 class Session:
@@ -55,6 +57,7 @@ class Session:
     ):
         self._clock, self._start = clock, start
         self.size = size
+        self._resized = -_RESIZED
         self.scene: Scene | None = None
         self.notices = Notices(clock)
         self.loads = loading.ScanLoads(self.notices, open_scene, wake)
@@ -75,7 +78,13 @@ class Session:
     @property
     def plan(self) -> Plan:
         """The picture to make now."""
-        return self.picture.plan(self.choice.sides, self.choice.settings.lod, moving=self.flight.moving)
+        return self.picture.plan(self.choice.sides, self.choice.settings.lod, moving=self.flight.moving,
+                                 resizing=self._resizing_for > 0)
+
+    @property
+    def _resizing_for(self) -> float:
+        """Seconds until the window's size counts as settled; not above 0: it has."""
+        return self._resized + _RESIZED - self._clock()
 
     @property
     def full_plan(self) -> Plan:
@@ -132,6 +141,8 @@ class Session:
         rest = self.flight.rest_in
         if self.scene is not None and rest > 0 and self.picture.lacks(self.full_plan):
             times.append(rest)
+        if self.scene is not None and (still := self._resizing_for) > 0 and self.drawn != self.choice.sides:
+            times.append(still)
         return max(0.0, min(times)) if times else None
 
     def wheel(self, notches: float) -> None:
@@ -169,7 +180,7 @@ class Session:
     def resize(self, size: tuple[int, int]) -> None:
         """The framebuffer's size in pixels; (0, 0) while minimised."""
         if size != self.size:
-            self.size = size
+            self.size, self._resized = size, self._clock()
             self.picture.renew()
 
     # -- scenes ------------------------------------------------------------------------------------------------------
