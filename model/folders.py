@@ -1,8 +1,10 @@
-"""Folders made for results, which are not left behind empty where there are none."""
+"""Folders made for results, which are not left behind empty where there are none; small files that are there whole or not."""
 
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
+
+from model.whole import write_whole
 
 
 @contextlib.contextmanager
@@ -21,3 +23,8 @@ def made_folder(folder: Path, *, make: bool = True) -> Iterator[Path]:
             with contextlib.suppress(OSError):
                 path.rmdir()
         raise
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Writes a small text file; whoever reads it meanwhile finds the old one or the new."""
+    write_whole(path, lambda beside: beside.write_text(text))

@@ -3,18 +3,26 @@
 A recipe makes procedural places (and pairs of the folders it is given) on all cores until its share of the time is spent,
 then trains one network after the other, each for its share, and last judges them on a validation scene.  No OpenGL is
 needed, and nothing but ``model/`` and the libraries it imports has to be carried to the machine: under 1 MB of code.
-Stopped at any moment, the same command goes on where it was.
+Stopped at any moment, the same command goes on where it was: ``recipe.json`` says what was asked for, how much of its
+time the making of pairs has taken and, once that is over, which pairs there are; nothing is added to them later.
 """
 
+import contextlib
 import json
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, wait
 from dataclasses import dataclass
 from pathlib import Path
 
+from model.data.crops import PairFolder
+from model.data.truth import DataError
+from model.folders import made_folder, replace_text
+from model.interrupts import leaving, workers
 from model.processors import usable_processors
+from model.record import Facts, read_record, refuse_other, resolved
 from model.train import TrainConfig, train
+from model.train_command import LEAST_CROP
 from model.weights import weights_name
 
 
@@ -30,6 +38,11 @@ class Stage:
     batch: int = 8
     crop: int = 192
 
+    @property
+    def name(self) -> str:
+        """Of its weights."""
+        return weights_name(self.quality, filtered=self.filtered)
+
 
 @dataclass(frozen=True)
 class Recipe:
@@ -38,6 +51,15 @@ class Recipe:
     minutes: float
     data_share: float
     stages: tuple[Stage, ...]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Of input that its networks learn from: "filtered", "unfiltered"."""
+        return tuple(sorted({_kind(stage) for stage in self.stages}))
+
+
+def _kind(stage: Stage) -> str:
+    return "filtered" if stage.filtered else "unfiltered"
 
 
 RECIPES = {
@@ -67,58 +89,150 @@ def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float
     """Follows a recipe into ``out``; returns the weights, in the order of its stages.
 
     folders: data to learn from besides the procedural places.  minutes: in all.  most_places: procedural ones.
-    Raises DataError where a folder cannot be used, before anything is made.
+    Raises DataError where a folder cannot be used, or ``out`` holds something else, before anything is made.
     """
-    from model.data.sources import open_places
-
-    open_places(folders)  # refused now, not after the places are made
-    out.mkdir(parents=True, exist_ok=True)
-    pairs = make_pairs(recipe, folders, out / "pairs", minutes * 60 * recipe.data_share, seed, most_places)
+    name = next((name for name, known in RECIPES.items() if known == recipe), "of its own")
+    facts: Facts = {"recipe": name, "folders": resolved(folders), "seed": seed, "perceptual": "given" if perceptual else "none"}
+    pairs = make_pairs(recipe, folders, out, facts, minutes * 60 * recipe.data_share, most_places)
     made: dict[str, Path] = {}
     for stage in recipe.stages:
-        name = weights_name(stage.quality, filtered=stage.filtered)
-        after = str(made[stage.after]) if stage.after else None
-        kind = "filtered" if stage.filtered else "unfiltered"
-        print(f"{name}: {minutes * stage.share:.1f} minutes on {len(pairs[kind])} folders of pairs", flush=True)
-        made[name] = train(TrainConfig(
-            pairs=tuple(map(str, pairs[kind])), out=str(out / name), quality=stage.quality, filtered=stage.filtered,
-            steps=10**9, minutes=minutes * stage.share, batch=stage.batch, neighbours=stage.batch // 4, crop=stage.crop,
-            rate=stage.rate, seed=seed, device=device, start_from=after,
-            perceptual_path=str(perceptual) if perceptual else None,
+        mine = pairs[_kind(stage)]
+        print(f"{stage.name}: {minutes * stage.share:.1f} minutes on {len(mine)} folders of pairs", flush=True)
+        made[stage.name] = train(TrainConfig(
+            pairs=tuple(map(str, mine)), out=str(out), quality=stage.quality, filtered=stage.filtered,
+            steps=10**9, minutes=minutes * stage.share, batch=stage.batch, neighbours=stage.batch // 4, crop=_crop(stage, mine),
+            rate=stage.rate, seed=seed, device=device, start_from=str(made[stage.after]) if stage.after else None,
+            perceptual_path=str(perceptual) if perceptual else None, sources=(*facts["folders"], "procedural places"),
         ))
     if validation is not None:
         _judge(validation, made, out, perceptual)
     return list(made.values())
 
 
-def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, seconds: float, seed: int,
+def _crop(stage: Stage, pairs: Sequence[Path]) -> int:
+    """Side of the stage's crops: those of the recipe, or smaller ones where pictures hold no more."""
+    sides = [min(PairFolder(folder).inputs.shape[2:]) for folder in pairs]
+    return min(stage.crop, max(LEAST_CROP, min(sides) // 16 * 16))
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Pairs to be made by one process.  name: of their folders.  group: which of the picture sizes in ``folder``; without
+    a folder, ``number`` is that of a procedural place."""
+
+    name: str
+    folder: str = ""
+    group: int = 0
+    number: int = 0
+
+    def targets(self, out: Path, kinds: Sequence[str]) -> list[tuple[str, int, Path]]:
+        """(kind, reduction, folder of pairs) of all that is to be made."""
+        return [(kind, reduce, out / "pairs" / kind / f"{self.name}-{reduce}")
+                for kind in kinds for reduce in ((1, 2) if kind == "filtered" else (1,))]
+
+    def done(self, out: Path, kinds: Sequence[str]) -> bool:
+        return all(folder.is_dir() for *_, folder in self.targets(out, kinds))
+
+
+def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts, seconds: float,
                most_places: int) -> dict[str, list[Path]]:
     """Pairs of the given folders and of as many procedural places as the time allows, on all cores.
 
-    Returns the folders of pairs for filtered and for unfiltered input.  What an earlier call made is kept.
+    facts: what the recipe makes everything from.  Returns the folders of pairs for each kind of input.  What an earlier call
+    made is kept; the time that it took counts, and once it came to its end nothing is added.
     """
-    kinds = sorted({stage.filtered for stage in recipe.stages}, reverse=True)
-    workers = usable_processors()
-    end = time.monotonic() + seconds
-    jobs: list[tuple] = [("folder", str(folder)) for folder in folders]
-    with ProcessPoolExecutor(workers) as pool:
-        waiting = {pool.submit(_make, job, str(out), kinds, seed) for job in jobs}
-        number = 0
-        while waiting or (number < most_places and time.monotonic() < end):
-            while len(waiting) < workers and number < most_places and time.monotonic() < end:
-                waiting.add(pool.submit(_make, ("place", number), str(out), kinds, seed))
-                number += 1
-            done = next(as_completed(waiting))
-            waiting.remove(done)
-            print(f"pairs: {done.result()}", flush=True)
-    return {
-        "filtered" if filtered else "unfiltered": sorted((out / ("filtered" if filtered else "unfiltered")).glob("*[0-9]"))
-        for filtered in kinds
-    }
+    record = out / "recipe.json"
+    kept = read_record(record, "pairs", "seconds", "made_from")
+    if kept is not None and (kept["pairs"] or _made(out, recipe)):  # else there is nothing yet that was made from it
+        refuse_other(out, "its pairs were", kept["made_from"], facts)
+    else:
+        kept = {"pairs": None, "seconds": 0.0, "made_from": facts}
+        if _refuse_earlier(recipe, folders, out, facts["seed"]):
+            kept["pairs"] = _listed(out, recipe)
+    progress = _Progress(record, kept)
+    if not kept["pairs"]:
+        jobs = _folder_jobs(folders)  # refused now, not after the places are made
+        with contextlib.ExitStack() as stack:
+            for kind in recipe.kinds:
+                stack.enter_context(made_folder(out / "pairs" / kind))
+            try:
+                progress.keep()
+                _make_all(jobs, out, recipe, facts["seed"], progress, seconds, most_places)
+            finally:
+                if _made(out, recipe):
+                    progress.keep()
+                else:
+                    record.unlink(missing_ok=True)
+            kept["pairs"] = _listed(out, recipe)
+    progress.keep()
+    return {kind: [out / "pairs" / kind / name for name in names] for kind, names in kept["pairs"].items()}
 
 
-def _make(job: tuple, out: str, kinds: list[bool], seed: int) -> str:
-    """One place's or folder's pairs, in a process of its own.  Returns its name."""
+class _Progress:
+    """The seconds that making pairs has taken, in all calls together, and the record that holds them."""
+
+    def __init__(self, path: Path, kept: Facts):
+        self.path, self.kept = path, kept
+        self.start = time.monotonic() - kept["seconds"]
+
+    def spent(self) -> float:
+        return time.monotonic() - self.start
+
+    def keep(self) -> None:
+        """Writes the record; once there are pairs to list, the time stands still."""
+        if not self.kept["pairs"]:
+            self.kept["seconds"] = round(self.spent(), 1)
+        replace_text(self.path, json.dumps(self.kept, indent=1))
+
+
+def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: _Progress, seconds: float,
+              most_places: int) -> None:
+    """Does the jobs and what an earlier call began, then procedural places in turn until the time is spent."""
+    begun = {path.name.rsplit("-", 1)[0] for path in _made(out, recipe)}
+    places = [_Job(f"place-{number}", number=number) for number in range(most_places)]
+    todo = [job for job in (*jobs, *(place for place in places if place.name in begun)) if not job.done(out, recipe.kinds)]
+    new = (place for place in places if place.name not in begun)
+    count, waiting = usable_processors(), set()
+    with workers(count) as pool:
+        while True:
+            while len(waiting) < count:
+                job = todo.pop(0) if todo else next(new, None) if progress.spent() < seconds else None
+                if job is None:
+                    break
+                waiting.add(pool.submit(leaving, _make, job, str(out), recipe.kinds, seed))
+            if not waiting:
+                return
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            progress.keep()
+            for future in done:
+                print(f"pairs: {future.result()}", flush=True)
+
+
+def _made(out: Path, recipe: Recipe) -> list[Path]:
+    """All folders of pairs that are there."""
+    return sorted(path for kind in recipe.kinds for path in (out / "pairs" / kind).glob("*[0-9]") if path.is_dir())
+
+
+def _listed(out: Path, recipe: Recipe) -> dict[str, list[str]]:
+    return {kind: [path.name for path in _made(out, recipe) if path.parent.name == kind] for kind in recipe.kinds}
+
+
+def _folder_jobs(folders: Sequence[Path]) -> list[_Job]:
+    """One for every folder and every size of pictures in it.  Raises DataError where a folder cannot be used."""
+    from model.data.pairs import by_size
+    from model.data.sources import open_places
+
+    jobs: list[_Job] = []
+    for index, folder in enumerate(folders):
+        for group in range(len(by_size(open_places([folder])))):
+            name = folder.name or folder.resolve().name
+            taken = group > 0 or any(job.name == f"folder-{name}" for job in jobs)
+            jobs.append(_Job(f"folder{index}.{group}-{name}" if taken else f"folder-{name}", str(folder), group))
+    return jobs
+
+
+def _make(job: _Job, out: str, kinds: Sequence[str], seed: int) -> str:
+    """The pairs of a job, in a process of its own.  Returns its name."""
     import torch
 
     from model.data.pairs import build, by_size
@@ -126,22 +240,36 @@ def _make(job: tuple, out: str, kinds: list[bool], seed: int) -> str:
     from model.data.sources import open_places
 
     torch.set_num_threads(1)
-    source, what = job
-    name = f"place-{what}" if source == "place" else f"folder-{Path(what).name}"
-    wanted = [
-        (filtered, reduce, Path(out) / ("filtered" if filtered else "unfiltered") / f"{name}-{reduce}")
-        for filtered in kinds for reduce in ((1, 2) if filtered else (1,))
-    ]
-    if all(folder.is_dir() for *_, folder in wanted):
-        return f"{name} (kept)"
-    places = [procedural_place(seed * 100_000 + what)] if source == "place" else open_places([Path(what)])
-    for filtered, reduce, folder in wanted:
-        for alike in by_size(places)[:1]:
-            if not folder.is_dir():
-                folder.parent.mkdir(parents=True, exist_ok=True)
-                build(alike, folder, seed=seed, scans=2, variants=2 if filtered else 1,
-                      preset="auto" if filtered else "off", reduce=reduce, neighbours=reduce == 2)
-    return name
+    if job.folder:
+        places = by_size(open_places([Path(job.folder)]))[job.group]
+    else:
+        places = [procedural_place(seed * 100_000 + job.number)]
+    for kind, reduce, folder in job.targets(Path(out), kinds):
+        if not folder.is_dir():
+            filtered = kind == "filtered"
+            build(places, folder, seed=seed, scans=2, variants=2 if filtered else 1, preset="auto" if filtered else "off",
+                  reduce=reduce, neighbours=reduce == 2)
+    return job.name
+
+
+def _refuse_earlier(recipe: Recipe, folders: Sequence[Path], out: Path, seed: int) -> bool:
+    """Judges a folder without a record.  Returns whether an earlier version has made its pairs there and begun to train.
+
+    Raises DataError where it holds something that this recipe has not begun, or where that cannot be told.
+    """
+    trains = any((out / stage.name / "checkpoint.pt").is_file() for stage in recipe.stages)
+    made = _made(out, recipe)
+    if (trains and not made) or (out / "checkpoint.pt").is_file() or any(out.glob("pairs-*filtered.*")):
+        raise DataError(f"{out}: holds a training without --recipe; choose another --out")
+    given = sorted(f"folder-{Path(folder).name}" for folder in folders)
+    there = sorted({path.name.rsplit("-", 1)[0] for path in made if path.name.startswith("folder-")})
+    if made:
+        refuse_other(out, "its pairs were", read_record(made[0] / "pairs.json") or {}, {"seed": seed})
+        if set(there) - set(given) or (trains and there != given) or (there and len(set(given)) < len(given)):
+            names = (", ".join(map(str, given)) or "no folder" for given in (there, folders))
+            raise DataError("{}: an earlier version made its pairs, of {}; that they are those of {} cannot be told; choose "
+                            "another --out".format(out, *names))
+    return trains
 
 
 def _judge(validation: Path, made: dict[str, Path], out: Path, perceptual: Path | None) -> None:

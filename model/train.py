@@ -1,7 +1,9 @@
 """Training: pairs made ahead, random crops, an averaged network; stopped at any moment it goes on exactly where it was.
 
-One call of :func:`train` runs until its steps or minutes are used up, keeping a checkpoint (network, average,
-optimiser, step) every minute or so; called again with the same folder it goes on from there.  Under ``torchrun`` every
+One call of :func:`train` runs until its steps or minutes are used up, keeping a checkpoint (network, average, optimiser,
+step, and what they were made from) every minute or so, and when Ctrl-C stops it; called again with the same folder it
+goes on from there, and refuses to go on with anything else.  ``out`` takes the weights; checkpoint, ``config.json`` and
+logs lie in a folder of the weights' name in it, so that every network has its own.  Under ``torchrun`` every
 process draws its own crops and the gradients are averaged (DistributedDataParallel); the first process keeps the results.
 """
 
@@ -21,17 +23,25 @@ from torch import nn
 
 from model.data.crops import Ahead, Crops
 from model.data.truth import DataError
+from model.folders import made_folder, replace_text
+from model.interrupts import to_its_end
 from model.memory import keep_freed_memory
 from model.objective import Objective
+from model.record import Facts, adopt, earlier_facts, earlier_owner, pairs_facts, refuse_other, start_fact
 from model.training_log import TrainingLog
 from model.unet import make_network
 from model.weights import load_weights, save_weights, weights_name
+from model.whole import write_whole
 from model.widen import started_from
+
+DECIDING = ("quality", "filtered", "sources", "shares", "seed", "batch", "neighbours", "crop", "recolour", "rate", "warmup",
+            "perceptual_weight", "coverage_weight", "steady_weight", "average")
+"""Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """What a training run is; saved beside its results as ``config.json``.
+    """What a training run is; saved with its checkpoint as ``config.json``.
 
     pairs: folders made by :mod:`model.data.pairs`; shares: how often each is drawn from (empty: equally).
     minutes: stop after this long, all calls together (0: by steps alone).  batch: crops a process and step.
@@ -40,6 +50,7 @@ class TrainConfig:
     average: what the averaged network keeps of itself each step.
     start_from: weights to begin with, of this size or a smaller one (:mod:`model.widen`).
     recolour: crops take other exposures and orders of channels; not where one scanner's own colours are to be learned.
+    sources: what the pairs were made from, for the record.
     threads: of each process on the CPU (0: torch's choice).  loaders: processes that make crops ahead (-1: none on the CPU,
     one a core but one beside a GPU).
     """
@@ -68,6 +79,24 @@ class TrainConfig:
     recolour: bool = True
     threads: int = 0
     loaders: int = -1
+    sources: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Of the weights, and of the folder that holds what belongs to them."""
+        return weights_name(self.quality, filtered=self.filtered)
+
+    @property
+    def state(self) -> Path:
+        """Folder of the checkpoint and all that goes with it."""
+        return Path(self.out) / self.name
+
+    def facts(self, perceptual: str) -> Facts:
+        """What decides the weights, but for how long is trained.  perceptual: the distance that is used."""
+        return {name: getattr(self, name) for name in DECIDING} | {
+            "pairs": pairs_facts(self.pairs), "perceptual": perceptual,
+            "start_from": start_fact(self.start_from, Path(self.out)),
+        }
 
     def learning_rate(self, step: int, done: float) -> float:
         """Warm-up, then a cosine over the share of the run that is done (0..1), by steps or by minutes."""
@@ -108,7 +137,10 @@ def processes(device: str):
 
 
 class Trainer:
-    """The state of a run: network, its average, optimiser and step.  ``load`` and ``save`` keep all of it."""
+    """The state of a run: network, its average, optimiser and step.  ``load`` and ``save`` keep all of it.
+
+    whole: no step is half done.
+    """
 
     def __init__(self, config: TrainConfig, process: Process):
         torch.manual_seed(config.seed)
@@ -123,44 +155,51 @@ class Trainer:
         self.averaged = make_network(config.quality).to(process.device).requires_grad_(False)
         self.averaged.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
-        self.step, self.spent = 0, 0.0
-        self.checkpoint = Path(config.out) / "checkpoint.pt"
+        self.step, self.spent, self.saved, self.whole = 0, 0.0, 0, True
+        self.checkpoint = config.state / "checkpoint.pt"
         self.model: nn.Module = self.network
 
-    def load(self) -> None:
-        """Goes on from the checkpoint, where there is one.  Raises DataError where it is of another network."""
-        if self.checkpoint.is_file():
+    def load(self, facts: Facts) -> None:
+        """Goes on from the checkpoint, where there is one.  facts: what this run is.
+
+        Raises DataError where it is of another network or was made from something else.
+        """
+        out, path = Path(self.config.out), self.checkpoint
+        if not path.is_file() and earlier_owner(out) == self.config.name:
+            path = out / path.name
+        if path.is_file():
             try:
-                saved = torch.load(self.checkpoint, weights_only=True, map_location=self.process.device)
+                saved = torch.load(path, weights_only=True, map_location=self.process.device)
+                kept = json.loads(saved["made_from"]) if "made_from" in saved else None
+                refuse_other(out, f"{self.config.name} was", kept or earlier_facts(path.with_name("config.json"), out), facts)
                 self.network.load_state_dict(saved["network"])
                 self.averaged.load_state_dict(saved["averaged"])
                 self.optimiser.load_state_dict(saved["optimiser"])
                 self.step, self.spent = saved["step"], saved["spent"]
             except (RuntimeError, KeyError, ValueError, EOFError, OSError, pickle.UnpicklingError) as error:
-                raise DataError(f"{self.checkpoint}: not a checkpoint of this training ({str(error).splitlines()[0]}); choose "
+                raise DataError(f"{path}: not a checkpoint of this training ({str(error).splitlines()[0]}); choose "
                                 "another --out, or remove it") from None
-        if self.process.count > 1:
+        self.saved = self.step
+        if self.process.count > 1:  # all meet here: none still reads what the first then moves
             ids = [self.process.device.index] if self.process.device.type == "cuda" else None
             self.model = nn.parallel.DistributedDataParallel(self.network, device_ids=ids, broadcast_buffers=False)
 
-    def save(self, weights: Path, notes: dict) -> None:
+    def save(self, weights: Path, facts: Facts, notes: dict) -> None:
         """Checkpoint and weights, each written beside and renamed; by the first process alone."""
         if not self.process.first:
             return
-        beside = self.checkpoint.with_name(f"checkpoint.{os.getpid()}.partial")
-        try:
-            torch.save({
-                "network": self.network.state_dict(), "averaged": self.averaged.state_dict(),
-                "optimiser": self.optimiser.state_dict(), "step": self.step, "spent": self.spent,
-            }, beside)
-            beside.replace(self.checkpoint)
-        finally:
-            beside.unlink(missing_ok=True)
+        state = {
+            "network": self.network.state_dict(), "averaged": self.averaged.state_dict(), "made_from": json.dumps(facts),
+            "optimiser": self.optimiser.state_dict(), "step": self.step, "spent": self.spent,
+        }
+        write_whole(self.checkpoint, lambda beside: torch.save(state, beside))
         save_weights(weights, self.averaged, self.config.quality, filtered=self.config.filtered,
                      notes={**notes, "step": self.step})
+        self.saved = self.step
 
     def advance(self, batch, objective: Objective, rate: float) -> dict[str, torch.Tensor]:
         """One step.  Returns the terms of the loss."""
+        self.whole = False
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         with torch.autocast(self.process.device.type, torch.bfloat16):
@@ -174,16 +213,17 @@ class Trainer:
         for mine, new in zip(self.averaged.state_dict().values(), self.network.state_dict().values(), strict=True):
             mine.lerp_(new, 1 - keep) if mine.is_floating_point() else mine.copy_(new)
         self.step += 1
+        self.whole = True
         return {"loss": loss.detach(), **{name: value.detach() for name, value in terms.items()}}
 
 
 def train(config: TrainConfig, on_step=None) -> Path:
     """Trains and returns the path of the weights (the averaged network).
 
-    on_step: called with the number of steps done after each.  Raises DataError where pairs or checkpoint do not fit.
+    on_step: called with the number of steps done after each.  Raises DataError where pairs or checkpoint do not fit, and
+    then has changed nothing.
     """
     out = Path(config.out)
-    out.mkdir(parents=True, exist_ok=True)
     if config.threads:
         torch.set_num_threads(config.threads)
     with processes(config.device) as process:
@@ -194,14 +234,16 @@ def train(config: TrainConfig, on_step=None) -> Path:
             Path(config.perceptual_path) if config.perceptual_path else None, config.perceptual_weight,
             config.coverage_weight, config.steady_weight,
         ).to(process.device)
-        trainer = Trainer(config, process)
-        trainer.load()
-        weights = out / f"{weights_name(config.quality, filtered=config.filtered)}.safetensors"
+        trainer, facts = Trainer(config, process), config.facts(objective.name)
+        trainer.load(facts)
+        weights = out / f"{config.name}.safetensors"
         notes = {"perceptual": objective.name, "processes": process.count, "torch": torch.__version__, **asdict(config)}
-        if process.first:
-            (out / "config.json").write_text(json.dumps(notes, indent=1))
-        with TrainingLog(out, trainer.step, shown=process.first) as log:
-            _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, notes), on_step)
+        with made_folder(config.state):
+            if process.first:
+                adopt(out)
+                replace_text(config.state / "config.json", json.dumps(notes, indent=1))
+            with TrainingLog(config.state, trainer.step, shown=process.first) as log:
+                _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, facts, notes), on_step)
     return weights
 
 
@@ -210,23 +252,29 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
     start, last_save, limit = time.monotonic() - trainer.spent, time.monotonic(), config.minutes * 60
     loaders = config.loaders if config.loaders >= 0 else (os.cpu_count() or 1) - 1 if process.device.type == "cuda" else 0
     with Ahead(crops, config.batch, config.neighbours, process.rank, loaders) as ahead:
-        while trainer.step < config.steps:
-            trainer.spent = _of_the_first(process, trainer.spent)
-            if limit and trainer.spent >= limit:
-                break
-            batch = ahead.batch(trainer.step).to(process.device)
-            done = max(trainer.step / config.steps, trainer.spent / limit if limit else 0.0)
-            rate = config.learning_rate(trainer.step, done)
-            terms = trainer.advance(batch, objective, rate)
-            trainer.spent = time.monotonic() - start
-            log.step(trainer.step, terms, rate, trainer.spent)
-            log.pictures(trainer.step, trainer.averaged, batch)
-            if time.monotonic() - last_save > config.save_every:
+        try:
+            while trainer.step < config.steps:
+                trainer.spent = _of_the_first(process, trainer.spent)
+                if limit and trainer.spent >= limit:
+                    break
+                batch = ahead.batch(trainer.step).to(process.device)
+                done = max(trainer.step / config.steps, trainer.spent / limit if limit else 0.0)
+                rate = config.learning_rate(trainer.step, done)
+                with to_its_end():
+                    terms = trainer.advance(batch, objective, rate)
+                    trainer.spent = time.monotonic() - start
+                log.step(trainer.step, terms, rate, trainer.spent)
+                log.pictures(trainer.step, trainer.averaged, batch)
+                if time.monotonic() - last_save > config.save_every:
+                    save()
+                    last_save = time.monotonic()
+                if on_step is not None:
+                    on_step(trainer.step)
+            save()
+        except KeyboardInterrupt:
+            if trainer.whole and trainer.step > trainer.saved:
                 save()
-                last_save = time.monotonic()
-            if on_step is not None:
-                on_step(trainer.step)
-    save()
+            raise
 
 
 def _of_the_first(process: Process, seconds: float) -> float:

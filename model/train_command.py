@@ -4,6 +4,7 @@ Runs alone, or as ``torchrun --nproc-per-node N -m viewer train ...``: the first
 """
 
 import argparse
+import json
 import math
 import os
 import time
@@ -15,6 +16,7 @@ from model.seeds import MOST_SEED
 
 if TYPE_CHECKING:
     from model.data.truth import TruePlace
+    from model.record import Facts
 
 LEAST_CROP = 32
 """Pixels: of smaller crops the textures laid over them cannot be made, and a network learns nothing from them."""
@@ -62,10 +64,13 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if not options.data and not options.procedural:
         raise DataError("nothing to learn from: give folders with scene.json, or --procedural N")
+    if any((options.out / name).exists() for name in ("recipe.json", "pairs/filtered", "pairs/unfiltered")):
+        raise DataError(f"{options.out}: holds what --recipe made; choose another --out")
     from model.train import TrainConfig, train
 
+    facts = _facts(options)
     path = train(TrainConfig(
-        pairs=tuple(map(str, _pairs(options))), out=str(options.out), quality=options.quality,
+        pairs=tuple(map(str, _pairs(options, facts))), sources=_sources(facts), out=str(options.out), quality=options.quality,
         filtered=not options.unfiltered, steps=options.steps,
         minutes=60.0 if options.minutes is None else options.minutes, batch=options.batch,
         crop=options.crop, rate=options.rate, seed=options.seed, device=options.device,
@@ -136,41 +141,77 @@ def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
                                 f"than such crops; choose at most {min(width, height) // 2}")
 
 
+def _facts(options: argparse.Namespace) -> "Facts":
+    """What the pairs are made from."""
+    from model.record import resolved
+
+    return {"folders": resolved(options.data), "procedural": options.procedural, "seed": options.seed}
+
+
+def _sources(facts: "Facts") -> tuple[str, ...]:
+    """The same as a person would say it."""
+    made_up = (f"--procedural {facts['procedural']} --seed {facts['seed']}",) if facts["procedural"] else ()
+    return (*facts["folders"], *made_up)
+
+
 def _folders(listed: Path) -> list[Path]:
-    """The folders of pairs named in a list; none where there is no list, or an empty one as a refused run once left."""
-    return [listed.parent / name for name in listed.read_text().split()] if listed.is_file() else []
+    """The folders of pairs named in a list; none where there is no list, or where not all of them are there."""
+    folders = [listed.parent / name for name in listed.read_text().split()] if listed.is_file() else []
+    return folders if all(folder.is_dir() for folder in folders) else []
 
 
-def _pairs(options: argparse.Namespace) -> list[Path]:
-    """Folders of pairs at the pictures' own size and, with neighbours, at half of it, one of each for every picture size."""
+def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
+    """Folders of pairs at the pictures' own size and, with neighbours, at half of it, one of each for every picture size.
+
+    What they are made from lies beside them from the first on.  Raises DataError where that is something else.
+    """
     first = int(os.environ.get("RANK", 0)) == 0
-    listed = options.out / f"pairs-{'unfiltered' if options.unfiltered else 'filtered'}.txt"
+    name = f"pairs-{'unfiltered' if options.unfiltered else 'filtered'}"
+    listed, record = options.out / f"{name}.txt", options.out / f"{name}.json"
     while not first and not _folders(listed):
         time.sleep(1.0)
-    if kept := _folders(listed):
-        return kept
-    from model.data.pairs import build, by_size
-    from model.data.procedural import procedural_places
+    from model.data.procedural import procedural_place, procedural_places
     from model.data.sources import open_places
     from model.data.truth import DataError
-    from model.folders import made_folder
+    from model.folders import made_folder, replace_text
+    from model.record import read_record, refuse_other, refuse_other_pairs
 
+    made = sorted(path for path in options.out.glob(f"{name}-*-[12]") if path.is_dir())
+    kept, whole = read_record(record) if made else None, _folders(listed)
+    if kept is not None:
+        refuse_other(options.out, "its pairs were", kept, facts)
+        if whole:
+            return whole
+    numbers = range(options.seed, options.seed + options.procedural)
     places = open_places(options.data)
-    if options.procedural:
-        places += list(procedural_places(seeds=range(options.seed, options.seed + options.procedural)))
+    if made and kept is None:
+        scenes = {place.name for place in places} | {procedural_place(number).name for number in numbers}
+        refuse_other_pairs(made, facts, scenes, whole=bool(whole))
+    places += list(procedural_places(seeds=numbers))
     if not places:
         raise DataError(f"{options.data[0]}: holds no places to learn from; give other folders, or --procedural N")
     _check_sizes(places, options.crop)
-    folders = []
     with made_folder(options.out):
-        for number, alike in enumerate(by_size(places)):
-            for reduce in (1, 2):  # at half the size many points meet in a pixel
-                folder = options.out / f"{listed.stem}-{number}-{reduce}"
-                folders.append(folder)
-                if not folder.is_dir():
-                    build(alike, folder, seed=options.seed, preset="off" if options.unfiltered else "auto", reduce=reduce,
-                          neighbours=reduce == 2)
-    beside = listed.with_name(f"{listed.name}.{os.getpid()}.partial")
-    beside.write_text("\n".join(folder.name for folder in folders) + "\n")
-    beside.replace(listed)
+        replace_text(record, json.dumps(facts, indent=1))
+        folders = whole
+        try:
+            folders = folders or _build(places, options.out, name, unfiltered=options.unfiltered, seed=options.seed)
+        except BaseException:
+            if not any(path.is_dir() for path in options.out.glob(f"{name}-*-[12]")):
+                record.unlink(missing_ok=True)
+            raise
+        replace_text(listed, "\n".join(folder.name for folder in folders) + "\n")
+    return folders
+
+
+def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: bool, seed: int) -> list[Path]:
+    from model.data.pairs import build, by_size
+
+    folders = []
+    for number, alike in enumerate(by_size(places)):
+        for reduce in (1, 2):  # at half the size many points meet in a pixel
+            folder = out / f"{name}-{number}-{reduce}"
+            folders.append(folder)
+            if not folder.is_dir():
+                build(alike, folder, seed=seed, preset="off" if unfiltered else "auto", reduce=reduce, neighbours=reduce == 2)
     return folders

@@ -7,22 +7,29 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
+from model.folders import replace_text
+
 EVERY = 50  # steps between lines
 PICTURES_EVERY = 500
 
 
 class TrainingLog:
-    """Means of the loss's terms over EVERY steps.  shown: False in all processes but the first."""
+    """Means of the loss's terms over EVERY steps.  shown: False in all processes but the first.
+
+    step: done so far.  What an earlier call told of later ones, which its checkpoint does not hold, is cut off.
+    """
 
     def __init__(self, out: Path, step: int, *, shown: bool):
         self.shown, self.sums, self.count, self.last = shown, defaultdict(float), 0, 0.0
+        if shown:
+            _cut(out / "log.jsonl", step)
         self.file = (out / "log.jsonl").open("a") if shown else None
         self.board = None
         if shown:
             try:
                 from torch.utils.tensorboard import SummaryWriter
 
-                self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step)
+                self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)  # the first to go
             except ImportError:
                 print("no tensorboard: scalars go to log.jsonl only (pip install 'pointglass[train]')", flush=True)
 
@@ -63,3 +70,20 @@ class TrainingLog:
             made = network(batch.x[:4])[:, :3].float().clamp(0, 1)
         rows = torch.cat([batch.x[:4, :3], made, batch.colour[:4]], 3)
         self.board.add_image("filled, made, true", torch.cat(list(rows.cpu()), 1), step)
+
+
+def _cut(path: Path, step: int) -> None:
+    """Leaves of a log the lines up to a step; one that was torn goes, too."""
+    if not path.is_file():
+        return
+    text = path.read_text()
+    kept = "".join(line for line in text.splitlines(keepends=True) if line.endswith("\n") and _step_of(line) <= step)
+    if kept != text:
+        replace_text(path, kept)
+
+
+def _step_of(line: str) -> float:
+    try:
+        return json.loads(line)["step"]
+    except (ValueError, KeyError, TypeError):
+        return float("inf")

@@ -3,6 +3,7 @@
 A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
 """
 
+import signal
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -220,6 +221,7 @@ _worker: list[Crops] = []
 
 
 def _start_worker(crops: Crops) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all: the first process stops the others
     torch.set_num_threads(1)
     _worker.append(crops)
 

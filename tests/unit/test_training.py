@@ -56,7 +56,7 @@ def test_training_resumes_exactly_after_a_kill(pairs, tmp_path):
         train(_config(pairs, tmp_path / "parts", save_every=0.0), on_step=kill)
     parts = _state(train(_config(pairs, tmp_path / "parts")))
     assert all(torch.equal(whole[k], parts[k]) for k in whole)
-    assert config_from(tmp_path / "whole" / "config.json").crop == 32
+    assert config_from(tmp_path / "whole" / "fast-filtered" / "config.json").crop == 32
     assert not list(tmp_path.rglob("*.partial"))
 
 
@@ -66,7 +66,8 @@ def test_another_seed_trains_other_weights(pairs, tmp_path):
 
 
 def test_a_checkpoint_of_another_network_is_refused_by_name(pairs, tmp_path):
-    (tmp_path / "checkpoint.pt").write_bytes(b"not a checkpoint")
+    (tmp_path / "fast-filtered").mkdir()
+    (tmp_path / "fast-filtered" / "checkpoint.pt").write_bytes(b"not a checkpoint")
     with pytest.raises(DataError, match=r"checkpoint\.pt: not a checkpoint") as caught:
         train(_config(pairs, tmp_path))
     assert "\n" not in str(caught.value)
@@ -88,8 +89,8 @@ def test_two_processes_learn_from_the_mean_of_their_gradients(pairs, tmp_path):
     done = subprocess.run([*run, str(ROOT), str(pairs), str(tmp_path / "two")], capture_output=True, text=True,
                           timeout=240, env={**os.environ, "OMP_NUM_THREADS": "1"})
     assert done.returncode == 0, done.stderr[:3000]
-    assert json.loads((tmp_path / "two" / "config.json").read_text())["processes"] == 2
-    two = torch.load(tmp_path / "two" / "checkpoint.pt", weights_only=True)["network"]
+    assert json.loads((tmp_path / "two" / "fast-filtered" / "config.json").read_text())["processes"] == 2
+    two = torch.load(tmp_path / "two" / "fast-filtered" / "checkpoint.pt", weights_only=True)["network"]
 
     config = _config(pairs, tmp_path / "one", steps=2, batch=1, neighbours=0, warmup=1)
     trainer = Trainer(config, Process(0, 1, torch.device("cpu")))
@@ -112,8 +113,8 @@ def test_two_processes_learn_from_the_mean_of_their_gradients(pairs, tmp_path):
     def apart(a, b):
         return sum(float((a[k] - b[k]).square().sum()) for k in a) ** 0.5
 
-    alone = torch.load(train(_config(pairs, tmp_path / "alone", steps=2, batch=1, neighbours=0, warmup=1)).with_name(
-        "checkpoint.pt"), weights_only=True)["network"]
+    train(_config(pairs, tmp_path / "alone", steps=2, batch=1, neighbours=0, warmup=1))
+    alone = torch.load(tmp_path / "alone" / "fast-filtered" / "checkpoint.pt", weights_only=True)["network"]
     # Adam's first steps are nearly signs of gradients, so rounding moves a few weights far: norms, not maxima
     assert apart(one, two) < 0.2 * apart(one, start) < 0.2 * 2 * apart(one, alone)
 
@@ -312,10 +313,10 @@ def test_scalars_and_pictures_reach_tensorboard(pairs, tmp_path, monkeypatch):
     monkeypatch.setattr(training_log, "EVERY", 2)
     monkeypatch.setattr(training_log, "PICTURES_EVERY", 4)
     train(_config(pairs, tmp_path / "run"))
-    board = EventAccumulator(str(tmp_path / "run" / "tensorboard"))
+    board = EventAccumulator(str(tmp_path / "run" / "fast-filtered" / "tensorboard"))
     board.Reload()
     assert {"loss", "l1", "rate"} <= set(board.Tags()["scalars"])
-    lines = [json.loads(line) for line in (tmp_path / "run" / "log.jsonl").read_text().splitlines()]
+    lines = [json.loads(line) for line in (tmp_path / "run" / "fast-filtered" / "log.jsonl").read_text().splitlines()]
     told = {event.step: event.value for event in board.Scalars("loss")}
     assert told == pytest.approx({line["step"]: line["loss"] for line in lines}) and 8 in told
     picture = board.Images("filled, made, true")[-1]

@@ -1,0 +1,163 @@
+"""What pairs and checkpoints were made from, kept with them: a later run with the same goes on, one with another is refused.
+
+Facts are plain values by name, as JSON holds them: folders with their resolved paths, a seed, a batch.  What an earlier
+version left without facts is judged by what it did write down (``config.json``, ``pairs.json``).
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from model.data.truth import DataError
+from model.weights import WeightsError, load_weights, weights_name
+
+Facts = dict[str, Any]
+
+OPTIONS = {"folders": "folder", "start_from": "--start-from", "sources": "pairs of"} | {
+    name: f"--{name}" for name in ("batch", "crop", "perceptual", "procedural", "quality", "rate", "recipe", "seed")
+}
+"""How a person gives a fact; the others are called by their own names."""
+
+MOST_NAMED = 3  # values of a list, in a message
+
+
+def resolved(folders: Iterable[Path]) -> list[str]:
+    """Full paths: the same data under another name is the same."""
+    return [str(Path(folder).resolve()) for folder in folders]
+
+
+def refuse_other(where: Path, what: str, kept: Facts, wanted: Facts) -> None:
+    """Raises DataError, in one line, where facts that both know differ.
+
+    where: the folder; what: in it was made from ``kept``, "its pairs".  wanted: what this run would make it from.
+    """
+    wanted = json.loads(json.dumps(wanted))  # a tuple comes back as a list
+    differ = [_difference(OPTIONS.get(name, name), kept[name], wanted[name])
+              for name in wanted if name in kept and kept[name] != wanted[name]]
+    if differ:
+        raise DataError(f"{where}: {what} made with {' and '.join(differ)}; choose another --out")
+
+
+def _difference(label: str, kept: Any, wanted: Any) -> str:
+    if not (isinstance(kept, list) and isinstance(wanted, list)):
+        return f"{label} {'none' if kept is None else kept} (not {'none' if wanted is None else wanted})"
+    gone, new = [k for k in kept if k not in wanted], [w for w in wanted if w not in kept]
+    if gone and new:
+        return f"{label} {_listed(gone)} (not {_listed(new)})"
+    if gone or new:
+        return f"{label} {_listed(gone)}, too" if gone else f"no {label} {_listed(new)}"
+    return f"{label} in another order"
+
+
+def _listed(values: Sequence[Any]) -> str:
+    shown = ", ".join(map(str, values[:MOST_NAMED]))
+    return shown if len(values) <= MOST_NAMED else f"{shown} and {len(values) - MOST_NAMED} more"
+
+
+def read_record(path: Path, *names: str) -> Facts | None:
+    """The facts kept in a file, None where there is none.  Raises DataError where it cannot be read or lacks some ``names``."""
+    try:
+        data = json.loads(path.read_text())
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path}: cannot be read ({error}); choose another --out") from None
+    if not isinstance(data, dict) or not set(names) <= data.keys():
+        raise DataError(f"{path}: not a record of a training; choose another --out")
+    return data
+
+
+def pairs_facts(folders: Iterable[str]) -> list[str]:
+    """Folders of pairs by name and by what they say of themselves; where they lie does not matter."""
+    told = ((Path(folder), Path(folder) / "pairs.json") for folder in folders)
+    return [f"{folder.name} {_digest([json.read_bytes()])}" if json.is_file() else folder.name for folder, json in told]
+
+
+def start_fact(path: str | None, out: Path) -> str | None:
+    """Weights to begin with: those of this run's own folder by name, as they may be trained on; others by their contents."""
+    if path is None:
+        return None
+    if Path(path).resolve().is_relative_to(out.resolve()):
+        return Path(path).stem
+    state: dict[str, Tensor] = load_weights(Path(path))[0].state_dict()
+    return f"weights {_digest(name.encode() + value.numpy().tobytes() for name, value in sorted(state.items()))}"
+
+
+def _digest(parts: Iterable[bytes]) -> str:
+    """First 12 hex digits of the SHA-256 of parts."""
+    found = hashlib.sha256()
+    for part in parts:
+        found.update(part)
+    return found.hexdigest()[:12]
+
+
+# ---- what earlier versions left
+
+
+KEPT = ("config.json", "log.jsonl", "tensorboard", "checkpoint.pt")
+"""What a training keeps in its folder.  The checkpoint last: as long as it has not been moved, moving is not done."""
+
+
+def earlier_owner(out: Path) -> str | None:
+    """The weights' name whose checkpoint an earlier version left in ``out`` itself; None where there is none.
+
+    Raises DataError where that cannot be told: several networks went on from one such checkpoint, each from the other's.
+    """
+    path = out / "checkpoint.pt"
+    if not path.is_file():
+        return None
+    choose = "choose another --out, or remove it"
+    # a move that was cut short has left the checkpoint and taken config.json along
+    for config in (out / "config.json", *sorted(out.glob("*/config.json"))):
+        facts = earlier_facts(config, out)
+        if {"quality", "filtered"} <= facts.keys() and (config.parent == out or not config.with_name(path.name).is_file()):
+            break
+    else:
+        raise DataError(f"{path}: of an earlier version, and no config.json says which network's; {choose}")
+    if all((out / f"{weights_name(facts['quality'], filtered=f)}.safetensors").is_file() for f in (True, False)):
+        raise DataError(f"{path}: of an earlier version, which trained {facts['quality']}-filtered and "
+                        f"{facts['quality']}-unfiltered from one checkpoint; {choose}")
+    return weights_name(facts["quality"], filtered=facts["filtered"])
+
+
+def earlier_facts(config: Path, out: Path) -> Facts:
+    """What ``config.json`` tells of the checkpoint beside it; no more than is sure, and nothing where it cannot be read."""
+    try:
+        facts = read_record(config) or {}
+    except DataError:
+        return {}
+    facts.pop("pairs", None)  # paths, which change when the folder is moved; train_command judges them by what is in them
+    try:
+        facts["start_from"] = start_fact(facts.get("start_from"), out)
+    except WeightsError:  # they are gone: it cannot be told
+        del facts["start_from"]
+    return facts
+
+
+def adopt(out: Path) -> None:
+    """Moves what an earlier version left in ``out`` itself to where it is now looked for."""
+    owner = earlier_owner(out)
+    if owner is None or (out / owner / "checkpoint.pt").is_file():  # that one is used
+        return
+    (out / owner).mkdir(exist_ok=True)
+    for name in KEPT:
+        if (out / name).exists():
+            (out / name).replace(out / owner / name)
+
+
+def refuse_other_pairs(folders: Sequence[Path], wanted: Facts, scenes: set[str], *, whole: bool) -> None:
+    """Judges pairs without a record by their ``pairs.json``.  scenes: the places' names.  whole: all folders are there.
+
+    Raises DataError where they were made from other places, or with another seed.
+    """
+    kept: set[str] = set()
+    for folder in folders:
+        told = read_record(folder / "pairs.json") or {}
+        refuse_other(folder, "its pairs were", told, {"seed": wanted["seed"]})
+        kept |= {pair["scene"] for pair in told.get("pairs", ())}
+    if kept - scenes or (whole and scenes - kept):
+        refuse_other(folders[0].parent, "its pairs were", {"places": sorted(kept)}, {"places": sorted(scenes)})

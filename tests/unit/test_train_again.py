@@ -1,0 +1,172 @@
+"""Training again into the same folder: the same goes on, other arguments are refused, every network has its own checkpoint."""
+
+import json
+import shutil
+
+import pytest
+import torch
+from rooms import make_room
+
+from model.weights import load_weights
+from viewer.cli import main
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory):
+    root = tmp_path_factory.mktemp("data")
+    return [make_room(root / name, view=(72, 96)) for name in ("one", "two")]
+
+
+@pytest.fixture(scope="module")
+def trained(rooms, tmp_path_factory):
+    """A folder with three steps of the filtered network on the first room."""
+    out = tmp_path_factory.mktemp("trained") / "run"
+    assert main(_line(out, rooms[0])) == 0
+    return out
+
+
+@pytest.fixture
+def run(trained, tmp_path):
+    return shutil.copytree(trained, tmp_path / "run")
+
+
+def _line(out, *more, steps=3):
+    return [str(word) for word in ("train", "--quality", "fast", "--batch", 2, "--crop", 32, "--device", "cpu", "--minutes", 0,
+                                   "--out", out, "--steps", steps, *more)]  # fmt: skip
+
+
+def _state(path):
+    return load_weights(path)[0].state_dict()
+
+
+def _notes(path):
+    return json.loads(load_weights(path)[1]["notes"])
+
+
+def _equal(a, b):
+    return all(torch.equal(a[k], b[k]) for k in a)
+
+
+def _contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def _as_before(run):
+    """Turns a folder into what earlier versions made: one checkpoint in the folder itself, and no record."""
+    state = run / "fast-filtered"
+    saved = torch.load(state / "checkpoint.pt", weights_only=True)
+    del saved["made_from"]
+    torch.save(saved, state / "checkpoint.pt")
+    notes = json.loads((state / "config.json").read_text())
+    del notes["sources"]
+    (state / "config.json").write_text(json.dumps(notes))
+    for name in ("config.json", "checkpoint.pt", "log.jsonl", "tensorboard"):
+        if (state / name).exists():
+            (state / name).rename(run / name)
+    shutil.rmtree(state)
+    (run / "pairs-filtered.json").unlink()
+
+
+def test_the_unfiltered_network_after_the_filtered_learns_by_itself(rooms, run, tmp_path):
+    assert main(_line(run, rooms[0], "--unfiltered")) == 0
+    assert main(_line(tmp_path / "alone", rooms[0], "--unfiltered")) == 0
+    both = [_state(run / f"fast-{kind}.safetensors") for kind in ("filtered", "unfiltered")]
+    assert not _equal(*both) and _equal(both[1], _state(tmp_path / "alone" / "fast-unfiltered.safetensors"))
+    assert _notes(run / "fast-unfiltered.safetensors")["pairs"][0].endswith("pairs-unfiltered-0-1")
+    assert main(_line(run, rooms[0], steps=4)) == 0, "and the filtered one goes on"
+    assert [_notes(run / f"fast-{kind}.safetensors")["step"] for kind in ("filtered", "unfiltered")] == [4, 3]
+
+
+@pytest.mark.parametrize("old", [False, True])
+@pytest.mark.parametrize(("other", "said"), [
+    (("ONE", "--seed", 77), "--seed 1 (not 77)"), (("ONE", "--batch", 3), "--batch 2 (not 3)"),
+    (("ONE", "--rate", 0.1), "--rate 0.001 (not 0.1)"), (("ONE", "--start-from", "WEIGHTS"), "--start-from none (not weights "),
+])
+def test_other_arguments_are_refused_and_nothing_changes(rooms, run, tmp_path, capsys, other, said, old):
+    shutil.copy(run / "fast-filtered.safetensors", tmp_path / "w.safetensors")
+    if old:
+        _as_before(run)
+    before = _contents(run)
+    names = {"ONE": rooms[0], "WEIGHTS": tmp_path / "w.safetensors"}
+    assert main(_line(run, *(names.get(word, word) for word in other), steps=6)) == 2
+    error = capsys.readouterr().err
+    assert said in error and str(run) in error and "choose another --out" in error and error.count("\n") == 1
+    after = _contents(run)
+    assert before.items() <= after.items() and len(after) <= len(before) + old  # the pairs' record, as far as they were right
+
+
+@pytest.mark.parametrize(("folders", "said"), [
+    (("TWO",), "/one (not /"), (("ONE", "TWO"), "no folder /"), (("/nonexistent/room",), "(not /nonexistent/room)"),
+    (("ONE", "--procedural", 1), "--procedural 0 (not 1)"),
+])
+def test_other_folders_are_refused_by_name(rooms, run, capsys, folders, said):
+    names, before = {"ONE": rooms[0], "TWO": rooms[1]}, _contents(run)
+    assert main(_line(run, *(names.get(word, word) for word in folders), steps=5)) == 2
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and _contents(run) == before
+
+
+def test_the_same_room_by_another_path_goes_on(rooms, run, monkeypatch):
+    monkeypatch.chdir(rooms[0].parent)
+    moved = run.rename(run.with_name("moved"))
+    assert main(_line(moved, "one/../one", steps=4)) == 0
+    assert _notes(moved / "fast-filtered.safetensors")["step"] == 4
+
+
+def test_pairs_that_were_begun_for_another_room_are_not_taken(rooms, tmp_path, monkeypatch, capsys):
+    from model.data import pairs
+
+    build = pairs.build
+
+    def stopped(places, out, **options):
+        if out.name.endswith("-2"):
+            raise KeyboardInterrupt
+        return build(places, out, **options)
+
+    monkeypatch.setattr(pairs, "build", stopped)
+    assert main(_line(tmp_path / "run", rooms[0])) == 130
+    monkeypatch.setattr(pairs, "build", build)
+    assert main(_line(tmp_path / "run", rooms[1])) == 2
+    assert "/one (not " in capsys.readouterr().err
+    assert main(_line(tmp_path / "run", rooms[0])) == 0
+
+
+def test_a_folder_of_an_earlier_version_goes_on_where_it_was(rooms, run, trained, tmp_path):
+    _as_before(run)
+    (run / "log.jsonl").write_text('{"step": 2}\n{"step": 50}\n')
+    assert main(_line(run, rooms[0], steps=5)) == 0
+    whole = shutil.copytree(trained, tmp_path / "whole")
+    assert main(_line(whole, rooms[0], steps=5)) == 0
+    assert _equal(_state(run / "fast-filtered.safetensors"), _state(whole / "fast-filtered.safetensors"))
+    assert not (run / "checkpoint.pt").exists() and (run / "fast-filtered" / "log.jsonl").read_text() == '{"step": 2}\n'
+    assert json.loads((run / "pairs-filtered.json").read_text())["folders"] == [str(rooms[0])]
+
+
+def test_one_checkpoint_of_two_networks_is_refused(rooms, run, capsys):
+    """As earlier versions left it: whose it is cannot be told."""
+    _as_before(run)
+    shutil.copy(run / "fast-filtered.safetensors", run / "fast-unfiltered.safetensors")
+    assert main(_line(run, rooms[0], steps=5)) == 2
+    error = capsys.readouterr().err
+    assert "fast-filtered and fast-unfiltered from one checkpoint" in error and error.count("\n") == 1
+
+
+def test_a_move_that_was_cut_short_is_ended(rooms, run):
+    _as_before(run)
+    (run / "fast-filtered").mkdir()
+    (run / "config.json").rename(run / "fast-filtered" / "config.json")
+    assert main(_line(run, rooms[0], steps=4)) == 0
+    assert _notes(run / "fast-filtered.safetensors")["step"] == 4
+
+
+def test_weights_are_known_by_their_contents(rooms, run, tmp_path, capsys):
+    first, same, other = (tmp_path / f"{name}.safetensors" for name in "abc")
+    for path in (first, same):
+        shutil.copy(run / "fast-filtered.safetensors", path)
+    start, out = (rooms[0], "--start-from"), tmp_path / "second"
+    assert main(_line(out, *start, first)) == 0 and main(_line(out, *start, same, steps=4)) == 0
+    assert main(_line(run, rooms[0], steps=4)) == 0
+    shutil.copy(run / "fast-filtered.safetensors", other)
+    assert main(_line(out, *start, other, steps=5)) == 2
+    assert "--start-from weights " in capsys.readouterr().err
+    assert _notes(out / "fast-filtered.safetensors")["step"] == 4

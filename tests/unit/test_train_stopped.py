@@ -1,0 +1,238 @@
+"""Training stopped by Ctrl-C or a kill: nothing done is lost, nothing is done twice, and nobody is shown a traceback."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from rooms import make_room
+
+from model import recipes, train, training_log
+from model.data.pairs import build
+from model.data.stations import load_scene
+from model.data.truth import DataError
+from model.interrupts import to_its_end
+from model.recipes import RECIPES, Recipe, Stage, follow
+from model.train import TrainConfig, Trainer
+from model.weights import load_weights
+
+ROOT = Path(__file__).resolve().parents[2]
+TINY = Recipe(0.05, 0.2, (
+    Stage("fast", True, 0.5, batch=2, crop=32),
+    Stage("fast", False, 0.3, after="fast-filtered", batch=2, crop=32),
+))
+
+
+@pytest.fixture(scope="module")
+def pairs(tmp_path_factory):
+    root = tmp_path_factory.mktemp("pairs")
+    build([load_scene(make_room(root / "box"))], root / "out", scans=1, variants=2, neighbours=True)
+    return root / "out"
+
+
+@pytest.fixture(scope="module")
+def rooms(tmp_path_factory):
+    root = tmp_path_factory.mktemp("rooms")
+    return [make_room(root / name / "room", view=(72, 96)) for name in "ab"]
+
+
+def _config(pairs, out, **changes):
+    return TrainConfig(**{"pairs": (str(pairs),), "out": str(out), "quality": "fast", "steps": 8, "batch": 2, "crop": 32,
+                          "neighbours": 1, "device": "cpu", **changes})
+
+
+def _state(path):
+    return load_weights(path)[0].state_dict()
+
+
+def _press():
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+def _step_of(out):
+    return torch.load(out / "fast-filtered" / "checkpoint.pt", weights_only=True)["step"]
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_ctrl_c_keeps_every_step_that_was_done(pairs, tmp_path, monkeypatch, within):
+    """Between two steps, or within one, which is then finished: the weights are those of a run that nobody stopped."""
+    advance = Trainer.advance
+
+    def pressed(self, *rest):
+        if within and self.step == 4:
+            _press()
+        return advance(self, *rest)
+
+    monkeypatch.setattr(Trainer, "advance", pressed)
+    whole = _state(train.train(_config(pairs, tmp_path / "whole"))) if not within else None
+    with pytest.raises(KeyboardInterrupt):
+        train.train(_config(pairs, tmp_path / "run"), on_step=lambda step: _press() if step == 5 and not within else None)
+    monkeypatch.undo()
+    assert _step_of(tmp_path / "run") == 5 and (tmp_path / "run" / "fast-filtered.safetensors").is_file()
+    whole = whole or _state(train.train(_config(pairs, tmp_path / "whole")))
+    parts = _state(train.train(_config(pairs, tmp_path / "run")))
+    assert all(torch.equal(whole[k], parts[k]) for k in whole)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler and not list(tmp_path.rglob("*.partial"))
+
+
+def test_half_a_step_is_not_kept(pairs, tmp_path, monkeypatch):
+    """A second Ctrl-C stops within a step: the checkpoint stays that of the last whole one."""
+    step = torch.optim.AdamW.step
+
+    def twice(self, *rest):
+        step(self, *rest)
+        if len(list(self.state.values())) and int(next(iter(self.state.values()))["step"]) == 4:
+            _press()
+            _press()
+
+    monkeypatch.setattr(torch.optim.AdamW, "step", twice)
+    with pytest.raises(KeyboardInterrupt):
+        train.train(_config(pairs, tmp_path, save_every=0.0))
+    assert _step_of(tmp_path) == 3
+
+
+def test_an_error_that_ctrl_c_brought_about_is_a_ctrl_c():
+    with pytest.raises(KeyboardInterrupt), to_its_end():
+        _press()
+        raise RuntimeError("the other process is gone")
+    with pytest.raises(RuntimeError), to_its_end():
+        raise RuntimeError("something else")
+
+
+def test_the_log_holds_every_step_once_after_a_kill(pairs, tmp_path, monkeypatch):
+    monkeypatch.setattr(training_log, "EVERY", 1)
+
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    def kill(step):
+        if step == 6:
+            raise MemoryError
+
+    with pytest.raises(MemoryError):  # nothing was saved: the next call begins anew
+        train.train(_config(pairs, tmp_path), on_step=kill)
+    train.train(_config(pairs, tmp_path, steps=3))
+    log = tmp_path / "fast-filtered" / "log.jsonl"
+    with log.open("a") as file:
+        file.write('{"step": 4, "loss": 1.0}\n{"step": 5, "lo')
+    train.train(_config(pairs, tmp_path, steps=5))
+    assert [json.loads(line)["step"] for line in log.read_text().splitlines()] == [1, 2, 3, 4, 5]
+    board = EventAccumulator(str(log.with_name("tensorboard")))
+    board.Reload()
+    assert [event.step for event in board.Scalars("loss")] == [1, 2, 3, 4, 5]
+
+
+def test_every_room_of_a_recipe_is_learned_from(rooms, tmp_path):
+    """Rooms of one name, and rooms of two picture sizes in one folder."""
+    make_room(tmp_path / "mixed" / "small", view=(72, 96))
+    make_room(tmp_path / "mixed" / "large", view=(80, 112))
+    made = follow(TINY, [*rooms, tmp_path / "mixed"], tmp_path / "run", minutes=0.05, perceptual=None, device="cpu",
+                  most_places=0)
+    found = {}
+    for path in (tmp_path / "run" / "pairs").glob("*/*/pairs.json"):
+        shape = train.Crops([path.parent], 32, 1).folders[0].truth.shape
+        found.setdefault((path.parents[1].name, path.parent.name[-1]), []).append(shape[2:])
+    assert {key: sorted(sizes) for key, sizes in found.items()} == {
+        ("filtered", "1"): [(72, 96)] * 3 + [(80, 112)], ("unfiltered", "1"): [(72, 96)] * 3 + [(80, 112)],
+        ("filtered", "2"): [(36, 48)] * 3 + [(40, 56)],
+    }
+    assert len(json.loads(load_weights(made[0])[1]["notes"])["pairs"]) == 8
+
+
+def test_crops_of_a_recipe_fit_into_its_pictures(tmp_path):
+    """Half of a procedural picture is 240 pixels high, the GPU's crops are 256: it was refused when its pairs were made."""
+    folders = []
+    for height in (480, 240):
+        folders.append(tmp_path / str(height))
+        folders[-1].mkdir()
+        for name, kind in (("inputs", np.float16), ("truth", np.uint8)):
+            np.save(folders[-1] / f"{name}.npy", np.zeros((1, 5, height, 4 * height // 3), kind))
+    stage = RECIPES["gpu"].stages[0]
+    assert [recipes._crop(stage, some) for some in (folders[:1], folders)] == [256, 240]
+
+
+def test_pairs_are_not_added_to_once_they_are_learned_from(rooms, tmp_path, monkeypatch):
+    def stopped(_config):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(recipes, "train", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            follow(TINY, rooms[:1], tmp_path, minutes=0.05, perceptual=None, device="cpu", most_places=0)
+    before = sorted(tmp_path.glob("pairs/*/*"))
+    monkeypatch.setattr(recipes, "_make_all", lambda *_: pytest.fail("pairs are made again"))
+    made = follow(TINY, rooms[:1], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=4)
+    assert sorted(tmp_path.glob("pairs/*/*")) == before and len(made) == 2
+
+
+def test_what_is_left_of_the_time_for_pairs_is_spent_and_no_more(tmp_path, monkeypatch):
+    """The first call spends a part and is stopped; the second goes on with the next place, for the rest."""
+    clock, given = [0.0], []
+
+    class Pool:
+        def submit(self, _leaving, _make, job, out, kinds, seed):
+            from concurrent.futures import Future
+
+            if clock[0] >= stop:
+                raise KeyboardInterrupt
+            given.append(job.name)
+            clock[0] += 10.0
+            for *_, folder in job.targets(Path(out), kinds):
+                folder.mkdir(exist_ok=True)
+            future = Future()
+            future.set_result(job.name)
+            return future
+
+    from contextlib import nullcontext
+    from types import SimpleNamespace
+
+    monkeypatch.setattr(recipes, "workers", lambda _count: nullcontext(Pool()))
+    monkeypatch.setattr(recipes, "usable_processors", lambda: 1)
+    monkeypatch.setattr(recipes, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    facts, stop = {"seed": 1, "folders": []}, 30.0
+    with pytest.raises(KeyboardInterrupt):
+        recipes.make_pairs(TINY, [], tmp_path, facts, 50.0, 99)
+    assert given == ["place-0", "place-1", "place-2"]
+    stop, clock[0] = 1e9, 1000.0
+    (tmp_path / "pairs" / "filtered" / "place-2-2").rmdir()  # was under way
+    made = recipes.make_pairs(TINY, [], tmp_path, facts, 50.0, 99)
+    assert given[3:] == ["place-2", "place-3"] and len(made["filtered"]) == 8
+    assert recipes.make_pairs(TINY, [], tmp_path, facts, 500.0, 99) == made and len(given) == 5
+
+
+def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
+    def again(out, *folders, seed=1):
+        follow(TINY, folders, out, minutes=0.02, perceptual=None, device="cpu", most_places=0, seed=seed)
+
+    again(tmp_path, rooms[0])
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    for said, folders, seed in ((r"a/room \(not .*b/room", rooms[1:], 1), (r"--seed 1 \(not 2\)", rooms[:1], 2)):
+        with pytest.raises(DataError, match=said):
+            again(tmp_path, *folders, seed=seed)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+    (tmp_path / "recipe.json").unlink()  # as an earlier version left it
+    with pytest.raises(DataError, match="--seed"):
+        again(tmp_path, rooms[0], seed=2)
+    with pytest.raises(DataError, match="cannot be told"):
+        again(tmp_path, tmp_path.parent / "other")
+    again(tmp_path, rooms[0])
+
+
+def test_a_recipe_stopped_before_a_place_is_done_leaves_nothing_and_says_one_line(tmp_path):
+    """Ctrl-C as a terminal sends it: to every process of the command."""
+    line = [sys.executable, "-m", "viewer", "train", "--recipe", "night", "--out", str(tmp_path / "rec"), "--device", "cpu"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen(line, cwd=ROOT, start_new_session=True, **pipes)
+    deadline = time.monotonic() + 60
+    while not (tmp_path / "rec" / "recipe.json").is_file():
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.05)
+    time.sleep(1.5)
+    os.killpg(process.pid, signal.SIGINT)
+    _, error = process.communicate(timeout=60)
+    assert (process.returncode, error) == (130, "pointglass: stopped\n") and not list(tmp_path.iterdir())
