@@ -75,8 +75,9 @@ class Histogram:
         sample = sample[_near(sample)]
         if len(sample) == 0:
             sample = np.zeros((1, 3))
-        self.cell_size = cell_size or _first_cell_size(sample, wanted)
-        self.base = np.floor(np.quantile(sample, 0.5, axis=0, method="nearest") / self.cell_size)
+        low, middle, high = _quantiles(sample, (0.02, 0.5, 0.98))
+        self.cell_size = cell_size or _first_cell_size(sample, low, high, wanted)
+        self.base = np.floor(middle / self.cell_size)
         reach = np.stack([self.base - _REACH, self.base + _REACH]) * self.cell_size
         self.reach = np.clip(reach, -FARTHEST, FARTHEST)
         self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
@@ -199,12 +200,18 @@ def _near(xyz: np.ndarray) -> np.ndarray:
     return (x <= FARTHEST) & (y <= FARTHEST) & (z <= FARTHEST)
 
 
-def _first_cell_size(sample: np.ndarray, wanted: int) -> float:
-    """The smallest cells of which the sample, (n, 3) finite, occupies no more than ``wanted``.
+def _quantiles(sample: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
+    """(len(shares), 3): of each coordinate of (n, 3) the values nearest to these shares.  As np.quantile's "nearest", which
+    takes five times as long as sorting the columns."""
+    columns = np.sort(np.ascontiguousarray(sample.T), axis=1)
+    return columns[:, np.rint((len(sample) - 1) * np.array(shares)).astype(int)].T
+
+
+def _first_cell_size(sample: np.ndarray, low: np.ndarray, high: np.ndarray, wanted: int) -> float:
+    """The smallest cells of which the sample, (n, 3) finite, occupies no more than ``wanted``.  low, high: of its bulk.
 
     Cells much finer than the final ones would cost time, coarser ones the choice; never finer than float64 can tell.
     """
-    low, high = np.quantile(sample, (0.02, 0.98), axis=0, method="nearest")
     extent = float((high - low).max()) or float(np.ptp(sample, axis=0).max())
     # 2**16 positions of at least 2**-52 of the coordinate itself; of the bulk's, or one stray would decide for all
     finest = float(max(np.abs(low).max(), np.abs(high).max())) * 2.0**-36

@@ -5,6 +5,7 @@ refinement) lives around it.  A Renderer owns the scene's points on the GPU and 
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import TYPE_CHECKING
 
 from model.memory import give_back
@@ -115,8 +116,8 @@ class Renderer:
             "approximations": [*self._approximations(settings), *pages.approximations],
         }
         if hid[0] and rasteriser.hider is not None:
-            tally = rasteriser.hider.tally
-            facts["occlusion"] = tally  # looked up when asked for: it waits for the GPU
+            tally = cache(rasteriser.hider.tally)
+            facts["occlusion"] = tally  # looked up when asked for, and once: it waits for the GPU
             facts["points_drawn"] = lambda: drawn - tally()["points_hidden"]
             facts["approximations"].append("hidden cells skipped")
         mask = None
