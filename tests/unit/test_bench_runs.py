@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,6 +81,18 @@ def test_bench_frame(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "llvmpipe" in said or made["opengl"] in said
     assert "procedural scan, 20,000 points, 1 rooms, seed 1" in said and "1 % low" in said
+
+
+@pytest.mark.gl
+def test_on_a_gpu_frames_are_also_counted_in_a_row(tmp_path, capsys, monkeypatch):
+    from viewer.render import renderer
+
+    known = renderer.describe_device
+    monkeypatch.setattr(renderer, "describe_device", lambda context: replace(known(context), software=False))
+    made = made_by("frame", tmp_path, "--along", "views")
+    for stages in made["runs"][0]["views"].values():
+        assert stages["total"]["in_a_row_fps"] > 0
+    assert ", in a row " in capsys.readouterr().out
 
 
 @pytest.mark.gl

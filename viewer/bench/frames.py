@@ -1,6 +1,7 @@
 """Frame times by stage along a camera path or over eight named views, in each of the four views and at several sizes:
-p50, p95, p99, the slowest 1 % in frames a second, cold and warm."""
+p50, p95, p99, the slowest 1 % in frames a second, cold and warm; on a GPU also frames a second in a row."""
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ from viewer.settings import VIEWS, Settings
 if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.cloud.scene import Scene
+    from viewer.render.renderer import Renderer
 
 
 def one_percent_low(milliseconds: Sequence[float]) -> float:
@@ -27,6 +29,16 @@ def one_percent_low(milliseconds: Sequence[float]) -> float:
 def summary(milliseconds: Sequence[float]) -> dict[str, float]:
     """p50, p95 and p99, milliseconds."""
     return {f"p{q}": float(np.percentile(milliseconds, q)) for q in (50, 95, 99)}
+
+
+def in_a_row(renderer: "Renderer", cameras: "Sequence[Camera]", settings: Settings, view: str) -> float:
+    """Frames a second where none waits for the one before it, as in flight: on a GPU the host prepares the next meanwhile."""
+    renderer.context.finish()
+    begun = time.perf_counter()
+    for camera in cameras:
+        renderer.render(camera, settings, views=(view,))
+    renderer.context.finish()
+    return len(cameras) / (time.perf_counter() - begun)
 
 
 def cameras_along(scene: "Scene", along: str, size: tuple[int, int]) -> "list[Camera]":
@@ -71,6 +83,8 @@ def run_frames(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
                     for name, values in times.items()
                 }
                 run["views"][view]["total"]["low1_fps"] = one_percent_low(times["total"])
+                if not renderer.device.software:
+                    run["views"][view]["total"]["in_a_row_fps"] = in_a_row(renderer, cameras * repeats, settings, view)
                 run |= {"frames": len(cameras) * repeats, "points_drawn": float(np.mean(points))}
             runs.append(run)
             given = subject.facts(scene, renderer.device)
@@ -92,6 +106,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
         for view, stages in run["views"].items():
             for stage, v in stages.items():
                 low = f"   1 % low {v['low1_fps']:5.1f} frames/s" if "low1_fps" in v else ""
+                low += f", in a row {v['in_a_row_fps']:.1f}" if "in_a_row_fps" in v else ""
                 out.append((f"{size} {view}: {stage}", f"p50 {v['p50']:8.1f}   p95 {v['p95']:8.1f}   p99 {v['p99']:8.1f}"
                             f"   cold {v['cold_ms']:8.1f} ms{low}"))
     return out

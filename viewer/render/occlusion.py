@@ -136,7 +136,8 @@ class HiddenCells:
         self._test = programs.compute("occlusion_test.comp", **test)
         self._append = programs.compute("occlusion_append.comp", MAX_GROUPS=MAX_GROUPS, ROWS=rows, **cells)
         self._words = np.zeros(0, np.uint32)
-        self._visible = self._pages = self._serial = 0
+        self._visible = self._pages = self._serial = self._started = 0
+        self._tallies: dict[int, dict] = {}  # of the last frame that is over
 
     def begin(self) -> int:
         """A new frame; returns its number.  Until it has started there are no flags to be had."""
@@ -154,6 +155,8 @@ class HiddenCells:
 
     def start(self, known: np.ndarray, pages: int, batches: int) -> None:
         """Uploads what was seen, and clears the commands.  known: (V,) uint8.  batches: on all pages."""
+        self._keep_tally()
+        self._started = self._serial
         if len(self._words) < len(known):
             self._words = np.zeros(1 << max(len(known) - 1, 0).bit_length(), np.uint32)
         self._visible, self._pages = len(known), pages
@@ -224,13 +227,27 @@ class HiddenCells:
         program["page"], program["first_batch"] = page, first
         program.run_indirect(self._commands.buffer, 16 * page)
 
-    def tally(self) -> dict:
-        """cells_hidden and points_hidden of the last frame; waits for the GPU."""
+    @property
+    def serial(self) -> int:
+        """The number of the frame begun last."""
+        return self._serial
+
+    def tally(self, serial: int) -> dict:
+        """cells_hidden and points_hidden of a frame, the last or the one before it; of the last it waits for the GPU."""
+        return self._tallies[serial] if serial in self._tallies else self._tally()
+
+    def _keep_tally(self) -> None:
+        """Before its buffer is used again; its frame's flags have been read, so that nothing is waited for."""
+        if self._started:
+            self._tallies = {self._started: self._tally()}
+
+    def _tally(self) -> dict:
         found = np.frombuffer(self._commands.buffer.read(8, offset=16 * self._pages), np.uint32)
         return {"cells_hidden": int(found[0]), "points_hidden": int(found[1])}
 
     def release(self) -> None:
-        self._visible = 0
+        self._keep_tally()
+        self._visible = self._started = 0
         for resource in (self._pyramid, self._flags.buffer, self._commands.buffer, self._appended.buffer):
             resource.release()
 

@@ -5,7 +5,7 @@ refinement) lives around it.  A Renderer owns the scene's points on the GPU and 
 """
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 from model.memory import give_back
@@ -116,7 +116,8 @@ class Renderer:
             "approximations": [*self._approximations(settings), *pages.approximations],
         }
         if hid[0] and rasteriser.hider is not None:
-            tally = cache(rasteriser.hider.tally)
+            hider = rasteriser.hider
+            tally = cache(partial(hider.tally, hider.serial))
             facts["occlusion"] = tally  # looked up when asked for, and once: it waits for the GPU
             facts["points_drawn"] = lambda: drawn - tally()["points_hidden"]
             facts["approximations"].append("hidden cells skipped")

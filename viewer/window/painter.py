@@ -22,7 +22,9 @@ from viewer.window.session import Session
 if TYPE_CHECKING:
     import moderngl
 
+    from viewer.render.frame import Frame
     from viewer.render.renderer import Renderer
+    from viewer.window.picture import Plan
 
 _NO_MEMORY = "not enough memory for its points"
 _UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
@@ -42,7 +44,8 @@ class Painter:
         self._programs = Programs(context)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
-        self._frame = None
+        self._frame: Frame | None = None
+        self._untold: tuple[Plan, Frame] | None = None  # of a picture whose cost the session has not heard
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
         self._problem: str | None = None
@@ -65,6 +68,7 @@ class Painter:
                 self.renderer = None
                 return self.upload(loaded)
         self.renderer, self._frame, self._shown, self._problem = renderer, None, (), None
+        self._untold = None
         self._session.accept(loaded)
         self._intervals.clear()
         return True
@@ -96,7 +100,7 @@ class Painter:
                 self._seen if plan.hides else None, streaming=True,
             )  # fmt: skip
         except (PointglassError, MemoryError) as error:
-            self._frame = None
+            self._frame = self._untold = None
             session.failed(str(error) or _NO_MEMORY)
             return
         self._shown = plan.views
@@ -106,11 +110,24 @@ class Painter:
         else:
             self._intervals.clear()
         self._last_picture = now
-        session.drew(plan, self._frame.stats)
+        self._tell(plan, self._frame)
         if (problem := renderer.pages.problem) != self._problem:
             self._problem = problem
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
+
+    def _tell(self, plan: "Plan", frame: "Frame") -> None:
+        """Tells the session that a picture was made, and what it cost: while something moves, where that is known without
+        keeping the GPU waiting, which is when the next one is on its way."""
+        before, self._untold = self._untold, None
+        later = plan.moving and self.renderer is not None and not self.renderer.device.software
+        if later:
+            self._session.shown(plan, hides="occlusion" in frame.facts)
+            self._untold = plan, frame
+        if before is not None:
+            self._session.learn(before[0], before[1].stats)
+        if not later:
+            self._session.drew(plan, frame.stats)
 
     @property
     def frame_rate(self) -> float | None:
@@ -144,7 +161,7 @@ class Painter:
         plan, sides = session.full_plan, session.choice.sides
         frame = self.renderer.render(session.camera, session.choice.settings, tuple(dict.fromkeys(sides)))
         self._frame, self._shown = frame, sides
-        session.drew(plan, frame.stats)
+        self._tell(plan, frame)
         image = composite(frame.image(sides[0]))
         if len(sides) == 2:
             column = split_column(session.choice.split_at, session.size[0])

@@ -51,7 +51,11 @@ class Picture:
         made = self.made
         return made is None or (made.views, made.level) != (plan.views, plan.level) or (made.hides and not plan.hides)
 
-    def drew(self, plan: Plan, stats: dict) -> None:
-        """It was made as planned; ``stats`` as ``Frame.stats``."""
-        self.dirty, self.made, self.stats = False, replace(plan, hides="occlusion" in stats), stats
+    def drew(self, plan: Plan, *, hides: bool) -> None:
+        """It was made as planned.  hides: hidden cells were left out indeed."""
+        self.dirty, self.made = False, replace(plan, hides=hides)
+
+    def learn(self, plan: Plan, stats: dict) -> None:
+        """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
+        self.stats = stats
         self.pace.drew(plan.level, stats, moving=plan.moving)

@@ -98,8 +98,17 @@ class Session:
 
     def drew(self, plan: Plan, stats: dict) -> None:
         """A picture was made as planned; ``stats`` as ``Frame.stats``."""
-        self.picture.drew(plan, stats)
+        self.shown(plan, hides="occlusion" in stats)
+        self.learn(plan, stats)
+
+    def shown(self, plan: Plan, *, hides: bool) -> None:
+        """A picture was made as planned, and what it cost is told later.  hides: hidden cells were left out indeed."""
+        self.picture.drew(plan, hides=hides)
         self.choice.worked()
+
+    def learn(self, plan: Plan, stats: dict) -> None:
+        """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
+        self.picture.learn(plan, stats)
         if self.recording is not None:
             self.recording.add(self._clock(), stats, self.size, plan.views)
 
