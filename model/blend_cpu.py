@@ -15,10 +15,11 @@ import torch
 from torch import Tensor
 
 from model.compiled import compiled
-from model.unet import BLENDS, CONTRAST_AT, DARK, FILLED_WEIGHT, LEAST_CONTRAST, LUMA, MEAN_BLOCK, SPARSE
+from model.unet import BLENDS, CONTRAST_AT, DARK, FILLED_WEIGHT, HALF_BAND, LEAST_CONTRAST, LUMA, MEAN_BLOCK, SPARSE
 
 CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
 _RED, _GREEN, _BLUE = LUMA
+_OUTER, _BESIDE, _MIDDLE = HALF_BAND[:3]
 _F = np.float32
 _LEAST_ROWS = 32
 """Of a thread, since 15 above and below them are blurred too."""
@@ -153,19 +154,35 @@ def _mean_row(means, block, y, left, share, column, row):
 
 
 @compiled(nogil=True)
-def _finish_row(packed, out, light, around, cover, bounds, made):
+def _half_band_row(lights, y, height, line, row):
+    """Row y of the correction without its mesh (model.unet.without_mesh), edges repeated.  lights: (5, W), row k of the
+    correction in k % 5.  line: scratch, (W + 4,)."""
+    width = len(row)
+    a, b, c = lights[max(y - 2, 0) % 5], lights[max(y - 1, 0) % 5], lights[y % 5]
+    d, e = lights[min(y + 1, height - 1) % 5], lights[min(y + 2, height - 1) % 5]
+    middle = line[2 : 2 + width]
+    for x in range(width):
+        middle[x] = _F(_MIDDLE) * c[x] + _F(_BESIDE) * (b[x] + d[x]) + _F(_OUTER) * (a[x] + e[x])
+    line[:2], line[2 + width : 4 + width] = middle[0], middle[width - 1]
+    a, b, d, e = line[:width], line[1 : 1 + width], line[3 : 3 + width], line[4 : 4 + width]
+    for x in range(width):
+        row[x] = _F(_MIDDLE) * middle[x] + _F(_BESIDE) * (b[x] + d[x]) + _F(_OUTER) * (a[x] + e[x])
+
+
+@compiled(nogil=True)
+def _finish_row(packed, out, light, cover, bounds, made):
     """The correction of the light, and the coverage: made (W, 4) float32, 0..1, never NaN.
 
-    light, around, cover: (W,) of the network's channels: correction, its local mean, which is overwritten, coverage less 1.
+    light, cover: (W,) correction, which is overwritten, and coverage less 1.
     """
     bound, dense = bounds[0], bounds[1]
     red, green, blue = out[0], out[1], out[2]
-    for x in range(len(around)):
-        change = bound[x] * _tanh((light[x] - around[x]) / bound[x]) * min(max(dense[x] / _F(SPARSE), _F(0.0)), _F(1.0))
-        around[x] = _F(1.0) + change / max(_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x], _F(DARK))
-    for x in range(len(around)):
-        made[x, 0], made[x, 1] = _unit(red[x] * around[x]), _unit(green[x] * around[x])
-        made[x, 2] = _unit(blue[x] * around[x])
+    for x in range(len(light)):
+        change = bound[x] * _tanh(light[x] / bound[x]) * min(max(dense[x] / _F(SPARSE), _F(0.0)), _F(1.0))
+        light[x] = _F(1.0) + change / max(_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x], _F(DARK))
+    for x in range(len(light)):
+        made[x, 0], made[x, 1] = _unit(red[x] * light[x]), _unit(green[x] * light[x])
+        made[x, 2] = _unit(blue[x] * light[x])
         made[x, 3] = max(_unit(_F(1.0) + cover[x]), packed[x, CLOSED])
 
 
@@ -181,9 +198,10 @@ def _make(packed, blocks, block, means, made, first, last):
     kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # of blur k from row 2**(k + 1) - 2 + k
     out, bounds = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, 2, width), np.float32)
     smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
-    share, light = np.empty(blocks.shape[1] * block, np.float32), np.empty(blocks.shape[1] * block, np.float32)
-    around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
-    left, part = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32)
+    share, light = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
+    lights, around = np.empty((5, width), np.float32), np.empty(width, np.float32)
+    column = np.zeros((block, means.shape[2] + 1), np.float32)
+    left, part, lit = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32), max(first - 2, 0)
     _between(block, means.shape[2], left, part)
     for row in range(max(first - behind, 0), last + behind):
         if row < height:
@@ -209,10 +227,14 @@ def _make(packed, blocks, block, means, made, first, last):
             if number == CONTRAST_AT:
                 _contrast_row(smooth, bounds[place])
             if number + 1 == BLENDS:
-                _guide_row(blocks, block, 0, y, light)
+                while lit < min(y + 3, height):
+                    _guide_row(blocks, block, 0, lit, share)
+                    _mean_row(means, block, lit, left, part, column, around)
+                    np.subtract(share[:width], around, lights[lit % 5])
+                    lit += 1
+                _half_band_row(lights, y, height, line, light)
                 _guide_row(blocks, block, 1 + BLENDS, y, share)
-                _mean_row(means, block, y, left, part, column, around)
-                _finish_row(packed[y], out[place], light[:width], around, share[:width], bounds[place], made[y])
+                _finish_row(packed[y], out[place], light, share[:width], bounds[place], made[y])
 
 
 class Blender:

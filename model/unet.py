@@ -24,6 +24,9 @@ FILLED_WEIGHT = 0.05
 """How much an invented pixel counts in a blur, a measured one counting 1."""
 MEAN_BLOCK = 16
 """Pixels a side over which the correction has no mean: it may sharpen and mend, but not shift the light."""
+HALF_BAND = (-1 / 16, 4 / 16, 10 / 16, 4 / 16, -1 / 16)
+"""Along rows and columns of the correction: takes all of what goes to and fro from pixel to pixel and little else.  Made of
+blocks, the correction has such a mesh where a picture is even; a mean for each corner takes only what is steady of it."""
 CONTRAST_AT = 2
 """The blur, counted from 0, over which contrast and density are measured: 15x15 pixels."""
 LEAST_CONTRAST = 0.02
@@ -80,6 +83,11 @@ def local_mean(x: Tensor, phases: int = 1) -> Tensor:
     return F.pixel_shuffle(around, phases)[..., :height, :width]
 
 
+def without_mesh(x: Tensor, kernel: Tensor) -> Tensor:
+    """(B, 1, H, W) without what changes from pixel to pixel, edges repeated.  kernel: (1, 1, 5, 5), HALF_BAND both ways."""
+    return F.conv2d(F.pad(x, (len(HALF_BAND) // 2,) * 4, mode="replicate"), kernel.to(x.dtype))
+
+
 class CompactUNet(nn.Module):
     """(B, 5, H, W) -> (B, 4, H, W), RGB and coverage, to be clamped to 0..1.  Skips are added, not concatenated; no
     normalisation layers.
@@ -105,6 +113,8 @@ class CompactUNet(nn.Module):
         binomial = torch.tensor([0.25, 0.5, 0.25])
         kernel = (binomial[:, None] * binomial).expand(5, 1, 3, 3).clone()
         self.register_buffer("kernel", kernel, persistent=False)
+        taps = torch.tensor(HALF_BAND)
+        self.register_buffer("half_band", (taps[:, None] * taps)[None, None].clone(), persistent=False)
 
     def forward(self, x: Tensor) -> Tensor:
         """The blends are made in the precision of ``x``, the convolutions in that of the weights."""
@@ -130,7 +140,7 @@ class CompactUNet(nn.Module):
                 density = (sums[:, 3:4] - FILLED_WEIGHT) / (1.0 - FILLED_WEIGHT)
                 variance = sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()
                 limit = (variance.clamp_min(0.0) + LEAST_CONTRAST**2).sqrt()
-        light = guide[:, :1] - local_mean(guide[:, :1], self.block)
+        light = without_mesh(guide[:, :1] - local_mean(guide[:, :1], self.block), self.get_buffer("half_band"))
         light = limit * torch.tanh(light / limit) * (density / SPARSE).clamp(0.0, 1.0)
         return torch.cat([out * (1.0 + light / _luma(out).clamp_min(DARK)), 1.0 + guide[:, -1:]], 1)
 

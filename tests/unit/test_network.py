@@ -14,7 +14,7 @@ from model.data.truth import DataError
 from model.evaluation import evaluate, format_table
 from model.metrics import psnr, psnr_after_gain, ssim
 from model.reconstruct import CLOSED, VOID, Reconstructor, covered, fast_precision
-from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network
+from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network, without_mesh
 from model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
 
 
@@ -206,3 +206,14 @@ def test_what_the_corners_of_all_blocks_differ_by_leaves_no_pattern(block):
     with torch.no_grad():
         network.head.bias[: block**2] += torch.linspace(-0.2, 0.2, block**2) if block > 1 else 0.1
     assert torch.allclose(network(x), plain, atol=1e-5)
+
+
+def test_what_changes_from_pixel_to_pixel_is_taken_from_the_light_and_little_else():
+    kernel = CompactUNet(SIZES["fast"]).get_buffer("half_band")
+    y, x = torch.meshgrid(torch.arange(40.0), torch.arange(50.0), indexing="ij")
+    slowly = torch.cos(2 * torch.pi * (x + 2 * y) / 60)
+    for mesh in ((-1) ** x, (-1) ** y, (-1) ** (x + y)):
+        left = without_mesh((slowly * mesh)[None, None], kernel)
+        assert left[..., 2:-2, 2:-2].abs().max() < 0.03 and left.abs().max() < 1.0
+    edges = 0.3 + torch.cos(2 * torch.pi * x / 8)
+    assert (without_mesh(edges[None, None], kernel)[..., 2:-2] - edges[:, 2:-2]).abs().max() < 0.06
