@@ -29,6 +29,7 @@ assets: setup  ## make the demo scan and its cameras again (a minute or two)
 figures: setup  ## run the benches into out/bench and renew the README's figures from them (an hour)
 	@$(PYTHON) -m viewer.bench.figures
 	@$(PYTHON) -m viewer.bench.readme
+	@$(PYTHON) -m viewer.bench.readme_picture
 
 wheel: setup  ## build the wheel into dist/
 	@$(PYTHON) -m build --wheel --no-isolation

@@ -3,6 +3,9 @@
 import json
 from pathlib import Path
 
+import numpy as np
+import pytest
+
 from viewer.bench.figures import FIGURES, command
 from viewer.bench.figures import main as run_figures
 from viewer.bench.readme import BLOCKS, filled, main
@@ -136,3 +139,22 @@ def test_what_is_skipped_is_told_with_its_saving():
     for figure in ("81 ms", "6.1 times", "1.43 times", "*far* 1.8", "20 rooms of 100 M", "30% of the points", "44% of the time",
                    "0.051%"):
         assert figure in made, figure
+
+
+@pytest.mark.gl
+def test_the_picture_shows_four_views_and_is_where_the_readme_looks(tmp_path):
+    from PIL import Image
+
+    from viewer.bench.readme_picture import PICTURE, SIZE, main
+    from viewer.paths import assets_dir
+    from viewer.settings import Settings
+
+    assert f"](assets/{PICTURE.as_posix()})" in (assets_dir().parent / "README.md").read_text("utf-8")
+    with Image.open(main(tmp_path / "four.jpg", Settings(quality="fast"))) as picture:
+        shown = np.asarray(picture, int)
+    width, height = SIZE
+    views = [shown[4 + (height + 4) * row :, 4 + (width + 4) * column :][:height, :width] for row in (0, 1) for column in (0, 1)]
+    dark = [float((view.max(axis=-1) < 40).mean()) for view in views]
+    assert dark[1] > dark[0] > 0.2 and max(dark[2:]) < 0.05, "points on black, hidden ones gone, filled, repainted"
+    with Image.open(assets_dir() / PICTURE) as kept:
+        assert np.abs(np.asarray(kept, int)[:height] - shown[:height]).mean() < 4, "as it is drawn today"
