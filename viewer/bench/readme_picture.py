@@ -1,4 +1,4 @@
-"""The picture at the head of the README: ``python -m viewer.bench.readme_picture``; the demo's first camera in all four views."""
+"""The picture at the head of the README: ``python -m viewer.bench.readme_picture``; the first demo camera in all four views."""
 
 from pathlib import Path
 
