@@ -20,7 +20,7 @@ from model.data.truth import DataError
 from model.folders import made_folder, replace_text
 from model.interrupts import leaving, workers
 from model.processors import usable_processors
-from model.record import Facts, read_record, refuse_other, resolved
+from model.record import Facts, read_record, refuse_other, whereabouts
 from model.train import TrainConfig, train
 from model.train_command import LEAST_CROP
 from model.weights import weights_name
@@ -92,7 +92,8 @@ def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float
     Raises DataError where a folder cannot be used, or ``out`` holds something else, before anything is made.
     """
     name = next((name for name, known in RECIPES.items() if known == recipe), "of its own")
-    facts: Facts = {"recipe": name, "folders": resolved(folders), "seed": seed, "perceptual": "given" if perceptual else "none"}
+    facts: Facts = {"recipe": name, **whereabouts(out, folders), "seed": seed, "perceptual": "given" if perceptual else "none"}
+    sources = (*facts["folders"], "procedural places")
     pairs = make_pairs(recipe, folders, out, facts, minutes * 60 * recipe.data_share, most_places)
     made: dict[str, Path] = {}
     for stage in recipe.stages:
@@ -102,7 +103,7 @@ def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float
             pairs=tuple(map(str, mine)), out=str(out), quality=stage.quality, filtered=stage.filtered,
             steps=10**9, minutes=minutes * stage.share, batch=stage.batch, neighbours=stage.batch // 4, crop=_crop(stage, mine),
             rate=stage.rate, seed=seed, device=device, start_from=str(made[stage.after]) if stage.after else None,
-            perceptual_path=str(perceptual) if perceptual else None, sources=(*facts["folders"], "procedural places"),
+            perceptual_path=str(perceptual) if perceptual else None, sources=sources,
         ))
     if validation is not None:
         _judge(validation, made, out, perceptual)

@@ -1,11 +1,12 @@
 """What pairs and checkpoints were made from, kept with them: a later run with the same goes on, one with another is refused.
 
-Facts are plain values by name, as JSON holds them: folders with their resolved paths, a seed, a batch.  What an earlier
+Facts are plain values by name, as JSON holds them: where folders lie, a seed, a batch.  What an earlier
 version left without facts is judged by what it did write down (``config.json``, ``pairs.json``).
 """
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,18 @@ OPTIONS = {"folders": "folder", "start_from": "--start-from", "sources": "pairs 
 MOST_NAMED = 3  # values of a list, in a message
 
 
-def resolved(folders: Iterable[Path]) -> list[str]:
-    """Full paths: the same data under another name is the same."""
-    return [str(Path(folder).resolve()) for folder in folders]
+def whereabouts(out: Path, folders: Iterable[Path]) -> Facts:
+    """Where data lie: by full paths, the same under another name and when ``out`` is moved; and as seen from ``out``, the same
+    when all is moved together.  Either will do."""
+    base, full = Path(out).resolve(), [Path(folder).resolve() for folder in folders]
+    return {"folders": [str(folder) for folder in full], "from_here": [_relative(folder, base) for folder in full]}
+
+
+def _relative(folder: Path, base: Path) -> str:
+    try:
+        return Path(os.path.relpath(folder, base)).as_posix()
+    except ValueError:  # on another drive
+        return str(folder)
 
 
 def refuse_other(where: Path, what: str, kept: Facts, wanted: Facts) -> None:
@@ -36,6 +46,9 @@ def refuse_other(where: Path, what: str, kept: Facts, wanted: Facts) -> None:
     where: the folder; what: in it was made from ``kept``, "its pairs".  wanted: what this run would make it from.
     """
     wanted = json.loads(json.dumps(wanted))  # a tuple comes back as a list
+    if any(name in wanted and kept.get(name) == wanted[name] for name in ("folders", "from_here")):
+        wanted.pop("folders", None)
+    wanted.pop("from_here", None)
     differ = [_difference(OPTIONS.get(name, name), kept[name], wanted[name])
               for name in wanted if name in kept and kept[name] != wanted[name]]
     if differ:

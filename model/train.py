@@ -34,7 +34,7 @@ from model.weights import load_weights, save_weights, weights_name
 from model.whole import write_whole
 from model.widen import started_from
 
-DECIDING = ("quality", "filtered", "sources", "shares", "seed", "batch", "neighbours", "crop", "recolour", "rate", "warmup",
+DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "crop", "recolour", "rate", "warmup",
             "perceptual_weight", "coverage_weight", "steady_weight", "average")
 """Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
 
@@ -176,9 +176,11 @@ class Trainer:
                 self.averaged.load_state_dict(saved["averaged"])
                 self.optimiser.load_state_dict(saved["optimiser"])
                 self.step, self.spent = saved["step"], saved["spent"]
-            except (RuntimeError, KeyError, ValueError, EOFError, OSError, pickle.UnpicklingError) as error:
-                raise DataError(f"{path}: not a checkpoint of this training ({str(error).splitlines()[0]}); choose "
-                                "another --out, or remove it") from None
+            except (RuntimeError, KeyError, ValueError, TypeError, AttributeError, EOFError, OSError,
+                    pickle.UnpicklingError) as error:
+                said = (str(error).splitlines() or [type(error).__name__])[0]
+                raise DataError(f"{path}: not a checkpoint of this training ({said}); choose another --out, or remove "
+                                "it") from None
         self.saved = self.step
         if self.process.count > 1:  # all meet here: none still reads what the first then moves
             ids = [self.process.device.index] if self.process.device.type == "cuda" else None
@@ -271,7 +273,7 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
                 if on_step is not None:
                     on_step(trainer.step)
             save()
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, RuntimeError):  # or another process has gone, which may have heard Ctrl-C first
             if trainer.whole and trainer.step > trainer.saved:
                 save()
             raise

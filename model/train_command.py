@@ -70,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
 
     facts = _facts(options)
     path = train(TrainConfig(
-        pairs=tuple(map(str, _pairs(options, facts))), sources=_sources(facts), out=str(options.out), quality=options.quality,
+        pairs=tuple(map(str, _pairs(options, facts))), sources=_sources(options), out=str(options.out), quality=options.quality,
         filtered=not options.unfiltered, steps=options.steps,
         minutes=60.0 if options.minutes is None else options.minutes, batch=options.batch,
         crop=options.crop, rate=options.rate, seed=options.seed, device=options.device,
@@ -143,15 +143,15 @@ def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
 
 def _facts(options: argparse.Namespace) -> "Facts":
     """What the pairs are made from."""
-    from model.record import resolved
+    from model.record import whereabouts
 
-    return {"folders": resolved(options.data), "procedural": options.procedural, "seed": options.seed}
+    return {**whereabouts(options.out, options.data), "procedural": options.procedural, "seed": options.seed}
 
 
-def _sources(facts: "Facts") -> tuple[str, ...]:
+def _sources(options: argparse.Namespace) -> tuple[str, ...]:
     """The same as a person would say it."""
-    made_up = (f"--procedural {facts['procedural']} --seed {facts['seed']}",) if facts["procedural"] else ()
-    return (*facts["folders"], *made_up)
+    made_up = (f"--procedural {options.procedural} --seed {options.seed}",) if options.procedural else ()
+    return (*(str(Path(folder).resolve()) for folder in options.data), *made_up)
 
 
 def _folders(listed: Path) -> list[Path]:

@@ -76,7 +76,7 @@ def _cut(path: Path, step: int) -> None:
     """Leaves of a log the lines up to a step; one that was torn goes, too."""
     if not path.is_file():
         return
-    text = path.read_text()
+    text = path.read_text("utf-8", errors="replace")
     kept = "".join(line for line in text.splitlines(keepends=True) if line.endswith("\n") and _step_of(line) <= step)
     if kept != text:
         replace_text(path, kept)
@@ -84,6 +84,7 @@ def _cut(path: Path, step: int) -> None:
 
 def _step_of(line: str) -> float:
     try:
-        return json.loads(line)["step"]
+        step = json.loads(line)["step"]
     except (ValueError, KeyError, TypeError):
-        return float("inf")
+        step = None
+    return step if isinstance(step, int) else float("inf")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from model.data.truth import DataError
-from model.whole import write_whole
+from model.whole import passes_through, write_whole
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -106,6 +106,8 @@ def check_output(path: Path, suffixes: tuple[str, ...] = ()) -> None:
     """
     if suffixes and path.suffix.lower() not in suffixes:
         raise DataError(f"{path}: the name must end in {', '.join(suffixes)}")
+    if passes_through(path):
+        return
     if path.is_dir() or not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
         raise DataError(f"{path}: cannot be written; its folder must be there, and the name not a folder's")
 

@@ -1,6 +1,7 @@
 """Points that come when they are needed: a scene that fits opens with its coarse layers, and no byte of a picture tells."""
 
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from clouds import camera_in
 from paged import CHUNK_BYTES, CHUNKS, POINTS, SCENE, draw_list, drawn, expected, on_disk, pages_of, plain_batches
 
+from viewer.errors import DeviceError
 from viewer.render.batches import PageMap
 from viewer.render.points import PointPages
 from viewer.render.renderer import Renderer
@@ -168,6 +170,38 @@ def test_at_rest_points_that_no_picture_waits_for_come_without_a_picture(context
             arrived()
             painter.note_arrivals()
         assert not session.picture.dirty and not painter.note_arrivals()
+    finally:
+        painter.release()
+
+
+def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch):
+    """Neither beside it nor in its place: what was shown is made again, and nothing that is shown is gone."""
+    from viewer.settings import Memory
+
+    painted = SimpleNamespace(dirty=False)
+    said: list[tuple] = []
+    session = SimpleNamespace(accept=lambda _: None, notices=SimpleNamespace(say=lambda *text: said.append(text)),
+                              picture=painted, size=(64, 48), choice=SimpleNamespace(split_at=0.5))
+    painter = Painter(context, session, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    small, large = SCENE, replace(SCENE)
+    make, made = Painter._new, []
+
+    def new(self, scene):
+        made.append(scene)
+        if scene is large:
+            raise DeviceError("no memory left for the points")
+        return make(self, scene)
+
+    monkeypatch.setattr(Painter, "_new", new)
+    try:
+        assert painter.upload(SimpleNamespace(scene=small))  # type: ignore[arg-type]
+        painter._frame = painter.renderer.render(camera_in(SCENE, 1), Settings(view="filtered"))  # type: ignore[union-attr]
+        painter._shown = ("filtered",)
+        assert not painter.upload(SimpleNamespace(scene=large))  # type: ignore[arg-type]
+        assert [scene is large for scene in made] == [False, True, True, False] and len(said) == 1
+        assert painter.renderer is not None and painter.renderer.scene is small and painted.dirty
+        painter.show()
+        painter.renderer.render(camera_in(SCENE, 1), Settings(view="filtered"))
     finally:
         painter.release()
 

@@ -48,7 +48,7 @@ class Told:
         self.camera = from_fov(*SIZES[self.number % len(SIZES)], 60.0, look_at(self.eye, ahead))
         self.plan = Plan(("filled",), 64.0 + self.number, hides=moving, moving=moving)
 
-    def shown(self, plan, *, hides):
+    def shown(self, plan, *, hides, approximations):
         self.heard.append(("shown", plan.level, hides))
 
     def learn(self, plan, stats):
@@ -56,7 +56,7 @@ class Told:
         self.heard.append(("cost", plan.level, *(stats.get(name) for name in names)))
 
     def drew(self, plan, stats):
-        self.shown(plan, hides="occlusion" in stats)
+        self.shown(plan, hides="occlusion" in stats, approximations=())
         self.learn(plan, stats)
 
 
@@ -106,5 +106,23 @@ def test_while_something_moves_no_picture_waits_for_its_own_times(context, floor
             painter.paint()
             assert painter._frame.times._milliseconds is None  # type: ignore[union-attr]
         assert len(under_way) == 3 and not any(under_way)
+    finally:
+        painter.release()
+
+
+def test_the_last_picture_of_a_movement_is_told_at_rest_and_once(context, floor, monkeypatch):
+    known = module.describe_device
+    monkeypatch.setattr(module, "describe_device", lambda c: replace(known(c), software=False))
+    told = Told(floor[0])
+    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    try:
+        painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        for _ in range(3):
+            told.go_on()
+            painter.paint()
+        for _ in range(2):
+            painter.settle()
+        assert [entry[0] for entry in told.heard].count("cost") == 3
+        assert [entry[1] for entry in told.heard if entry[0] == "cost"] == [64.0, 65.0, 66.0]
     finally:
         painter.release()

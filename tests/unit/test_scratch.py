@@ -78,3 +78,17 @@ def test_a_folder_is_replaced_whole_and_kept_where_that_fails(tmp_path, monkeypa
     monkeypatch.undo()
     new(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["new"]
+
+
+@pytest.mark.parametrize("error", [OSError(24, "Too many open files"), PermissionError(13, "denied")])
+def test_what_keeps_a_folder_from_being_locked_is_said_and_leaves_nothing(tmp_path, monkeypatch, error):
+    def fails(_):
+        raise error
+
+    monkeypatch.setattr(scratch, "_hold", fails)
+    with pytest.raises(OSError, match=error.strerror):
+        new(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.setattr(scratch, "_hold", lambda folder: folder.rmdir())
+    with pytest.raises(OSError, match="removed by others"):
+        new(tmp_path)

@@ -67,6 +67,29 @@ def _as_before(run):
     (run / "pairs-filtered.json").unlink()
 
 
+def test_moved_together_with_its_rooms_it_goes_on(rooms, tmp_path, capsys):
+    """As on a machine that mounts a job's folder elsewhere every time."""
+    here, there = tmp_path / "job1", tmp_path / "job2"
+    shutil.copytree(rooms[0], here / "one")
+    shutil.copytree(rooms[1], tmp_path / "apart" / "one")
+    assert main(_line(here / "run", here / "one")) == 0
+    here.rename(there)
+    assert main(_line(there / "run", there / "one", steps=5)) == 0
+    assert torch.load(there / "run" / "fast-filtered" / "checkpoint.pt", weights_only=True)["step"] == 5
+    capsys.readouterr()
+    assert main(_line(there / "run", tmp_path / "apart" / "one", steps=6)) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and str(here / "one") in said and "choose another --out" in said
+
+
+@pytest.mark.parametrize("torn", [b"", b"\x80\x04]q\x00."])
+def test_what_is_no_checkpoint_is_one_line(rooms, run, capsys, torn):
+    (run / "fast-filtered" / "checkpoint.pt").write_bytes(torn)
+    assert main(_line(run, rooms[0], steps=4)) == 2
+    said = capsys.readouterr().err
+    assert "checkpoint.pt: not a checkpoint of this training" in said and said.count("\n") == 1
+
+
 def test_the_unfiltered_network_after_the_filtered_learns_by_itself(rooms, run, tmp_path):
     assert main(_line(run, rooms[0], "--unfiltered")) == 0
     assert main(_line(tmp_path / "alone", rooms[0], "--unfiltered")) == 0

@@ -1,6 +1,8 @@
 """Files written whole or not at all, links and devices included."""
 
 import os
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -41,3 +43,22 @@ def test_a_pipe_is_written_to_and_stays_one(tmp_path):
     write_whole(pipe, lambda beside: beside.write_text("figures"))
     listener.join(10.0)
     assert heard == ["figures"] and pipe.is_fifo() and list(tmp_path.iterdir()) == [pipe]
+
+
+@pytest.mark.parametrize("to_a_file", [False, True])
+def test_what_goes_to_standard_output_joins_what_is_there(tmp_path, to_a_file):
+    """In a pipe and in a file that a shell opened, which is not replaced."""
+    code = """
+from pathlib import Path
+from model.whole import passes_through, write_whole
+print("table")
+assert passes_through(Path("/dev/stdout"))
+write_whole(Path("/dev/stdout"), lambda beside: beside.write_text("figures"))
+"""
+    if to_a_file:
+        with (tmp_path / "said").open("a") as target:
+            subprocess.run([sys.executable, "-c", code], stdout=target, check=True)
+        said = (tmp_path / "said").read_text()
+    else:
+        said = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, text=True).stdout
+    assert said == "table\nfigures" and len(list(tmp_path.iterdir())) == to_a_file

@@ -139,6 +139,25 @@ def test_recording_has_a_row_a_frame(tmp_path):
     assert rows[0]["raster_ms"] == "2.000" and rows[0]["network_ms"] == ""
 
 
+def test_a_cost_told_later_is_recorded_when_and_as_large_as_its_picture_was(tmp_path):
+    made, clock = session()
+    made.recording = FrameTimes()
+    plans = []
+    for width in (640, 650, 660):
+        made.resize((width, 400))
+        plans.append(made.plan)
+        made.shown(plans[-1], hides=False, approximations=("coarse",) if width == 660 else ())
+        clock.now += 0.5
+    assert made.approximations[:1] == ["coarse"], "of the picture on the screen, whatever it cost"
+    clock.now += 100
+    for plan in plans:
+        made.learn(plan, stats(raster=3.0))
+    made.recording.save(tmp_path / "times.csv")
+    rows = list(csv.DictReader((tmp_path / "times.csv").open()))
+    assert [row["width"] for row in rows] == ["640", "650", "660"]
+    assert [float(row["seconds"]) for row in rows] == pytest.approx([0.0, 0.5, 1.0])
+
+
 def test_every_key_does_one_thing():
     keys = [key for control in controls.ALL for key in control.keys]
     assert len(keys) == len(set(keys))

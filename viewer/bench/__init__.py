@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from model.seeds import MOST_SEED
+from model.whole import passes_through
 from viewer.errors import InputError
 from viewer.settings import CHOICES
 
@@ -109,6 +110,8 @@ def _check(options: argparse.Namespace) -> None:
             continue
         if suffixes is not None and path.suffix.lower() not in suffixes:
             raise InputError(f"--{option} {path}: the name must end in {', '.join(suffixes)}")
+        if passes_through(path):
+            continue
         if not path.absolute().parent.is_dir():
             raise InputError(f"--{option} {path}: no such folder; make it first")
         if path.is_dir() or not os.access(path.absolute().parent, os.W_OK):

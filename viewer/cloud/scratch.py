@@ -4,6 +4,7 @@ The system lets go of a lock when its holder ends, however it ends, and shows it
 where a network's file system knows locks, on another machine.  There a process number says nothing.
 """
 
+import errno
 import os
 import re
 import secrets
@@ -19,6 +20,7 @@ except ImportError:  # Windows
     fcntl = None
 
 _OURS = re.compile(r"^\..+\.[0-9a-f]{8}\.\d+(\.old\.\d+)?\.tmp$")
+_TRIES = 100  # at a folder that nobody sweeps before it is locked
 _FORGOTTEN = 7 * 24 * 3600.0  # seconds that nothing in it changed, after which a folder is nobody's where there are no locks
 
 
@@ -36,16 +38,20 @@ def scratch(folder: Path) -> Iterator[Path]:
 
 
 def _begin(folder: Path) -> tuple[Path, int | None]:
-    while True:
+    for _ in range(_TRIES):
         work = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp")
         work.mkdir()
         try:
             lock = _hold(work)
-        except OSError:  # another swept it before it was locked
+        except (FileNotFoundError, BlockingIOError):  # another swept it before it was locked
             continue
+        except OSError:
+            work.rmdir()
+            raise
         if work.exists():
             return work, lock
         _let_go(lock)
+    raise OSError(errno.EBUSY, "what is being made there is removed by others")
 
 
 def sweep(parent: Path) -> None:

@@ -177,6 +177,8 @@ class App:
             stats = session.picture.stats
             if stats is not None and stats["total_ms"] > _LONG:
                 self._interface(shown=False)
+        elif not session.flight.moving:
+            self.painter.settle()
         if self._settle > 0 or not wait:
             self._settle = max(0, self._settle - 1)
             self._draw()

@@ -31,6 +31,7 @@ class Keeper:
     def record(self) -> Path | None:
         """Starts recording frame times, or stops and saves them."""
         session = self._session
+        self._painter.settle()
         if session.recording is None:
             session.recording = capture.FrameTimes()
             session.notices.toast("Recording frame times; F9 stops")

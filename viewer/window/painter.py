@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import PointglassError
+from viewer.errors import DeviceError, PointglassError
 from viewer.render.occlusion import Occlusion
 from viewer.render.points import UPLOAD_SECONDS
 from viewer.settings import Memory
@@ -22,6 +22,7 @@ from viewer.window.session import Session
 if TYPE_CHECKING:
     import moderngl
 
+    from viewer.cloud.scene import Scene
     from viewer.render.frame import Frame
     from viewer.render.renderer import Renderer
     from viewer.window.picture import Plan
@@ -54,24 +55,48 @@ class Painter:
 
     def upload(self, loaded: Loaded) -> bool:
         """Puts a loaded scene on the GPU.  False where that fails; the scene before it stays and a message says why."""
-        from viewer.render.renderer import Renderer
-
         try:
-            renderer = Renderer(self._context, loaded.scene, memory=self._memory, wake=self._wake)
+            renderer = self._made(loaded.scene)
         except (PointglassError, MemoryError) as error:
             self._session.notices.say("This scan cannot be shown", str(error) or _NO_MEMORY)
             return False
         if self.renderer is not None:
             self.renderer.release()
-            if renderer.pages.short:  # of the room that the scan before it has left only now
-                renderer.release()
-                self.renderer = None
-                return self.upload(loaded)
-        self.renderer, self._frame, self._shown, self._problem = renderer, None, (), None
-        self._untold = None
+        self._forget(renderer)
         self._session.accept(loaded)
         self._intervals.clear()
         return True
+
+    def _made(self, scene: "Scene") -> "Renderer":
+        """A renderer beside the one there is or, where the device has not room for both, in its place; where it has not room
+        for this scene alone, the one before is made again."""
+        try:
+            renderer = self._new(scene)
+        except (DeviceError, MemoryError):
+            if self.renderer is None:
+                raise
+        else:
+            if self.renderer is None or not renderer.pages.short:
+                return renderer
+            renderer.release()
+        before = self.renderer.scene
+        self.renderer.release()
+        self._forget(None)
+        try:
+            return self._new(scene)
+        except (PointglassError, MemoryError):
+            self._forget(self._new(before))
+            self._session.picture.dirty = True
+            raise
+
+    def _new(self, scene: "Scene") -> "Renderer":
+        from viewer.render.renderer import Renderer
+
+        return Renderer(self._context, scene, memory=self._memory, wake=self._wake)
+
+    def _forget(self, renderer: "Renderer | None") -> None:
+        """Takes another renderer, of which there is no picture yet."""
+        self.renderer, self._frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
 
     def note_arrivals(self) -> bool:
         """While no picture moves, which would take in its own: takes in points that have come, has the picture made again if it
@@ -120,14 +145,21 @@ class Painter:
         """Tells the session that a picture was made, and what it cost: while something moves, where that is known without
         keeping the GPU waiting, which is when the next one is on its way."""
         before, self._untold = self._untold, None
+        facts = frame.facts
         later = plan.moving and self.renderer is not None and not self.renderer.device.software
         if later:
-            self._session.shown(plan, hides="occlusion" in frame.facts)
+            self._session.shown(plan, hides="occlusion" in facts, approximations=facts["approximations"])
             self._untold = plan, frame
         if before is not None:
             self._session.learn(before[0], before[1].stats)
         if not later:
             self._session.drew(plan, frame.stats)
+
+    def settle(self) -> None:
+        """Tells what the last picture of a movement cost, which no other follows."""
+        before, self._untold = self._untold, None
+        if before is not None:
+            self._session.learn(before[0], before[1].stats)
 
     @property
     def frame_rate(self) -> float | None:

@@ -22,18 +22,20 @@ class Plan:
 
 class Picture:
     """dirty: whether it must be made again, as it is or otherwise.  made: how it was made, None where there is none.
-    stats: what it cost, as ``Frame.stats``.  pace: what a picture may leave out."""
+    approximations: what of it is not exact.  stats: what it, or the one before it, cost, as ``Frame.stats``.
+    pace: what a picture may leave out."""
 
     def __init__(self) -> None:
         self.pace = Pace()
         self.dirty = True
         self.made: Plan | None = None
         self.stats: dict | None = None
+        self.approximations: Sequence[str] = ()
 
     def begin(self, points: int) -> None:
         """A scene of so many points is shown now, and there is no picture of it yet."""
         self.pace.begin(points)
-        self.dirty, self.made, self.stats = True, None, None
+        self.dirty, self.made, self.stats, self.approximations = True, None, None, ()
 
     def renew(self) -> None:
         """The camera is elsewhere, or the settings are others: what was refined at rest is of no use."""
@@ -51,9 +53,9 @@ class Picture:
         made = self.made
         return made is None or (made.views, made.level) != (plan.views, plan.level) or (made.hides and not plan.hides)
 
-    def drew(self, plan: Plan, *, hides: bool) -> None:
+    def drew(self, plan: Plan, *, hides: bool, approximations: Sequence[str]) -> None:
         """It was made as planned.  hides: hidden cells were left out indeed."""
-        self.dirty, self.made = False, replace(plan, hides=hides)
+        self.dirty, self.made, self.approximations = False, replace(plan, hides=hides), approximations
 
     def learn(self, plan: Plan, stats: dict) -> None:
         """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""

@@ -10,7 +10,8 @@ told directly; what concerns several of them is here:
 Frame: file coordinates, world up = +z.  The clock counts seconds; any steady one will do.
 """
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -67,6 +68,7 @@ class Session:
         self.dragging_handle = False
         self.help, self.interface, self.panel = False, True, True
         self.recording: FrameTimes | None = None
+        self._shown_at: deque[tuple[float, tuple[int, int]]] = deque()  # of pictures whose cost is not known yet
 
     # -- what to draw ------------------------------------------------------------------------------------------------
 
@@ -98,23 +100,27 @@ class Session:
 
     def drew(self, plan: Plan, stats: dict) -> None:
         """A picture was made as planned; ``stats`` as ``Frame.stats``."""
-        self.shown(plan, hides="occlusion" in stats)
+        self.shown(plan, hides="occlusion" in stats, approximations=stats["approximations"])
         self.learn(plan, stats)
 
-    def shown(self, plan: Plan, *, hides: bool) -> None:
-        """A picture was made as planned, and what it cost is told later.  hides: hidden cells were left out indeed."""
-        self.picture.drew(plan, hides=hides)
+    def shown(self, plan: Plan, *, hides: bool, approximations: Sequence[str]) -> None:
+        """A picture was made as planned, and what it cost is told later, in the order that pictures were made.  hides: hidden
+        cells were left out indeed."""
+        self.picture.drew(plan, hides=hides, approximations=approximations)
         self.choice.worked()
+        self._shown_at.append((self._clock(), self.size))
 
     def learn(self, plan: Plan, stats: dict) -> None:
         """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
         self.picture.learn(plan, stats)
+        now, size = self._shown_at.popleft()
         if self.recording is not None:
-            self.recording.add(self._clock(), stats, self.size, plan.views)
+            self.recording.add(now, stats, size, plan.views)
 
     def failed(self, text: str) -> None:
         """A picture could not be made: says so and goes back to the settings that worked last."""
         self.notices.say("This picture cannot be made", text)
+        self._shown_at.clear()
         back = self.choice.fall_back()
         # with nothing left to try the window shows no picture until something changes
         self.picture.dirty, self.picture.made = back, None if back else self.plan
@@ -128,9 +134,9 @@ class Session:
     @property
     def approximations(self) -> list[str]:
         """Everything about the picture on the screen that is not exact, in words."""
-        made = list(self.picture.stats["approximations"]) if self.picture.stats else []
+        made = list(self.picture.approximations)
         if self.drawn != self.choice.sides and "neural" in self.choice.sides:
-            made.append("filled while moving")
+            made.append("filled while moving" if self._resizing_for <= 0 else "filled while resizing")
         return made
 
     # -- time and movement -------------------------------------------------------------------------------------------
@@ -202,6 +208,7 @@ class Session:
     def accept(self, loaded: loading.Loaded) -> None:
         """The scene was uploaded: visit it."""
         self.scene = loaded.scene
+        self._shown_at.clear()
         width, height = self.size if min(self.size) > 0 else (16, 9)
         state, start = start_state(loaded.scene, loaded.seen, width / height), self._start
         if start is not None:
