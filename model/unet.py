@@ -3,11 +3,11 @@
 ``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGBA of the same size.  It cannot
 invent a colour: at every pixel it chooses how far to blend the filled picture towards ever smoother versions of itself
 (measured pixels count most), and then lightens or darkens that mixture, by no more than the contrast of what was measured
-around it, without a local mean, and the less the farther measured pixels are.  A last channel says how far the pixel is
-covered, 0 in void and sky.  Without the blends, a plain residual network stayed at the identity for thousands of steps; with a
-mean, the correction glazed real scans with the light of the rooms it was trained on; free in colour and size, it drew
-coloured fringes and gratings beside holes of real scans.  It works
-at half resolution on 2x2 pixel blocks (space to depth), so every convolution is wide and cheap and no detail is lost, and
+around it, without a local mean and what goes to and fro from pixel to pixel, and the less the farther measured pixels are.  A
+last channel says how far the pixel is covered, 0 in void and sky.  Without the blends, a plain residual network stayed at the
+identity for thousands of steps; with a mean, the correction glazed real scans with the light of the rooms it was trained on;
+with what goes to and fro, even walls and paper showed a mesh; free in colour and size, it drew coloured fringes and gratings
+beside holes of real scans.  It works at half resolution on 2x2 pixel blocks (space to depth), so every convolution is wide and cheap and no detail is lost, and
 is fully convolutional: any size is padded and cropped.
 """
 
