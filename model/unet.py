@@ -7,8 +7,8 @@ around it, without a local mean and what goes to and fro from pixel to pixel, an
 last channel says how far the pixel is covered, 0 in void and sky.  Without the blends, a plain residual network stayed at the
 identity for thousands of steps; with a mean, the correction glazed real scans with the light of the rooms it was trained on;
 with what goes to and fro, even walls and paper showed a mesh; free in colour and size, it drew coloured fringes and gratings
-beside holes of real scans.  It works at half resolution on 2x2 pixel blocks (space to depth), so every convolution is wide and cheap and no detail is lost, and
-is fully convolutional: any size is padded and cropped.
+beside holes of real scans.  It works at half resolution on 2x2 pixel blocks (space to depth), so every convolution is wide and
+cheap and no detail is lost, and is fully convolutional: any size is padded and cropped.
 """
 
 import itertools
