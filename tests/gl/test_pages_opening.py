@@ -200,7 +200,7 @@ def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch)
         assert not painter.upload(SimpleNamespace(scene=large))  # type: ignore[arg-type]
         assert [scene is large for scene in made] == [False, True, True, False] and len(said) == 1
         assert painter.renderer is not None and painter.renderer.scene is small and painted.dirty
-        painter.show()
+        assert painter._frame is None and painter._shown == (), "of what is gone nothing is shown"
         painter.renderer.render(camera_in(SCENE, 1), Settings(view="filtered"))
     finally:
         painter.release()
