@@ -158,6 +158,16 @@ def test_a_cost_told_later_is_recorded_when_and_as_large_as_its_picture_was(tmp_
     assert [float(row["seconds"]) for row in rows] == pytest.approx([0.0, 0.5, 1.0])
 
 
+def test_after_a_failure_nothing_is_owed():
+    made, _ = session()
+    plan = made.plan
+    made.shown(plan, hides=False, approximations=())
+    made.failed("no memory")
+    made.learn(plan, stats(raster=3.0))  # whoever tells it all the same is heard
+    made.drew(plan, stats(raster=3.0))
+    assert made.picture.stats["stages"] == {"raster": 3.0}
+
+
 def test_every_key_does_one_thing():
     keys = [key for control in controls.ALL for key in control.keys]
     assert len(keys) == len(set(keys))

@@ -110,6 +110,7 @@ class Painter:
         try:
             return pages.take_in(_UPLOAD_SECONDS if pages.pending else UPLOAD_SECONDS)
         except (PointglassError, MemoryError) as error:
+            self._untold = None
             self._session.failed(str(error) or _NO_MEMORY)
             return False
 

@@ -113,7 +113,7 @@ class Session:
     def learn(self, plan: Plan, stats: dict) -> None:
         """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
         self.picture.learn(plan, stats)
-        now, size = self._shown_at.popleft()
+        now, size = self._shown_at.popleft() if self._shown_at else (self._clock(), self.size)
         if self.recording is not None:
             self.recording.add(now, stats, size, plan.views)
 
