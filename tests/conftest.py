@@ -3,6 +3,7 @@ torch's, and one headless context."""
 
 import os
 import secrets
+import signal
 from pathlib import Path
 
 import pytest
@@ -30,6 +31,13 @@ def own_cache(tmp_path_factory):
     patch.setenv("POINTGLASS_CACHE", str(tmp_path_factory.mktemp("cache")))
     yield
     patch.undo()
+
+
+@pytest.fixture(scope="session", autouse=True)
+def ctrl_c_is_heard():
+    """Also where the tests are started in the background, which a shell makes deaf to it, and with them what they start."""
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture
