@@ -191,13 +191,13 @@ def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: 
     """Does the jobs and what an earlier call began, then procedural places in turn until the time is spent."""
     begun = {path.name.rsplit("-", 1)[0] for path in _made(out, recipe)}
     places = [_Job(f"place-{number}", number=number) for number in range(most_places)]
-    todo = [job for job in (*jobs, *(place for place in places if place.name in begun)) if not job.done(out, recipe.kinds)]
+    ready = [job for job in (*jobs, *(place for place in places if place.name in begun)) if not job.done(out, recipe.kinds)]
     new = (place for place in places if place.name not in begun)
     count, waiting = usable_processors(), set()
     with workers(count) as pool:
         while True:
             while len(waiting) < count:
-                job = todo.pop(0) if todo else next(new, None) if progress.spent() < seconds else None
+                job = ready.pop(0) if ready else next(new, None) if progress.spent() < seconds else None
                 if job is None:
                     break
                 waiting.add(pool.submit(leaving, _make, job, str(out), recipe.kinds, seed))

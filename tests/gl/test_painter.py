@@ -86,7 +86,7 @@ def test_costs_are_those_of_their_own_picture_and_come_with_the_next(context, fl
     assert costs[0] == costs[1] and sum(entry[3] is not None for entry in costs[0]) > len(SIZES) // 2
     assert [entry for entry in at_once if entry[0] == "shown"] == [entry for entry in later if entry[0] == "shown"]
     kinds = [entry[0] for entry in later]
-    assert kinds[:5] == ["shown", "shown", "cost", "shown", "cost"], "one picture behind"
+    assert kinds[:5] == ["shown", "cost", "shown", "cost", "shown"], "one picture behind"
     assert kinds.count("shown") == kinds.count("cost") == len(SIZES) + 2, "at rest nothing is left untold"
 
 

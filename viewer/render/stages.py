@@ -17,6 +17,7 @@ HOST_STAGES = ("cull",)
 Told = Callable[[], float]
 """Tells milliseconds, waiting for what took them."""
 
+
 class Times:
     """Of one frame.  begun, submitted: seconds by the clock, of the call that made it.
 

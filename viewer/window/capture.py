@@ -2,12 +2,12 @@
 
 import csv
 import io
-import os
 from datetime import datetime
 from pathlib import Path
 
 import numpy as np
 
+from model.whole import write_whole
 from viewer.errors import InputError
 
 STAGES = ("cull", "raster", "filter", "fill", "network", "present")
@@ -29,14 +29,10 @@ def stamped(prefix: str, suffix: str, folder: Path) -> Path:
 
 def write_beside(path: Path, data: bytes) -> None:
     """Writes ``path`` in one step.  Raises InputError naming the file and the cause; nothing is left behind then."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        beside.write_bytes(data)
-        beside.replace(path)
+        write_whole(path, lambda beside: beside.write_bytes(data))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose a folder with room") from None
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def save_png(path: Path, image: np.ndarray) -> None:

@@ -145,15 +145,12 @@ class Painter:
     def _tell(self, plan: "Plan", frame: "Frame") -> None:
         """Tells the session that a picture was made, and what it cost: while something moves, where that is known without
         keeping the GPU waiting, which is when the next one is on its way."""
-        before, self._untold = self._untold, None
-        facts = frame.facts
-        later = plan.moving and self.renderer is not None and not self.renderer.device.software
-        if later:
+        self.settle()
+        if plan.moving and self.renderer is not None and not self.renderer.device.software:
+            facts = frame.facts
             self._session.shown(plan, hides="occlusion" in facts, approximations=facts["approximations"])
             self._untold = plan, frame
-        if before is not None:
-            self._session.learn(before[0], before[1].stats)
-        if not later:
+        else:
             self._session.drew(plan, frame.stats)
 
     def settle(self) -> None:
