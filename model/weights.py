@@ -6,13 +6,13 @@
 
 import hashlib
 import json
-import os
 from pathlib import Path
 
 import torch
 from torch import nn
 
 from model.unet import INPUT_CHANNELS, SIZES, make_network
+from model.whole import write_whole
 
 FORMAT = "pointglass-weights-3"
 _PACKAGE = Path(__file__).resolve().parent
@@ -47,13 +47,12 @@ def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool
         "channels": str(INPUT_CHANNELS), "notes": json.dumps(notes or {}),
     }
     tensors = {k: v.detach().to("cpu", torch.float16).contiguous() for k, v in network.state_dict().items()}
-    beside = path.with_name(f"{path.name}.{os.getpid()}.partial")
-    try:
+
+    def save(beside: Path) -> None:
         save_file(tensors, str(beside), header)
         beside.chmod(0o644)  # safetensors gives it to its owner alone
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+
+    write_whole(path, save)
 
 
 def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:
