@@ -102,7 +102,9 @@ def _add_nearest(draw: "DrawList", known: np.ndarray) -> None:
         return
     points = np.bincount(draw.slot, draw.count, len(known))
     enough = NEAREST * draw.points
-    if points @ known >= enough / 2:
+    # A sum, where a product would do: of this length BLAS shares one out, and its thread then turns idly for 25 ms on a
+    # processor that software OpenGL needs (19,000 cells in view, two processors: the raster stage took 1.4 times as long).
+    if points[known > 0].sum() >= enough / 2:
         return
     order = np.argsort(np.square(draw.cell_view[:, :3]).sum(axis=1), kind="stable")
     known[order[: np.searchsorted(points[order].cumsum(), enough) + 1]] = 1
