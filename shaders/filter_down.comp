@@ -3,11 +3,19 @@
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(rg32f, binding = 0) uniform writeonly image2D coarse;
+#ifdef FROM_KEYS
+layout(std430, binding = KEYS_BINDING) readonly buffer Keys { uint keys[]; };  // as raster_depth.comp leaves them
+uniform ivec2 size;
+#else
 uniform sampler2D fine;  // BASE: view-space z, +inf where empty; else near (x) and support (y)
+#endif
 
 vec2 child(ivec2 at, ivec2 extent) {
     if (any(greaterThanEqual(at, extent))) return vec2(0.0);
-#ifdef BASE
+#ifdef FROM_KEYS
+    uint key = keys[at.y * extent.x + at.x];
+    return key == 0u ? vec2(0.0) : vec2(1.0 / uintBitsToFloat(~key), 1.0);
+#elif defined(BASE)
     float z = texelFetch(fine, at, 0).x;
     return isinf(z) ? vec2(0.0) : vec2(1.0 / z, 1.0);
 #else
@@ -18,7 +26,11 @@ vec2 child(ivec2 at, ivec2 extent) {
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(at, imageSize(coarse)))) return;
+#ifdef FROM_KEYS
+    ivec2 extent = size;
+#else
     ivec2 extent = textureSize(fine, 0);
+#endif
     vec2 a = child(2 * at, extent), b = child(2 * at + ivec2(1, 0), extent);
     vec2 c = child(2 * at + ivec2(0, 1), extent), d = child(2 * at + ivec2(1, 1), extent);
     float top = max(max(a.x, b.x), max(c.x, d.x)), bottom = min(min(a.x, b.x), min(c.x, d.x));

@@ -4,10 +4,13 @@ One class for each family of presets; ``model/depth_filter.py`` is the twin and 
 at the top; mask is R8, 1 where kept; filtered is RGBA8, all zero where not.
 """
 
+import itertools
+
 import moderngl
 
 from model import depth_filter as twin
 from viewer.render import shader
+from viewer.render.shader import BINDINGS
 
 _SHARED = {
     "EMPTY": twin.EMPTY,
@@ -62,24 +65,27 @@ class DepthFilter:
         self._down = [context.texture(s, pair, dtype="f4") for s in sizes]
         self._up = [context.texture(s, 1, dtype="f4") for s in sizes] if preset != "npbg++" else []
         self._programs = _programs(programs, preset)
+        self._compile = programs.compute
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, *, strength: float = 1.0, metre: float = 1.0) -> None:
         """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance.  metre: file units in a metre."""
+        if self._down:
+            self._pass("down_base" if "down_base" in self._programs else "down", self._down[0].size, self._down[:1], fine=depth)
         tolerance, top = self._climb(depth, strength, metre, self.levels)
         name, size = ("quads", level_sizes(self.size, 1)[0]) if "quads" in self._programs else ("base", self.size)
         self._pass(name, size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
 
-    def _climb(self, depth: moderngl.Texture, strength: float, metre: float, levels: int) -> tuple[tuple, moderngl.Texture]:
-        """Down ``levels`` and up again to level 1.  Returns the tolerances and what level 0 is compared with."""
+    def _climb(self, bottom: moderngl.Texture, strength: float, metre: float, levels: int) -> tuple[tuple, moderngl.Texture]:
+        """From level 1, which is there, down to ``levels`` and up again.  Returns the tolerances and what level 0 is compared
+        with: ``bottom`` where there are no levels."""
         if self.preset == "auto":
             tolerance = (1.0 - twin.TOLERANCE * strength, twin.SLOPE * strength, 0.0)
         else:
             edge = twin.EDGE * (metre if self.preset == "paper-code" else 1.0)
             tolerance = (1.0 + twin.PARENT_RATIO * strength, edge, twin.NPBG_DEPTH * strength * metre)
-        for index, coarse in enumerate(self._down[:levels]):
-            self._pass("down_base" if index == 0 and "down_base" in self._programs else "down",
-                       coarse.size, [coarse], fine=self._down[index - 1] if index else depth)
-        top = self._down[levels - 1] if self._down else depth
+        for fine, coarse in itertools.pairwise(self._down[:levels]):
+            self._pass("down", coarse.size, [coarse], fine=fine)
+        top = self._down[levels - 1] if self._down else bottom
         if self.preset == "auto":
             self._mirror("top", levels)
             self._pass("top", self._up[levels - 1].size, [self._up[levels - 1]], tolerance, level=top)
@@ -97,11 +103,17 @@ class DepthFilter:
         if "mirror" in program:
             program["mirror"] = int(level in twin.MIRRORED)
 
-    def closing(self, depth: moderngl.Texture, *, strength: float, levels: int) -> moderngl.Texture:
+    def closing(self, keys: moderngl.Buffer, *, strength: float, levels: int) -> moderngl.Texture:
         """R32F, half the size: for each 2x2 pixels the inverse depth below which ``levels`` levels would remove a point, and
-        0 where they would not.  Preset auto only; valid until the next run.
+        0 where they would not.  keys: nearest depths of the whole picture, as the compute rasteriser keeps them.  Preset auto
+        only; valid until the next run.
         """
-        return self._climb(depth, strength, 1.0, min(levels, self.levels))[1]
+        if "down_keys" not in self._programs:  # only where cells are hidden
+            self._programs["down_keys"] = self._compile("filter_down.comp", FROM_KEYS=1, **_SHARED)
+        keys.bind_to_storage_buffer(BINDINGS["KEYS"])
+        self._programs["down_keys"]["size"] = self.size
+        self._pass("down_keys", self._down[0].size, self._down[:1])
+        return self._climb(self._down[0], strength, 1.0, min(levels, self.levels))[1]
 
     def _pass(self, name: str, size: tuple[int, int], outputs: list[moderngl.Texture],
               tolerance: tuple[float, float, float] | None = None, **inputs: moderngl.Texture) -> None:

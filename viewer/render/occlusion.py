@@ -132,7 +132,6 @@ class HiddenCells:
         shared = {"LEVELS": _LEVELS, "BLOCK_SHIFT": BLOCK_SHIFT}
         cells = {"CELLS_A_GROUP": _CELLS_A_GROUP}
         test = {"TEXELS": TEXELS, "REACH": REACH, "SHARE_BITS": SHARE_BITS, **shared, **cells}
-        self._depth = programs.compute("occlusion_depth.comp")
         self._blocks = programs.compute("occlusion_blocks.comp", BLOCK_SHIFT=BLOCK_SHIFT)
         self._reduce = programs.compute("occlusion_reduce.comp", **shared)
         self._test = programs.compute("occlusion_test.comp", **test)
@@ -170,20 +169,12 @@ class HiddenCells:
         self._commands.write(commands)
         self._appended.reserve(16 * batches)
 
-    def look(self, keys: moderngl.Buffer, depth: moderngl.Texture) -> None:
-        """Writes what was drawn so far to a depth texture."""
+    def build(self, keys: moderngl.Buffer, history: "History") -> None:
+        """The pyramid of what hides behind what was drawn so far."""
+        history.filter.closing(keys, strength=history.strength, levels=GAP_LEVELS).use(0)
         keys.bind_to_storage_buffer(BINDINGS["KEYS"])
-        depth.bind_to_image(0, read=False, write=True)
-        self._depth.run(*shader.groups(*self.size))
-        self.context.memory_barrier()
-
-    def build(self, depth: moderngl.Texture, history: "History") -> None:
-        """The pyramid of what hides behind a depth."""
-        gaps = history.filter.closing(depth, strength=history.strength, levels=GAP_LEVELS)
         self._pyramid.bind_to_storage_buffer(BINDINGS["PYRAMID"])
-        for unit, (name, texture) in enumerate((("depth", depth), ("gaps", gaps))):
-            texture.use(unit)
-            self._blocks[name] = unit
+        self._blocks["gaps"] = 0
         self._blocks["blocks"] = self._sizes[0]
         self._blocks.run(*shader.groups(*self._sizes[0]))
         self.context.memory_barrier()

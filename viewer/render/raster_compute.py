@@ -93,8 +93,7 @@ class ComputeRasteriser(Rasteriser):
                 self._draw(step, pages, page, int(bounds[2 * page]), int(bounds[2 * page + 1]))
             self.context.memory_barrier()
             if step is passes[0]:
-                hider.look(self.keys, self.depth)
-                hider.build(self.depth, history)
+                hider.build(self.keys, history)
                 hider.test(self.cells.buffer)
                 hider.append(self.upload.buffer, bounds)
                 self._bind()
