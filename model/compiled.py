@@ -26,19 +26,23 @@ def compiled(**options):
 
 @contextlib.contextmanager
 def unbroken() -> Iterator[None]:
-    """Ctrl-C during the block is raised at its end.
+    """Ctrl-C during the block, or SIGTERM where that is one, is raised at its end.
 
     For calls of seconds into a compiled loop on the main thread: an interrupt that is raised while numba turns results
     into Python's gives a SystemError, or a crash where there are several.
     """
-    if threading.current_thread() is not threading.main_thread() or not callable(before := signal.getsignal(signal.SIGINT)):
+    handlers = {stop: signal.getsignal(stop) for stop in (signal.SIGINT, signal.SIGTERM)}
+    usual = {stop: handler for stop, handler in handlers.items() if callable(handler)}
+    if threading.current_thread() is not threading.main_thread() or not usual:
         yield
         return
     came: list[tuple] = []
-    signal.signal(signal.SIGINT, lambda *call: came.append(call))
+    for stop in usual:
+        signal.signal(stop, lambda *call: came.append(call))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for stop, handler in usual.items():
+            signal.signal(stop, handler)
         if came:
-            before(*came[-1])
+            usual[came[-1][0]](*came[-1])

@@ -1,6 +1,7 @@
 """Ctrl-C during a training: a step is finished before it counts, and processes that make pairs leave without a word.
 
 A terminal sends Ctrl-C to every process of the command.  The first one says that it stops and sees to the others.
+SIGTERM, from whoever runs it for a person, is the same to the command line (viewer/__main__.py).
 """
 
 import contextlib
@@ -13,12 +14,13 @@ from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextlib.contextmanager
 def to_its_end() -> Iterator[None]:
     """Ctrl-C waits for the end of the block, a second one does not: half a step is no state to go on from."""
-    usual = signal.getsignal(signal.SIGINT) == signal.default_int_handler
+    usual = [stop for stop in STOPS if signal.getsignal(stop) == signal.default_int_handler]
     if not usual or threading.current_thread() is not threading.main_thread():
         yield  # whoever takes care of Ctrl-C in another way goes on doing so
         return
@@ -29,7 +31,8 @@ def to_its_end() -> Iterator[None]:
             raise KeyboardInterrupt
         pressed.append(number)
 
-    signal.signal(signal.SIGINT, note)
+    for stop in usual:
+        signal.signal(stop, note)
     try:
         yield
     except Exception as error:
@@ -37,7 +40,8 @@ def to_its_end() -> Iterator[None]:
             raise KeyboardInterrupt from error
         raise
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        for stop in usual:
+            signal.signal(stop, signal.default_int_handler)
     if pressed:
         raise KeyboardInterrupt
 

@@ -1,10 +1,13 @@
-"""``python -m viewer`` is ``pointglass``: the command line, and Ctrl-C while even that is still being imported."""
+"""``python -m viewer`` is ``pointglass``: the command line, and Ctrl-C or SIGTERM while even that is still being imported."""
 
+import signal
 import sys
 
 
 def main() -> int:
     """Runs the command line and returns its exit code."""
+    if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:  # a scheduler, `timeout`, a container that is stopped
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         from viewer.cli import main as run
 

@@ -133,7 +133,8 @@ def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
     assert (tmp_path / "c").is_dir()
 
 
-def test_ctrl_c_during_the_imports_is_one_line(tmp_path):
+@pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
+def test_ctrl_c_during_the_imports_is_one_line(tmp_path, stop):
     """A module of the command line's own that is slow to import stands for a slow disk."""
     import os
     import signal
@@ -146,7 +147,7 @@ def test_ctrl_c_during_the_imports_is_one_line(tmp_path):
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
                           preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)) as process:
         assert process.stdout is not None and process.stdout.readline() == "importing\n"
-        process.send_signal(signal.SIGINT)
+        process.send_signal(getattr(signal, stop))
         _, said = process.communicate(timeout=30)
     assert process.returncode == 130 and said == "pointglass: stopped\n"
 
@@ -164,7 +165,8 @@ def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys
     assert cli.main(["doctor"]) == 130 and capsys.readouterr().err == "pointglass: stopped\n"
 
 
-def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch):
+@pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
+def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch, stop):
     """Raised before, it was a crash of the process: of several results numba does not look whether each was made."""
     import signal
 
@@ -174,18 +176,18 @@ def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch
     whole = []
 
     def interrupted(*_):
-        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(number)
         whole.append(True)
 
-    place, before = Place(1, probe_rays=0), signal.default_int_handler
+    number, place, before = getattr(signal, stop), Place(1, probe_rays=0), signal.default_int_handler
     monkeypatch.setattr(shapes, "trace_rays", interrupted)
-    given = signal.signal(signal.SIGINT, before)  # a shell's background jobs are given none
+    given = signal.signal(number, before)  # a shell's background jobs are given none
     try:
         with pytest.raises(KeyboardInterrupt):
             place.shapes.trace(np.ones((1, 3)), np.array([[0.0, 0.0, 1.0]]))
-        assert whole and signal.getsignal(signal.SIGINT) is before
+        assert whole and signal.getsignal(number) is before
     finally:
-        signal.signal(signal.SIGINT, given)
+        signal.signal(number, given)
 
 
 def test_convert_of_a_torn_scan_leaves_no_folders(tmp_path, capsys):

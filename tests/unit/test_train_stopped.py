@@ -17,7 +17,7 @@ from model import recipes, train, training_log
 from model.data.pairs import build
 from model.data.stations import load_scene
 from model.data.truth import DataError
-from model.interrupts import to_its_end
+from model.interrupts import STOPS, to_its_end
 from model.recipes import RECIPES, Recipe, Stage, follow
 from model.train import TrainConfig, Trainer
 from model.weights import load_weights
@@ -51,34 +51,42 @@ def _state(path):
     return load_weights(path)[0].state_dict()
 
 
-def _press():
-    os.kill(os.getpid(), signal.SIGINT)
+def _press(number=signal.SIGINT):
+    os.kill(os.getpid(), number)
 
 
 def _step_of(out):
     return torch.load(out / "fast-filtered" / "checkpoint.pt", weights_only=True)["step"]
 
 
+@pytest.fixture(params=STOPS, ids=["ctrl-c", "sigterm"])
+def stop(request):
+    """Ctrl-C, or SIGTERM as the command line has it."""
+    before = signal.signal(request.param, signal.default_int_handler)
+    yield request.param
+    signal.signal(request.param, before)
+
+
 @pytest.mark.parametrize("within", [False, True])
-def test_ctrl_c_keeps_every_step_that_was_done(pairs, tmp_path, monkeypatch, within):
+def test_ctrl_c_keeps_every_step_that_was_done(pairs, tmp_path, monkeypatch, within, stop):
     """Between two steps, or within one, which is then finished: the weights are those of a run that nobody stopped."""
     advance = Trainer.advance
 
     def pressed(self, *rest):
         if within and self.step == 4:
-            _press()
+            _press(stop)
         return advance(self, *rest)
 
     monkeypatch.setattr(Trainer, "advance", pressed)
     whole = _state(train.train(_config(pairs, tmp_path / "whole"))) if not within else None
     with pytest.raises(KeyboardInterrupt):
-        train.train(_config(pairs, tmp_path / "run"), on_step=lambda step: _press() if step == 5 and not within else None)
+        train.train(_config(pairs, tmp_path / "run"), on_step=lambda step: _press(stop) if step == 5 and not within else None)
     monkeypatch.undo()
     assert _step_of(tmp_path / "run") == 5 and (tmp_path / "run" / "fast-filtered.safetensors").is_file()
     whole = whole or _state(train.train(_config(pairs, tmp_path / "whole")))
     parts = _state(train.train(_config(pairs, tmp_path / "run")))
     assert all(torch.equal(whole[k], parts[k]) for k in whole)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler and not list(tmp_path.rglob("*.partial"))
+    assert signal.getsignal(stop) is signal.default_int_handler and not list(tmp_path.rglob("*.partial"))
 
 
 def test_half_a_step_is_not_kept(pairs, tmp_path, monkeypatch):
@@ -223,8 +231,9 @@ def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
     again(tmp_path, rooms[0])
 
 
-def test_a_recipe_stopped_before_a_place_is_done_leaves_nothing_and_says_one_line(tmp_path):
-    """Ctrl-C as a terminal sends it: to every process of the command."""
+@pytest.mark.parametrize(("number", "to"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.killpg), (signal.SIGTERM, os.kill)])
+def test_a_recipe_stopped_before_a_place_is_done_leaves_nothing_and_says_one_line(tmp_path, number, to):
+    """Ctrl-C as a terminal sends it, to every process of the command; SIGTERM to all, or to the first one."""
     line = [sys.executable, "-m", "viewer", "train", "--recipe", "night", "--out", str(tmp_path / "rec"), "--device", "cpu"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(line, cwd=ROOT, start_new_session=True, **pipes)
@@ -233,6 +242,6 @@ def test_a_recipe_stopped_before_a_place_is_done_leaves_nothing_and_says_one_lin
         assert process.poll() is None and time.monotonic() < deadline
         time.sleep(0.05)
     time.sleep(1.5)
-    os.killpg(process.pid, signal.SIGINT)
+    to(process.pid, number)
     _, error = process.communicate(timeout=60)
     assert (process.returncode, error) == (130, "pointglass: stopped\n") and not list(tmp_path.iterdir())
