@@ -41,7 +41,7 @@ def _stops(scan: ProceduralScan, first: int, step: int) -> np.ndarray:
     stops = [scan.room_middle(order[0]) + (0.0, 0.0, EYE)]
     for here, there in itertools.pairwise(order):
         low, axis = min(here, there), 0 if abs(here - there) == 1 else 1
-        begin = scan._doors[low, 2 * axis + 1]
+        begin = scan.doors[low, 2 * axis + 1]
         if begin < 0:  # the rows' ends need not face each other where the last row is short
             break
         door = scan.room_middle(low) - PITCH * (0.5, 0.5, 0) + (0, 0, EYE)

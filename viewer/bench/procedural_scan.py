@@ -45,7 +45,8 @@ def rooms_for(points: int) -> int:
 class ProceduralScan(Source):
     """``points`` points of ``rooms`` rooms (default: by POINTS_PER_ROOM).  The same seed gives the same scan.
 
-    Raises InputError where there is less than a point a station.
+    doors: (rooms, 4) metres, where each room's doors begin along its walls (at x low, x high, y low, y high), -1 where there
+    is none.  Raises InputError where there is less than a point a station.
     """
 
     def __init__(self, points: int, rooms: int | None = None, seed: int = 1):
@@ -55,7 +56,7 @@ class ProceduralScan(Source):
             raise InputError(f"a procedural scan of {points} points in {self.rooms} rooms: at least {self.stations} are needed")
         self.columns = math.ceil(math.sqrt(self.rooms))
         self.seed = seed
-        self._boxes, self._doors = _furnish(self.rooms, self.columns, seed)
+        self._boxes, self.doors = _furnish(self.rooms, self.columns, seed)
         middle = self.station(len(STATIONS) * self.middle_room)
         super().__init__(
             Path(f"procedural-{points}-{self.rooms}-{seed}"), "procedural", count=points, units="metres", metres_per_unit=1.0,
@@ -94,7 +95,7 @@ class ProceduralScan(Source):
                 done = len(xyz) - (stop - start)
                 part = slice(done, done + upto - start)
                 _scan_rays(self.station(number), number // len(STATIONS), start - first, after - first, start, self.seed,
-                           self.columns, self._boxes, self._doors, xyz[part], rgb[part])
+                           self.columns, self._boxes, self.doors, xyz[part], rgb[part])
                 start = upto
             number += 1
         return xyz, rgb

@@ -5,14 +5,13 @@ its rotation and moved by its translation; a scan without a pose is taken to be 
 """
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from viewer.cloud import crs
+from viewer.cloud.e57_nodes import library, open_e57, pose_of, value_of
 from viewer.cloud.source import Chunk, ScanInfo, Source, stretch
 from viewer.errors import InputError
 
@@ -43,7 +42,7 @@ class E57Source(Source):
     def __init__(self, path: Path):
         super().__init__(path, "E57", units="metre", metres_per_unit=1.0)
         self._scans: list[_Scan] = []
-        with self._open() as file:
+        with open_e57(self.path) as file:
             root = file.root()
             self.crs = _crs(root)
             data = root["data3D"] if root.isDefined("data3D") else ()
@@ -56,38 +55,18 @@ class E57Source(Source):
             raise InputError(f"{path}: holds no points ({len(self.scans)} empty scan(s)); export it again")
         self._ranges: dict[int, tuple[float, float]] = {}
 
-    @contextmanager
-    def _open(self):
-        libe57 = _library()
-        file = None
-        try:
-            file = libe57.ImageFile(str(self.path), "r")
-            yield file
-        except libe57.E57Exception as error:
-            raise InputError(f"{self.path}: {_line(error)}; copy or export it again") from None
-        except RuntimeError as error:
-            raise InputError(f"{self.path}: cannot be read as E57: {_line(error)}; copy or export it again") from None
-        finally:
-            if file is not None and file.isOpen():
-                file.close()
-
     def _add(self, number: int, node) -> None:
-        libe57 = _library()
+        libe57 = library()
         name = node["name"].value() if node.isDefined("name") else ""
         name = name or f"scan {number + 1}"
         rotation, translation, position = np.eye(3), np.zeros(3), None
         if node.isDefined("pose"):
-            pose = node["pose"]
-            quaternion = _vector(pose, "rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
-            translation = _vector(pose, "translation", "xyz", (0.0, 0.0, 0.0))
-            length = np.linalg.norm(quaternion)
-            if np.isfinite(translation).all() and np.isfinite(length) and length > 1e-6:
-                rotation, position = _rotation(quaternion / length), tuple(translation.tolist())
+            placed = pose_of(node)
+            if placed is None:
+                self.warnings.append(f"{self.path.name}: pose of {name!r} is not usable, its points stay where they are")
             else:
-                translation = np.zeros(3)
-                self.warnings.append(
-                    f"{self.path.name}: pose of {name!r} is not usable, its points stay where they are"
-                )
+                rotation, translation = placed
+                position = tuple(translation.tolist())
         self.scans.append(ScanInfo(name, position))
         points = node["points"] if node.isDefined("points") else None
         count = int(points.childCount()) if points is not None else 0
@@ -149,9 +128,9 @@ class E57Source(Source):
 
     def _columns(self, number: int, names: list[str]) -> Iterator[dict[str, np.ndarray]]:
         """Yields fields of one scan as float64, scaled, up to _CHUNK rows at a time."""
-        libe57 = _library()
+        libe57 = library()
         done, count = 0, self._scans[number].count
-        with self._open() as file:
+        with open_e57(self.path) as file:
             points = file.root()["data3D"][number]["points"]
             capacity = min(_CHUNK, count)
             arrays = {name: np.empty(capacity) for name in names}
@@ -174,36 +153,6 @@ class E57Source(Source):
                     reader.close()
 
 
-def _library() -> Any:
-    """libe57 as pye57 brings it, a compiled module without types."""
-    import pye57
-
-    return getattr(pye57, "libe57")  # noqa: B009  (not declared by the package)
-
-
-def _number(node) -> float | None:
-    """The value of an integer, float or scaled-integer node."""
-    value = getattr(node, "scaledValue", None) or getattr(node, "value", None)
-    return float(value()) if value else None
-
-
-def _vector(parent, name: str, parts: str, otherwise) -> np.ndarray:
-    if not parent.isDefined(name):
-        return np.array(otherwise)
-    node = parent[name]
-    return np.array([_number(node[part]) if node.isDefined(part) else 0.0 for part in parts], np.float64)
-
-
-def _rotation(q: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation of a unit quaternion w, x, y, z."""
-    w, x, y, z = q
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip
-
-
 def _declared(node) -> tuple[float, float]:
     """The range a prototype node declares, scaled."""
     if hasattr(node, "scaledMinimum"):
@@ -214,7 +163,7 @@ def _declared(node) -> tuple[float, float]:
 def _limits(scan, group: str, names: tuple[str, str]) -> tuple[float, float] | None:
     if not scan.isDefined(group) or not all(scan[group].isDefined(name) for name in names):
         return None
-    low, high = (_number(scan[group][name]) for name in names)
+    low, high = (value_of(scan[group][name]) for name in names)
     return (low, high) if low is not None and high is not None and low < high < np.inf else None
 
 
@@ -246,7 +195,3 @@ def _crs(root) -> str | None:
         return None
     text = root["coordinateMetadata"].value()
     return crs.from_wkt(text)[0] or (text.strip()[:80] or None)
-
-
-def _line(error: Exception) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0][:160]

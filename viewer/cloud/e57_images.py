@@ -11,14 +11,12 @@ counterclockwise from x about z.  Masks are valid where they are not zero.
 """
 
 import io
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud.e57 import _library, _line, _number, _rotation, _vector
+from viewer.cloud.e57_nodes import first_line, library, open_e57, pose_of, value_of
 from viewer.cloud.source import check_file
 from viewer.errors import InputError
 
@@ -58,7 +56,7 @@ def read_photographs(path: Path, *, longest: int = 1024, most: int | None = None
     """
     check_file(path)
     photos: list[Photo] = []
-    with _open(path) as file:
+    with open_e57(path) as file:
         entries, warnings = _entries(path, file.root())
         weight = np.cumsum([6 if entry.spherical else 1 for entry in entries])
         if most is not None and len(entries) and weight[-1] > most:
@@ -69,8 +67,8 @@ def read_photographs(path: Path, *, longest: int = 1024, most: int | None = None
         for entry in entries:
             try:
                 photos += _sphere(entry, longest, warnings) if entry.spherical else [_pinhole(entry, longest)]
-            except _library().E57Exception as error:
-                raise InputError(f"{entry.label}: {_line(error)}; copy or export it again") from None
+            except library().E57Exception as error:
+                raise InputError(f"{entry.label}: {first_line(error)}; copy or export it again") from None
     return photos, warnings
 
 
@@ -85,22 +83,6 @@ class _Entry:
     pose: np.ndarray
     scan: int | None
     room: int
-
-
-@contextmanager
-def _open(path: Path) -> Iterator:
-    libe57 = _library()
-    file = None
-    try:
-        file = libe57.ImageFile(str(path), "r")
-        yield file
-    except libe57.E57Exception as error:
-        raise InputError(f"{path}: {_line(error)}; copy or export it again") from None
-    except RuntimeError as error:
-        raise InputError(f"{path}: cannot be read as E57: {_line(error)}; copy or export it again") from None
-    finally:
-        if file is not None and file.isOpen():
-            file.close()
 
 
 def _entries(path: Path, root) -> tuple[list[_Entry], list[str]]:
@@ -123,34 +105,23 @@ def _entries(path: Path, root) -> tuple[list[_Entry], list[str]]:
             warnings.append(f"{label} {why}; skipped")
             continue
         node = image[f"{kind}Representation"]
-        pose = _pose(image)
-        if pose is None:
+        placed = pose_of(image)
+        if placed is None:
             warnings.append(f"{label} has no usable pose; skipped")
         elif any("distortion" in part[i].elementName().lower() for part in (image, node) for i in range(part.childCount())):
             warnings.append(f"{label} is stored with its lens distortion, which is not undone; skipped")
         else:
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = placed
             guid = image["associatedData3DGuid"].value() if image.isDefined("associatedData3DGuid") else None
             room = path.stat().st_size
             entries.append(_Entry(label, name, kind == "spherical", node, pose, scans.get(guid), room))
     return entries, warnings
 
 
-def _pose(image) -> np.ndarray | None:
-    if not image.isDefined("pose"):
-        return None
-    quaternion = _vector(image["pose"], "rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
-    translation = _vector(image["pose"], "translation", "xyz", (0.0, 0.0, 0.0))
-    length = np.linalg.norm(quaternion)
-    if not (np.isfinite(translation).all() and np.isfinite(length) and length > 1e-6):
-        return None
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = _rotation(quaternion / length), translation
-    return pose
-
-
 def _value(entry: _Entry, name: str, *, positive: bool = True) -> float:
     node: object = entry.node
-    value = _number(node[name]) if node.isDefined(name) else None  # type: ignore[attr-defined, index]
+    value = value_of(node[name]) if node.isDefined(name) else None  # type: ignore[attr-defined, index]
     if value is None or not np.isfinite(value) or (positive and value <= 0):
         said = "no" if value is None else f"a {name} of {value:g} instead of a usable"
         raise InputError(f"{entry.label} has {said} {name}; export it again")
