@@ -1,5 +1,7 @@
 // The draw list of the compute rasteriser: a workgroup takes ROWS batches, all points of a batch are in one cell; LANES
 // invocations share them out.
+// THREADS: software OpenGL gives each of its threads one stretch of the workgroups that follow each other, a part of the scene
+// with more or less to do; they are dealt out instead, STRETCH at a time, so that neighbours in the picture stay together.
 // APPENDED: the list that occlusion_append.comp made of one page, as long as its command says.
 
 layout(std430, binding = POINTS_BINDING) readonly buffer Points { uint points[]; };
@@ -16,6 +18,11 @@ uniform uint first_batch;
 // The batches of this workgroup: from the first up to the second.
 uvec2 batches_here() {
     uint number = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
+#ifdef THREADS
+    const uint threads = uint(THREADS), stretch = uint(STRETCH);
+    uint rounds = gl_NumWorkGroups.x * gl_NumWorkGroups.y / (threads * stretch), dealt = number / stretch;
+    if (dealt < rounds * threads) number = (dealt % rounds * threads + dealt / rounds) * stretch + number % stretch;
+#endif
 #ifdef APPENDED
     uint batch_count = commands[page].w;
 #endif

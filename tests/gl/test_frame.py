@@ -10,6 +10,7 @@ from twin import twin_frame
 from viewer.bench.stress_points import mean_level
 from viewer.camera import Camera
 from viewer.cloud import scene_from_arrays
+from viewer.render import raster_compute
 from viewer.render.renderer import Renderer
 from viewer.settings import FILTERS, SOFT_Z, Settings
 
@@ -38,6 +39,11 @@ def assert_agrees(frame, twin, tolerance_pixels: int = 0):
     assert np.abs(image[..., :3] - filled)[same_alpha].max() <= 0.51
 
 
+def sums(renderer) -> np.ndarray:
+    """Colour sums and counts of the last picture: what the mean of a pixel's points does not tell."""
+    return np.frombuffer(renderer._rasterisers["compute"].sums.read(), np.uint32)
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("preset", list(FILTERS))
 def test_frame_agrees_with_twin(context, scale, preset):
@@ -50,6 +56,24 @@ def test_frame_agrees_with_twin(context, scale, preset):
             assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
     finally:
         renderer.release()
+
+
+@pytest.mark.parametrize(("threads", "stretch"), [(1, 8), (2, 1), (3, 2), (5, 1), (64, 8)])
+def test_every_batch_is_drawn_once_however_they_are_dealt_out(context, monkeypatch, drawn, threads, stretch, seed):
+    """Told by the sums: a batch drawn twice changes no mean."""
+    scene, renderer = drawn
+    camera, settings = camera_in(scene, seed, fov=100.0), Settings(raster="compute")
+    wanted = renderer.render(camera, settings, views=("raw",))
+    depth, colour = wanted.depth().copy(), wanted.image("raw").copy()
+    monkeypatch.setattr(raster_compute, "usable_processors", lambda: threads)
+    monkeypatch.setattr(raster_compute, "STRETCH", stretch)
+    other = Renderer(context, scene)
+    try:
+        frame = other.render(camera, settings, views=("raw",))
+        assert np.array_equal(frame.depth(), depth) and np.array_equal(frame.image("raw"), colour)
+        assert np.array_equal(sums(other), sums(renderer))
+    finally:
+        other.release()
 
 
 @pytest.mark.parametrize("soft_z", list(SOFT_Z))

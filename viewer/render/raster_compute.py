@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
+from model.processors import usable_processors
 from viewer.render import shader
 from viewer.render.batches import BatchTable
 from viewer.render.cull import DrawList
 from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History
 from viewer.render.raster import Rasteriser
-from viewer.render.shader import BATCH, BINDINGS, LANES, ROWS
+from viewer.render.shader import BATCH, BINDINGS, LANES, ROWS, STRETCH
 
 if TYPE_CHECKING:
     from viewer.cloud.residency import Round
@@ -32,16 +33,17 @@ class ComputeRasteriser(Rasteriser):
         super().__init__(programs, size, device)
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
         self.table = BatchTable(4, (0, 1, 2), BATCH)
-        self._lanes, self._rows = LANES[device.software], ROWS[device.software]
+        self._rows = ROWS[device.software]
+        self._shared = {"LANES": LANES[device.software], "ROWS": self._rows, "STRETCH": STRETCH,
+                        "THREADS": usable_processors() if device.software else None}
         self._steps: dict[tuple[bool, int | None], list[moderngl.ComputeShader]] = {}
 
     def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
         """Depth and colour.  appended: 1 for the list that the hider makes."""
         key = self.weighed, appended
         if key not in self._steps:
-            shared = {"LANES": self._lanes, "ROWS": self._rows, "APPENDED": appended}
             self._steps[key] = [
-                self.programs.compute(f"raster_{name}.comp", **shared, **more)
+                self.programs.compute(f"raster_{name}.comp", APPENDED=appended, **self._shared, **more)
                 for name, more in (("depth", {}), ("colour", self.weights))
             ]
         return self._steps[key]

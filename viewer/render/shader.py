@@ -27,6 +27,9 @@ beyond the processor's own eight come one after the other, whether a point is le
 ROWS = {False: 1, True: 8}
 """Batches that a workgroup takes, one after the other; on a GPU there cannot be workgroups enough.  In software one of eight
 takes 3 to 5 % less time than eight of one (10M to 100M points with a level of detail, most runs short)."""
+STRETCH = 8
+"""Workgroups that a thread of software OpenGL is dealt at a time: both passes over four scans took 0.92 to 1 of the time of
+one stretch for each of two threads; dealt singly up to 1.06, when both draw into the same pixels."""
 
 BINDINGS = {
     "FRAME": 0, "STATIONS": 1,
