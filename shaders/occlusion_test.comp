@@ -37,8 +37,7 @@ bool hidden(vec4 cell) {
     low = clamp(floor(low - 1.0), vec2(-1.0), extent);  // a pixel for rounding
     high = clamp(floor(high + 1.0), vec2(-1.0), extent);
     if (any(lessThan(high, vec2(0.0))) || any(greaterThanEqual(low, extent))) return true;  // beside the picture
-    uvec2 first = uvec2(max(low - REACH, vec2(0.0))) >> BLOCK_SHIFT;
-    uvec2 last = uvec2(min(high + REACH, extent - 1.0)) >> BLOCK_SHIFT;
+    uvec2 first = uvec2(max(low, vec2(0.0))) >> BLOCK_SHIFT, last = uvec2(min(high, extent - 1.0)) >> BLOCK_SHIFT;
     uint level = 0u;
     while (any(greaterThan((last >> level) - (first >> level), uvec2(TEXELS - 1u)))) ++level;
     uvec4 there = levels[level];

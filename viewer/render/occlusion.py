@@ -8,7 +8,8 @@ in a first frame and after a jump, the nearest cells are drawn first.
 
 A strict test against the depth alone would hide nothing, since 1x1 points leave gaps everywhere; and a plain closing of
 gaps hides what the filter lets through.  So it is for pictures behind the filter, and the filter that says what hides.
-It is an approximation even so: a point that shows nowhere may still sway the filter's verdict on those beside it.
+It is an approximation even so: a point that shows nowhere may still sway the filter's verdict on those beside it.  (Cells
+judged with 4 pixels around them left 4 to 10 % more points, and of five walks one had fewer wrong pixels: 0.019 % for 0.033 %.)
 """
 
 from dataclasses import dataclass
@@ -37,8 +38,6 @@ GAP_LEVELS = 1
 that come behind it: up to 0.5 % of pixels wrong (20 rooms, 20M points) instead of 0.03 %."""
 TEXELS = 8
 """A cell is tested against at most so many texels a side."""
-REACH = 4
-"""Pixels by which a cell's rectangle grows: what shows nowhere may still sway the filter's verdict on what is beside it."""
 NEAREST = 0.25
 """Share of the points, those of the nearest cells, that are drawn first where less than half as much is known (of the cells,
 too, which is sooner counted)."""
@@ -131,7 +130,7 @@ class HiddenCells:
         self._appended = shader.Grown(context)
         shared = {"LEVELS": _LEVELS, "BLOCK_SHIFT": BLOCK_SHIFT}
         cells = {"CELLS_A_GROUP": _CELLS_A_GROUP}
-        test = {"TEXELS": TEXELS, "REACH": REACH, "SHARE_BITS": SHARE_BITS, **shared, **cells}
+        test = {"TEXELS": TEXELS, "SHARE_BITS": SHARE_BITS, **shared, **cells}
         self._blocks = programs.compute("occlusion_blocks.comp", BLOCK_SHIFT=BLOCK_SHIFT)
         self._reduce = programs.compute("occlusion_reduce.comp", **shared)
         self._test = programs.compute("occlusion_test.comp", **test)
