@@ -1,5 +1,5 @@
-// Would nothing of a cell show?  The highest inverse depth of its points' box against the lowest of the pyramid over its
-// rectangle.
+// Would nothing of a cell show?  In each texel of the pyramid over its rectangle the highest inverse depth that its points'
+// box can have there, against the lowest that hides.
 // Of cells drawn already (flag 1 before): 1 where it could, 2 where it is hidden by others; of the rest 3 where it could,
 // so that it is to be drawn, and 0 where it is hidden.  The lowest bit: to be drawn first in the next frame.
 #include "common_project.glsl"
@@ -16,6 +16,20 @@ uniform uint cell_count;
 vec3 box_sides(uint code) {
     const uint mask = (1u << SHARE_BITS) - 1u;
     return vec3(code & mask, code >> SHARE_BITS & mask, code >> 2 * SHARE_BITS & mask);
+}
+
+// What no inverse depth of a box exceeds: that of the nearer of its two sides across one axis, affine in the picture.  xy: by how
+// much it grows from pixel to pixel; z: at pixel (0, 0), raised by what is gained within ``half_side`` pixels and by what float32
+// rounds.  Where the camera is between the two, they say nothing.
+vec3 bound_of_sides(vec3 along, vec3 corner, float first_step, float last_step, float half_side) {
+    float begin = dot(along, corner), scale = dot(along, along);
+    float low = begin + scale * first_step, high = begin + scale * last_step;
+    float slack = 1e-5 * (dot(abs(along), abs(corner)) + scale * last_step);
+    if (low <= slack && high >= -slack) return vec3(0.0, 0.0, 1e30);
+    vec3 side = along / (low > slack ? low - slack : high + slack);
+    vec2 slope = side.xy / lens.xy;
+    float size_of_terms = abs(side.z) + dot(abs(slope), abs(lens.zw) + vec2(size.xy));
+    return vec3(slope, side.z - dot(slope, lens.zw + soft.z) + half_side * (abs(slope.x) + abs(slope.y)) + 1e-6 * size_of_terms);
 }
 
 bool hidden(vec4 cell) {
@@ -43,10 +57,19 @@ bool hidden(vec4 cell) {
     uvec4 there = levels[level];
     first >>= level;
     last >>= level;
-    float lowest = 1e38;
+    float side = float(1u << (level + uint(BLOCK_SHIFT))), half_side = 0.5 * side + 1.0;  // a pixel for rounding
+    vec3 across = bound_of_sides(vec3(axis_x.x, axis_y.x, axis_z.x), cell.xyz, first_step.x, last_step.x, half_side);
+    vec3 along = bound_of_sides(vec3(axis_x.y, axis_y.y, axis_z.y), cell.xyz, first_step.y, last_step.y, half_side);
+    vec3 up = bound_of_sides(vec3(axis_x.z, axis_y.z, axis_z.z), cell.xyz, first_step.z, last_step.z, half_side);
+    bool shows = false;
     for (uint y = first.y; y <= last.y; ++y)
-        for (uint x = first.x; x <= last.x; ++x) lowest = min(lowest, pyramid[there.z + y * there.x + x]);
-    return nearest * lowest > 1.0 + 1e-5;  // more than float32 rounds by; false where anything would show
+        for (uint x = first.x; x <= last.x; ++x) {
+            vec3 middle = vec3((vec2(x, y) + 0.5) * side, 1.0);
+            float highest = min(min(1.0 / nearest, dot(across, middle)), min(dot(along, middle), dot(up, middle)));
+            bool behind = pyramid[there.z + y * there.x + x] > highest * (1.0 + 1e-5);  // more than float32 rounds by
+            shows = shows || (highest > 0.0 && !behind);
+        }
+    return !shows;
 }
 
 void main() {

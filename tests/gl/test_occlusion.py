@@ -18,7 +18,7 @@ from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_
 from viewer.camera import Camera, from_fov, look_at
 from viewer.cloud.boxes import SHARES
 from viewer.render.cull import Culler
-from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, WORTH, HiddenCells, Occlusion
+from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
 from viewer.render.renderer import Renderer
 from viewer.render.shader import BATCH, ROWS
 from viewer.settings import Settings
@@ -158,21 +158,25 @@ def test_what_hides_is_what_the_filter_says(floor):
 
     draw = Culler(scene).select(camera)
     flags = np.frombuffer(hider._flags.buffer.read(), np.uint32)[: len(draw.cells)]
-    pick = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
-    agreed = 0
-    for cell, seen in zip(draw.cells, flags, strict=True):
-        sides = scene.boxes[cell].reshape(2, 3) + np.array([[0], [1]])
-        corners = np.where(pick == 1, sides[1], sides[0]) * (scene.cell_size / SHARES)
-        x, y, z = camera.view_rotation @ (scene.cell_min[cell] + corners - camera.position).T
+    share = np.linspace(0.0, 1.0, 24)
+    spread = np.array(np.meshgrid(share, share, share)).reshape(3, -1).T
+    agreed = slanted = 0
+    for cell, seen in zip(draw.cells, flags & SEEN, strict=True):
+        low, high = scene.boxes[cell].reshape(2, 3) + np.array([[0], [1]])
+        places = (low + spread * (high - low)) * (scene.cell_size / SHARES)
+        x, y, z = camera.view_rotation @ (scene.cell_min[cell] + places - camera.position).T
         if z.min() <= 0:
             assert seen
             continue
-        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-        covered = occluder[max(int(v.min()), 0) : max(int(v.max()) + 1, 0), max(int(u.min()), 0) : max(int(u.max()) + 1, 0)]
-        away = covered.size == 0 or 1.0 / z.min() < covered.min()  # every pixel of it lies behind what is drawn there
+        u, v = (np.floor(w).astype(int) for w in (camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy))
+        inside = (u >= 0) & (u < SIZE[0]) & (v >= 0) & (v < SIZE[1])
+        over = occluder[v[inside], u[inside]]
+        away = (1.0 / z[inside] < over).all()  # every place in it lies behind what is drawn there
         assert away or seen, cell
         agreed += away and not seen
+        slanted += not seen and inside.any() and 1.0 / z.min() >= over.min()  # its nearest corner alone would not tell
     assert agreed > 10
+    assert slanted > 0
 
 
 @pytest.mark.parametrize("levels, strength", [(None, 0.3), (1, 1.0), (3, 3.0)])
