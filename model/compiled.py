@@ -7,6 +7,8 @@ from collections.abc import Iterator
 
 from numba import njit
 
+from model.signals import STOPS, handled
+
 
 def compiled(**options):
     """njit, kept on disk between runs where numba finds a folder it can write to: an installation may be read-only.
@@ -31,18 +33,14 @@ def unbroken() -> Iterator[None]:
     For calls of seconds into a compiled loop on the main thread: an interrupt that is raised while numba turns results
     into Python's gives a SystemError, or a crash where there are several.
     """
-    handlers = {stop: signal.getsignal(stop) for stop in (signal.SIGINT, signal.SIGTERM)}
-    usual = {stop: handler for stop, handler in handlers.items() if callable(handler)}
+    usual = {stop: handler for stop in STOPS if callable(handler := signal.getsignal(stop))}
     if threading.current_thread() is not threading.main_thread() or not usual:
         yield
         return
     came: list[tuple] = []
-    for stop in usual:
-        signal.signal(stop, lambda *call: came.append(call))
     try:
-        yield
+        with handled(usual, lambda *call: came.append(call)):
+            yield
     finally:
-        for stop, handler in usual.items():
-            signal.signal(stop, handler)
-        if came:
-            usual[came[-1][0]](*came[-1])
+        for call in came:
+            usual[call[0]](*call)

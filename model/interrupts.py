@@ -1,7 +1,7 @@
-"""Ctrl-C during a training: a step is finished before it counts, and processes that make pairs leave without a word.
+"""A training is stopped: a step is finished before it counts, and processes that make pairs leave without a word.
 
 A terminal sends Ctrl-C to every process of the command.  The first one says that it stops and sees to the others.
-SIGTERM, from whoever runs it for a person, is the same to the command line (viewer/__main__.py).
+SIGTERM, as a scheduler sends it, is to the command line the same.
 """
 
 import contextlib
@@ -13,13 +13,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
+from model.signals import STOPS, handled
+
 T = TypeVar("T")
-STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextlib.contextmanager
 def to_its_end() -> Iterator[None]:
-    """Ctrl-C waits for the end of the block, a second one does not: half a step is no state to go on from."""
+    """Ctrl-C or SIGTERM waits for the end of the block, a second Ctrl-C does not: half a step is no state to go on from."""
     usual = [stop for stop in STOPS if signal.getsignal(stop) == signal.default_int_handler]
     if not usual or threading.current_thread() is not threading.main_thread():
         yield  # whoever takes care of Ctrl-C in another way goes on doing so
@@ -27,21 +28,17 @@ def to_its_end() -> Iterator[None]:
     pressed: list[int] = []
 
     def note(number: int, _frame) -> None:
-        if pressed:
+        if pressed and number == signal.SIGINT:  # SIGTERM comes twice where a scheduler and a parent both send it
             raise KeyboardInterrupt
         pressed.append(number)
 
-    for stop in usual:
-        signal.signal(stop, note)
     try:
-        yield
+        with handled(usual, note):
+            yield
     except Exception as error:
         if pressed:  # as when a process that has stopped already no longer answers
             raise KeyboardInterrupt from error
         raise
-    finally:
-        for stop in usual:
-            signal.signal(stop, signal.default_int_handler)
     if pressed:
         raise KeyboardInterrupt
 

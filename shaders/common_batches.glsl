@@ -1,7 +1,7 @@
 // The draw list of the compute rasteriser: a workgroup takes ROWS batches, all points of a batch are in one cell; LANES
 // invocations share them out.
-// THREADS: software OpenGL gives each of its threads one stretch of the workgroups that follow each other, a part of the scene
-// with more or less to do; they are dealt out instead, STRETCH at a time, so that neighbours in the picture stay together.
+// THREADS: software OpenGL gives each of its threads one stretch of the workgroups, which may be a part of the scene with much more
+// to do than another.  They are dealt out instead, STRETCH at a time, so that neighbours in the picture stay together.
 // APPENDED: the list that occlusion_append.comp made of one page, as long as its command says.
 
 layout(std430, binding = POINTS_BINDING) readonly buffer Points { uint points[]; };

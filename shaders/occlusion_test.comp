@@ -18,15 +18,16 @@ vec3 box_sides(uint code) {
     return vec3(code & mask, code >> SHARE_BITS & mask, code >> 2 * SHARE_BITS & mask);
 }
 
-// What no inverse depth of a box exceeds: that of the nearer of its two sides across one axis, affine in the picture.  xy: by how
-// much it grows from pixel to pixel; z: at pixel (0, 0), raised by what is gained within ``half_side`` pixels and by what float32
-// rounds.  Where the camera is between the two, they say nothing.
-vec3 bound_of_sides(vec3 along, vec3 corner, float first_step, float last_step, float half_side) {
-    float begin = dot(along, corner), scale = dot(along, along);
+// What no inverse depth of a box exceeds, by its two sides across one axis.  All its points have axis.p >= low; with p = z ray that
+// is 1/z <= axis.ray / low, affine in the picture (and likewise by high, where the camera is on that side).  xy: by how much it
+// grows from pixel to pixel; z: at pixel (0, 0), raised by what is gained within ``half_side`` pixels and by what float32 rounds.
+// Where the camera is between the two, they say nothing.
+vec3 bound_of_sides(vec3 axis, vec3 corner, float first_step, float last_step, float half_side) {
+    float begin = dot(axis, corner), scale = dot(axis, axis);
     float low = begin + scale * first_step, high = begin + scale * last_step;
-    float slack = 1e-5 * (dot(abs(along), abs(corner)) + scale * last_step);
+    float slack = 1e-5 * (dot(abs(axis), abs(corner)) + scale * last_step);
     if (low <= slack && high >= -slack) return vec3(0.0, 0.0, 1e30);
-    vec3 side = along / (low > slack ? low - slack : high + slack);
+    vec3 side = axis / (low > slack ? low - slack : high + slack);
     vec2 slope = side.xy / lens.xy;
     float size_of_terms = abs(side.z) + dot(abs(slope), abs(lens.zw) + vec2(size.xy));
     return vec3(slope, side.z - dot(slope, lens.zw + soft.z) + half_side * (abs(slope.x) + abs(slope.y)) + 1e-6 * size_of_terms);
@@ -58,14 +59,14 @@ bool hidden(vec4 cell) {
     first >>= level;
     last >>= level;
     float side = float(1u << (level + uint(BLOCK_SHIFT))), half_side = 0.5 * side + 1.0;  // a pixel for rounding
-    vec3 across = bound_of_sides(vec3(axis_x.x, axis_y.x, axis_z.x), cell.xyz, first_step.x, last_step.x, half_side);
-    vec3 along = bound_of_sides(vec3(axis_x.y, axis_y.y, axis_z.y), cell.xyz, first_step.y, last_step.y, half_side);
-    vec3 up = bound_of_sides(vec3(axis_x.z, axis_y.z, axis_z.z), cell.xyz, first_step.z, last_step.z, half_side);
+    vec3 by_x = bound_of_sides(vec3(axis_x.x, axis_y.x, axis_z.x), cell.xyz, first_step.x, last_step.x, half_side);
+    vec3 by_y = bound_of_sides(vec3(axis_x.y, axis_y.y, axis_z.y), cell.xyz, first_step.y, last_step.y, half_side);
+    vec3 by_z = bound_of_sides(vec3(axis_x.z, axis_y.z, axis_z.z), cell.xyz, first_step.z, last_step.z, half_side);
     bool shows = false;
     for (uint y = first.y; y <= last.y; ++y)
         for (uint x = first.x; x <= last.x; ++x) {
             vec3 middle = vec3((vec2(x, y) + 0.5) * side, 1.0);
-            float highest = min(min(1.0 / nearest, dot(across, middle)), min(dot(along, middle), dot(up, middle)));
+            float highest = min(min(1.0 / nearest, dot(by_x, middle)), min(dot(by_y, middle), dot(by_z, middle)));
             bool behind = pyramid[there.z + y * there.x + x] > highest * (1.0 + 1e-5);  // more than float32 rounds by
             shows = shows || (highest > 0.0 && !behind);
         }

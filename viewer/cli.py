@@ -1,11 +1,12 @@
 """The command line: what a person types, turned into calls; every anticipated failure into one line and an exit code.
 
-0 done; 2 bad usage or input; 3 no usable OpenGL or device; 130 stopped by Ctrl-C.  Nothing imports this module, and it
-imports nothing heavy before a command needs it.
+0 done; 2 bad usage or input; 3 no usable OpenGL or device; 130 stopped by Ctrl-C or SIGTERM.  Nothing imports this module, and
+it imports nothing heavy before a command needs it.
 """
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
@@ -218,6 +219,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         given.insert(0, "view")
     try:
         options = _parser().parse_args(given)
+        if options.command != "train":
+            # The network's threads sleep when they have done their share: software OpenGL needs the processors (2 to 5 % of a
+            # neural frame).  A training has them to itself and took 5 to 60 % longer.  Not heard once torch is imported.
+            os.environ.setdefault("OMP_WAIT_POLICY", "passive")
         return _RUN[options.command](options)
     except (KeyboardInterrupt, Cancelled):
         print("pointglass: stopped", file=sys.stderr)

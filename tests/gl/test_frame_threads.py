@@ -60,7 +60,8 @@ def test_frames_leave_the_threads_of_numpy_asleep(seed):
     if not Path("/proc/self/task").is_dir():
         pytest.skip("only Linux tells what a thread has worked")
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
-    done = subprocess.run([sys.executable, "-c", FRAMES, str(seed)], env=environment, capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", FRAMES, str(seed)], env=environment, capture_output=True, text=True,
+                          timeout=300)
     assert done.returncode == 0, done.stderr
     threads, cells, looked, ticks = done.stdout.split()
     if threads == "0":

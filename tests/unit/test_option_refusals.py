@@ -134,7 +134,7 @@ def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
 
 
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
-def test_ctrl_c_during_the_imports_is_one_line(tmp_path, stop):
+def test_a_stop_during_the_imports_is_one_line(tmp_path, stop):
     """A module of the command line's own that is slow to import stands for a slow disk."""
     import os
     import signal
@@ -152,6 +152,19 @@ def test_ctrl_c_during_the_imports_is_one_line(tmp_path, stop):
     assert process.returncode == 130 and said == "pointglass: stopped\n"
 
 
+@pytest.mark.parametrize(("command", "policy"), [("info", "passive"), ("train", None)])
+def test_the_networks_threads_sleep_between_frames_and_not_between_steps(monkeypatch, command, policy):
+    import os
+
+    from viewer import cli
+
+    monkeypatch.setenv("OMP_WAIT_POLICY", "")  # so that it is put back
+    monkeypatch.delenv("OMP_WAIT_POLICY")
+    monkeypatch.setitem(cli._RUN, command, lambda _options: 0)
+    assert cli.main([command, "--out", "x", "y"] if command == "train" else [command, "y"]) == 0
+    assert os.environ.get("OMP_WAIT_POLICY") == policy
+
+
 def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys):
     from viewer import cli
 
@@ -166,7 +179,7 @@ def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys
 
 
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
-def test_ctrl_c_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch, stop):
+def test_a_stop_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch, stop):
     """Raised before, it was a crash of the process: of several results numba does not look whether each was made."""
     import signal
 

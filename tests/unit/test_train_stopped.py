@@ -17,8 +17,9 @@ from model import recipes, train, training_log
 from model.data.pairs import build
 from model.data.stations import load_scene
 from model.data.truth import DataError
-from model.interrupts import STOPS, to_its_end
+from model.interrupts import to_its_end
 from model.recipes import RECIPES, Recipe, Stage, follow
+from model.signals import STOPS
 from model.train import TrainConfig, Trainer
 from model.weights import load_weights
 
@@ -68,7 +69,7 @@ def stop(request):
 
 
 @pytest.mark.parametrize("within", [False, True])
-def test_ctrl_c_keeps_every_step_that_was_done(pairs, tmp_path, monkeypatch, within, stop):
+def test_a_stop_keeps_every_step_that_was_done(pairs, tmp_path, monkeypatch, within, stop):
     """Between two steps, or within one, which is then finished: the weights are those of a run that nobody stopped."""
     advance = Trainer.advance
 
@@ -103,6 +104,16 @@ def test_half_a_step_is_not_kept(pairs, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         train.train(_config(pairs, tmp_path, save_every=0.0))
     assert _step_of(tmp_path) == 3
+
+
+@pytest.mark.parametrize("stop", [signal.SIGTERM], indirect=True)
+def test_a_scheduler_that_asks_twice_waits_for_the_step(stop):
+    whole = []
+    with pytest.raises(KeyboardInterrupt), to_its_end():
+        _press(stop)
+        _press(stop)
+        whole.append(True)
+    assert whole and signal.getsignal(stop) is signal.default_int_handler
 
 
 def test_an_error_that_ctrl_c_brought_about_is_a_ctrl_c():
