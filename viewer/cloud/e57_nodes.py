@@ -54,7 +54,9 @@ def pose_of(node) -> tuple[np.ndarray, np.ndarray] | None:
     length = np.linalg.norm(quaternion)
     if not (np.isfinite(translation).all() and np.isfinite(length) and length > 1e-6):
         return None
-    return _rotation(quaternion / length), translation
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(np.roll(quaternion, -1)).as_matrix(), translation  # x, y, z, w
 
 
 def _vector(parent, name: str, parts: str, otherwise) -> np.ndarray:
@@ -62,13 +64,3 @@ def _vector(parent, name: str, parts: str, otherwise) -> np.ndarray:
         return np.array(otherwise)
     node = parent[name]
     return np.array([value_of(node[part]) if node.isDefined(part) else 0.0 for part in parts], np.float64)
-
-
-def _rotation(q: np.ndarray) -> np.ndarray:
-    """(3, 3) rotation of a unit quaternion w, x, y, z."""
-    w, x, y, z = q
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])  # fmt: skip

@@ -69,23 +69,25 @@ class DepthFilter:
 
     def run(self, raw: moderngl.Texture, depth: moderngl.Texture, *, strength: float = 1.0, metre: float = 1.0) -> None:
         """Fills ``mask`` and ``filtered``.  strength: multiplies the tolerance.  metre: file units in a metre."""
+        tolerance, top = self._tolerance(strength, metre), depth
         if self._down:
             self._pass("down_base" if "down_base" in self._programs else "down", self._down[0].size, self._down[:1], fine=depth)
-        tolerance, top = self._climb(depth, strength, metre, self.levels)
+            top = self._climb(tolerance, self.levels)
         name, size = ("quads", level_sizes(self.size, 1)[0]) if "quads" in self._programs else ("base", self.size)
         self._pass(name, size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
 
-    def _climb(self, bottom: moderngl.Texture, strength: float, metre: float, levels: int) -> tuple[tuple, moderngl.Texture]:
-        """From level 1, which is there, down to ``levels`` and up again.  Returns the tolerances and what level 0 is compared
-        with: ``bottom`` where there are no levels."""
+    def _tolerance(self, strength: float, metre: float) -> tuple[float, float, float]:
+        """As the preset's passes take it."""
         if self.preset == "auto":
-            tolerance = (1.0 - twin.TOLERANCE * strength, twin.SLOPE * strength, 0.0)
-        else:
-            edge = twin.EDGE * (metre if self.preset == "paper-code" else 1.0)
-            tolerance = (1.0 + twin.PARENT_RATIO * strength, edge, twin.NPBG_DEPTH * strength * metre)
+            return 1.0 - twin.TOLERANCE * strength, twin.SLOPE * strength, 0.0
+        edge = twin.EDGE * (metre if self.preset == "paper-code" else 1.0)
+        return 1.0 + twin.PARENT_RATIO * strength, edge, twin.NPBG_DEPTH * strength * metre
+
+    def _climb(self, tolerance: tuple[float, float, float], levels: int) -> moderngl.Texture:
+        """From level 1, which is there, down to ``levels``, 1 at least, and up again: what level 0 is compared with."""
         for fine, coarse in itertools.pairwise(self._down[:levels]):
             self._pass("down", coarse.size, [coarse], fine=fine)
-        top = self._down[levels - 1] if self._down else bottom
+        top = self._down[levels - 1]
         if self.preset == "auto":
             self._mirror("top", levels)
             self._pass("top", self._up[levels - 1].size, [self._up[levels - 1]], tolerance, level=top)
@@ -96,7 +98,7 @@ class DepthFilter:
                 self._pass("up", self._up[index].size, [self._up[index]], tolerance,
                            level=self._down[index], coarse=top)
                 top = self._up[index]
-        return tolerance, top
+        return top
 
     def _mirror(self, name: str, level: int) -> None:
         program = self._programs[name]
@@ -113,7 +115,7 @@ class DepthFilter:
         keys.bind_to_storage_buffer(BINDINGS["KEYS"])
         self._programs["down_keys"]["size"] = self.size
         self._pass("down_keys", self._down[0].size, self._down[:1])
-        return self._climb(self._down[0], strength, 1.0, min(levels, self.levels))[1]
+        return self._climb(self._tolerance(strength, 1.0), min(levels, self.levels))
 
     def _pass(self, name: str, size: tuple[int, int], outputs: list[moderngl.Texture],
               tolerance: tuple[float, float, float] | None = None, **inputs: moderngl.Texture) -> None:

@@ -95,13 +95,10 @@ def rotation(quaternion: np.ndarray, where: str) -> np.ndarray:
     largest = np.abs(quaternion).max()
     if not largest > 1e-9:
         raise InputError(f"{where}: the quaternion {shown(quaternion.tolist())} (w, x, y, z) is zero")
-    scaled = quaternion / largest  # first to size 1: squares must neither vanish nor overflow
-    w, x, y, z = scaled / np.linalg.norm(scaled)
-    return np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
+    from scipy.spatial.transform import Rotation
+
+    scaled = quaternion / largest  # to size 1: squares must neither vanish nor overflow
+    return Rotation.from_quat(np.roll(scaled, -1)).as_matrix()  # x, y, z, w
 
 
 def camera(where: str, lens: Lens, camera_to_world: np.ndarray, name: str) -> Camera:
