@@ -1,7 +1,7 @@
 """The command line: what a person types, turned into calls; every anticipated failure into one line and an exit code.
 
-0 done; 2 bad usage or input; 3 no usable OpenGL or device; 130 stopped by Ctrl-C or SIGTERM.  Nothing imports this module, and
-it imports nothing heavy before a command needs it.
+0 done; 1 a bench whose claims do not all hold; 2 bad usage or input; 3 no usable OpenGL or device; 130 stopped by Ctrl-C or
+SIGTERM.  Nothing imports this module, and it imports nothing heavy before a command needs it.
 """
 
 import argparse
@@ -59,7 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     convert.add_argument("--out", type=Path, required=True, metavar="DIR")
     convert.add_argument("--each", action="store_true",
                          help="a grid for every scan (SCAN may be a folder of them), in DIR/NAME; what is up to date is kept")
-    convert.add_argument("--shard", metavar="i/n", help="with --each: only every n-th scan, starting at the i-th (from 0)")
+    convert.add_argument("--shard", metavar="i/n", help="--each, but only every n-th scan, starting at the i-th (from 0)")
     add_exposures(convert)
 
     bench = commands.add_parser("bench", help="run time, measured")
@@ -178,7 +178,7 @@ def _train(options: argparse.Namespace) -> int:
         train_command.check(options)
         from viewer.tools.tune import tune
 
-        tune(options.tune, options.out, quality=options.quality, minutes=options.minutes or 10.0,
+        tune(options.tune, options.out, quality=options.quality, minutes=10.0 if options.minutes is None else options.minutes,
              perceptual=options.perceptual, seed=options.seed, device=options.device)
         return 0
     return train_command.run(options)

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import viewer
 from model.processors import usable_processors
+from viewer.cloud.residency import available_memory
 from viewer.doctor_probes import GB, PROBES, item
 from viewer.paths import cache_dir
 
@@ -93,8 +94,10 @@ def _memory() -> dict:
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         sizes = {line.split(":")[0]: int(line.split()[1]) * 1024 for line in lines if len(line.split()) > 1}
-        total, free = sizes["MemTotal"], sizes["MemAvailable"]
+        total, free = sizes["MemTotal"], available_memory()
     except (OSError, KeyError, ValueError):
+        free = total = None
+    if free is None or total is None:
         return item("memory", "skipped", "this system does not say how much memory there is")
     value = f"{total / GB:.1f} GB, {free / GB:.1f} GB of it available"
     if free < 2 * GB:

@@ -135,6 +135,17 @@ def test_black_points_among_coloured_ones_are_taken_for_no_colour(tmp_path, kind
     assert (dark.max(axis=1) == 0).mean() > 0.01 and not opened(dark, "dark").unlit
 
 
+def test_black_is_no_colour_in_one_file_and_one_in_another_of_the_same_name(tmp_path):
+    xyz, rgb = surface(20_000, 5)
+    holed, night = np.maximum(rgb, 20), rgb // 20 + 3
+    holed[np.random.default_rng(5).random(len(xyz)) < 0.2] = 0
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    files = [write_ply(tmp_path / "a/scan.ply", xyz, holed), write_ply(tmp_path / "b/scan.ply", xyz + (100, 0, 0), night)]
+    colours = unpack(open_scene(files, cache=False))[1]
+    assert (~colours.any(axis=1)).sum() == (~holed.any(axis=1)).sum(), "the dark scan keeps its colours"
+
+
 def test_black_of_another_file_stays_a_colour(tmp_path):
     xyz, rgb = surface(8_000, 6)
     rgb = np.maximum(rgb, 20)

@@ -127,6 +127,9 @@ def test_units_come_from_wkt_and_geotiff_keys(tmp_path):
     assert from_wkt(f'PROJCRS["UTM",BASEGEOGCRS["W",{ellipsoid}],{axes}]') == ("UTM", "US survey foot", 0.3048006)
     assert from_wkt('GEOGCS["WGS 84",UNIT["degree",0.0174]]') == ("WGS 84", "degree", None)
     assert from_wkt("nonsense") == (None, "unknown", None)
+    for number in ("1.0.0", "1e", "+-1", ".", "e5", "1..0"):
+        assert from_wkt(f'PROJCS["x",UNIT["metre",{number}]]') == ("x", "unknown", None), number
+    assert from_wkt('PROJCS["x",UNIT["km", +1.5E+03 ]]') == ("x", "km", 1500.0)
     assert from_geokeys({1024: 1, 3072: 26910}) == ("EPSG:26910", "metre", 1.0)
     assert from_geokeys({1024: 1, 3076: 9003})[1:] == ("US survey foot", 1200 / 3937)
     assert from_geokeys({1024: 2, 2048: 4326}) == ("EPSG:4326", "degree", None)

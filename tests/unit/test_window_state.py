@@ -68,6 +68,52 @@ def test_comparison_never_shows_the_same_view_twice_at_first():
         made.choice.compare(False)
 
 
+def gated():
+    """A loader of networks that waits until its gate opens, and knows no weights of quality paper."""
+    gate = threading.Event()
+
+    def load(settings):
+        gate.wait(5)
+        if settings.quality == "paper":
+            raise InputError("no weights are shipped for quality 'paper'")
+
+    return gate, load
+
+
+def test_the_left_side_is_what_was_chosen_last_though_a_network_comes_later():
+    gate, load = gated()
+    made, _ = session(loader=load)
+    made.choice.compare(True)
+    made.choice.choose_left("neural")
+    made.choice.choose_left("filtered")
+    gate.set()
+    finish(made)
+    assert made.choice.left == "filtered"
+
+
+def test_the_left_side_gets_its_network_though_the_right_one_changes_meanwhile():
+    gate, load = gated()
+    made, _ = session(loader=load)
+    made.choice.compare(True)
+    made.choice.choose_left("neural")
+    made.choice.show("filtered")
+    assert made.choice.sides == ("raw", "filtered")
+    gate.set()
+    finish(made)
+    assert made.choice.sides == ("neural", "filtered")
+
+
+def test_a_network_that_cannot_be_had_takes_back_no_later_choice():
+    gate, load = gated()
+    made, _ = session(loader=load)
+    made.choice.request(replace(made.choice.settings, quality="paper"))
+    made.choice.request(replace(made.choice.settings, view="neural", quality="fast"))
+    gate.set()
+    finish(made)
+    assert made.notices.message is not None and "paper" in made.notices.message.text
+    assert (made.choice.settings.view, made.choice.settings.quality) == ("neural", "fast")
+
+
 def test_what_is_odd_about_a_scan_is_said():
     made, _ = session()
     scene = room()
@@ -111,10 +157,10 @@ def test_a_failed_picture_goes_back_to_the_last_good_settings_and_then_stops():
     assert not made.needs_picture, "a broken device must not be asked for ever"
 
 
-def test_composite_is_exact_at_both_ends():
-    image = np.zeros((1, 3, 4), np.uint8)
-    image[0, 0], image[0, 1], image[0, 2] = (9, 200, 255, 255), (9, 200, 255, 0), (255, 255, 255, 128)
-    assert composite(image, (10, 20, 30)).tolist() == [[[9, 200, 255], [10, 20, 30], [133, 138, 143]]]
+def test_composite_is_exact_at_both_ends_and_takes_colours_premultiplied():
+    image = np.zeros((1, 4, 4), np.uint8)
+    image[0, 0], image[0, 1], image[0, 2], image[0, 3] = (9, 200, 255, 255), 0, (128, 128, 128, 128), (100, 50, 0, 128)
+    assert composite(image, (10, 20, 30)).tolist() == [[[9, 200, 255], [10, 20, 30], [133, 138, 143], [105, 60, 15]]]
     assert split_column(0.0, 7) == 0 and split_column(1.0, 7) == 7
 
 

@@ -280,7 +280,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("kind", nargs="?", default="frame", choices=list(KINDS), help=kinds)
     parser.add_argument("scans", nargs="*", type=Path, metavar="SCAN", help="default: the demo scan; versus: a procedural one")
     parser.add_argument("--procedural", metavar="N", help="instead of a scan: so many points of rooms made on the spot (25M)")
-    parser.add_argument("--rooms", type=int, metavar="N", help="procedural: rooms (default: one for every 1M points)")
+    parser.add_argument("--rooms", type=int, metavar="N",
+                        help="procedural: rooms (default: one for every 5M points)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of what is made on the spot")
     parser.add_argument("--size", action="append", metavar="WxH[,WxH]",
                         help="picture size, default 960x720; frame and versus take several")

@@ -5,6 +5,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from viewer.cloud.residency import available_memory
 from viewer.settings import Memory
 
 POOL = Memory(gpu=2 << 30)
@@ -13,6 +14,7 @@ POINT_BYTES = 12
 _OVERHEAD = 1.1  # cell tables
 _BASE = 400 << 20  # bytes: the process, OpenGL, one chunk of each thread
 _SPARE = 1 << 30  # bytes left free on the disk
+_UNKNOWN = 4 << 30  # bytes: a system that does not say is taken for a small one
 _SHARE = 0.5  # of the memory at hand
 
 
@@ -26,19 +28,10 @@ class Room:
 
 def available(folder: Path) -> Room:
     """Memory that can be had without swapping (a container's limit counts), and disk in the nearest folder that exists."""
-    try:
-        lines = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
-        memory = int(lines["MemAvailable"].split()[0]) * 1024
-    except (OSError, KeyError, ValueError):
-        memory = 4 << 30  # a system that does not say is taken for a small one
-    try:
-        limit = int(Path("/sys/fs/cgroup/memory.max").read_text())
-        memory = min(memory, limit - int(Path("/sys/fs/cgroup/memory.current").read_text()))
-    except (OSError, ValueError):
-        pass
+    memory = available_memory()
     while not folder.exists():
         folder = folder.parent
-    return Room(memory, shutil.disk_usage(folder).free)
+    return Room(_UNKNOWN if memory is None else memory, shutil.disk_usage(folder).free)
 
 
 def needed(points: int) -> Room:

@@ -4,7 +4,6 @@ The same measurements as ``tests/stability``, over wider ranges: a table of rows
 scale and origin, the networks' precision table, and a plot of both.
 """
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from viewer.bench.stress_network import network_rows
 from viewer.bench.stress_scenes import axis_camera
 from viewer.bench.stress_truth import depth_faults
 from viewer.cloud import scene_from_arrays
+from viewer.cloud.residency import available_memory
 from viewer.progress import progress
 
 LARGEST = (16384, 16384)
@@ -25,7 +25,7 @@ _LARGEST_NEEDS = 10 << 30  # bytes: colour, depth, and both once more on the way
 def largest_picture(stand: frames.Stand, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
     """The raw view at the device's largest size; where memory does not allow it, a row that says so."""
     name = f"pixels wrong at {size[0]}x{size[1]}, raw"
-    free = _free_memory()
+    free = available_memory() or 0
     if free < _LARGEST_NEEDS:
         return [{**frames.row(name, 0, 0), "skipped": f"{free / 2**30:.1f} GiB free, {_LARGEST_NEEDS / 2**30:.0f} needed"}]
     rng = np.random.default_rng(seed)
@@ -33,13 +33,6 @@ def largest_picture(stand: frames.Stand, seed: int, size: tuple[int, int] = LARG
     scene = scene_from_arrays(xyz, np.full(xyz.shape, 255, np.uint8))
     camera = axis_camera(size)
     return [frames.row(name, depth_faults(stand.depth(scene, camera), xyz, camera, scene), 0)]
-
-
-def _free_memory() -> int:
-    try:
-        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return 0
 
 
 def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path | None = None) -> dict:

@@ -17,11 +17,11 @@ _IN_MEMORY = 32_000_000  # points; larger scans are built in a file
 
 
 def open_scene(
-    paths: Sequence[Path | str] | Path | str, *, cache: bool = True, rebuild: bool = False, match: bool = True
+    paths: Sequence[Path | str] | Path | str, *, cache: bool = True, match: bool = True
 ) -> Scene:
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
-    cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.  rebuild: build it anew.
+    cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.
     match: give scans of one place the same exposure (see viewer.cloud.exposure), and take black that is no colour for none;
     a folder is as it was built, and refused where colours as scanned are asked for and it has others.
     Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled if progress says so.
@@ -42,7 +42,7 @@ def open_scene(
     if not cache:
         return build_scene(files, in_memory, match=match)
     folder = store.folder_of(files, match)
-    if not rebuild and (scene := store.load(folder, files)) is not None:
+    if (scene := store.load(folder, files)) is not None:
         return scene
     return store.build_into(folder, files, partial(build_scene, match=match), keep_old=False)
 
@@ -107,9 +107,12 @@ def in_memory(count: int) -> np.ndarray:
         return np.empty((count, 3), np.uint32)
     import tempfile
 
+    from viewer.cloud.scratch import reserve
+
     try:
         with tempfile.TemporaryFile(prefix="pointglass-") as file:
-            return np.memmap(file, np.uint32, "w+", shape=(count, 3))
+            reserve(file.fileno(), count * 12, Path(tempfile.gettempdir()))
+            return np.memmap(file, np.uint32, "r+", shape=(count, 3))
     except OSError as error:
         raise InputError(
             f"{tempfile.gettempdir()}: no room for {count * 12 / 1e9:.1f} GB of points ({error.strerror}); "

@@ -10,7 +10,6 @@ import errno
 import hashlib
 import json
 import os
-import shutil
 import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -22,7 +21,7 @@ import numpy as np
 from viewer.cloud.chunk_source import checksum
 from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
-from viewer.cloud.scratch import move, scratch
+from viewer.cloud.scratch import move, reserve, scratch
 from viewer.errors import InputError
 from viewer.paths import cache_dir
 from viewer.progress import progress
@@ -39,7 +38,6 @@ _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError)  # what reading a folder that is not whole raises
-_SPARE = 64 << 20  # bytes left free on the disk
 _JOB = 16  # chunks a thread sums at a time
 
 
@@ -181,13 +179,10 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
 
 
 def _points_file(work: Path, count: int) -> np.ndarray:
-    needed = count * 12
-    if shutil.disk_usage(work).free < needed + _SPARE:
-        raise OSError(errno.ENOSPC, f"no space left for {needed / 1e6:,.0f} MB of points")
-    points = np.lib.format.open_memmap(work / "points.npy", "w+", _ARRAYS["points"], (count, 3))
-    if hasattr(os, "posix_fallocate"):  # a full disk must fail here, not as a bus error in the middle of a memory map
-        with (work / "points.npy").open("r+b") as file:
-            os.posix_fallocate(file.fileno(), 0, os.fstat(file.fileno()).st_size)
+    file = work / "points.npy"
+    points = np.lib.format.open_memmap(file, "w+", _ARRAYS["points"], (count, 3))
+    with file.open("r+b") as opened:
+        reserve(opened.fileno(), file.stat().st_size, work)
     return points
 
 

@@ -88,7 +88,7 @@ class Colours:
         """Begins pass 1 anew."""
         self._files = [_File(name) for name in self._names]
         self._matching = Matching()
-        self._unlit: set[str] = set()
+        self._unlit: set[int] = set()
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
         """Takes note of a chunk of source number ``source``.  first: the running number of its first point."""
@@ -116,7 +116,7 @@ class Colours:
         warnings, kinds, bits = [], set(), 8
         if self._match:
             self.matched = self._matching.solve([file.shift for file in self._files])
-        for file in self._files:
+        for number, file in enumerate(self._files):
             if len(file.colourless) < len(file.scans):
                 kinds.add("rgb")
             if file.wide and file.shift == 0:
@@ -125,7 +125,7 @@ class Colours:
                 )
             bits = max(bits, 16 if file.shift else 8)
             if self._match and (share := file.uncoloured):
-                self._unlit.add(file.name)
+                self._unlit.add(number)
                 warnings.append(f"{file.name}: {share:.0%} of the points have no colour; they are filled in from around")
             if not file.colourless:
                 continue
@@ -161,7 +161,7 @@ class Colours:
             colours = self._matching.apply(source, first, chunk, file.shift)
             if self._unlit:
                 highest = colours[:, 0] | colours[:, 1] | colours[:, 2]
-                if file.name in self._unlit:
+                if source in self._unlit:
                     colours[highest < _RIM] = 0
                 else:
                     colours[highest == 0] = 1  # black here is a colour

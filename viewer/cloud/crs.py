@@ -7,7 +7,8 @@ import re
 
 _LENGTHS = {9001: ("metre", 1.0), 9002: ("foot", 0.3048), 9003: ("US survey foot", 1200 / 3937)}
 _LENGTHS |= {9005: ("Clarke's foot", 0.3047972654), 9036: ("kilometre", 1000.0)}
-_UNIT = re.compile(r'\b(?:LENGTHUNIT|UNIT)\s*\[\s*"([^"]*)"\s*,\s*([0-9.eE+-]+)', re.IGNORECASE)
+_NUMBER = r"\+?((?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)"
+_UNIT = re.compile(rf'\b(?:LENGTHUNIT|UNIT)\s*\[\s*"([^"]*)"\s*,\s*{_NUMBER}\s*[\],]', re.IGNORECASE)
 _ANGLES = re.compile("degree|radian|grad|gon|second|minute", re.IGNORECASE)
 _VERTICAL = re.compile(r"\b(?:VERT_CS|VERTCRS|VERTICALCRS)\s*\[", re.IGNORECASE)
 _PROJECTED = re.compile(r'\b(?:PROJCS|PROJCRS|PROJECTEDCRS|LOCAL_CS|ENGCRS|GEOCCS)\s*\[\s*"([^"]*)"', re.IGNORECASE)

@@ -20,6 +20,7 @@ except ImportError:  # Windows
     fcntl = None
 
 _OURS = re.compile(r"^\..+\.[0-9a-f]{8}\.\d+(\.old\.\d+)?\.tmp$")
+_SPARE = 64 << 20  # bytes left free on the disk
 _TRIES = 100  # at a folder that nobody sweeps before it is locked
 _FORGOTTEN = 7 * 24 * 3600.0  # seconds that nothing in it changed, after which a folder is nobody's where there are no locks
 
@@ -52,6 +53,17 @@ def _begin(folder: Path) -> tuple[Path, int | None]:
             return work, lock
         _let_go(lock)
     raise OSError(errno.EBUSY, "what is being made there is removed by others")
+
+
+def reserve(file: int, size: int, folder: Path) -> None:
+    """Takes ``size`` bytes of the disk for an open file in ``folder``.  Raises OSError where they are not there: a full disk
+    must fail here, not as a bus error in the middle of a memory map."""
+    if shutil.disk_usage(folder).free < size + _SPARE:
+        raise OSError(errno.ENOSPC, f"no space left for {size / 1e6:,.0f} MB of points")
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(file, 0, size)
+    else:
+        os.ftruncate(file, size)
 
 
 def sweep(parent: Path) -> None:

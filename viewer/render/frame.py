@@ -22,7 +22,7 @@ class Frame:
     times: "Times" = field(repr=False)
 
     def image(self, view: str) -> np.ndarray:
-        """(H, W, 4) uint8, sRGB and alpha, row 0 at the top.  Raises KeyError for a view that was not asked for."""
+        """(H, W, 4) uint8, sRGB premultiplied by alpha, row 0 at the top.  Raises KeyError for a view not asked for."""
         texture = self.textures[view]
         return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width, 4)
 

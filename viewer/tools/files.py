@@ -1,8 +1,8 @@
 """Pictures, arrays and JSON, and several files at once, written beside and renamed (model.whole)."""
 
 import json
-import os
 import shutil
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,13 +18,12 @@ def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> 
     They are written in a folder of their own beside, which goes again on any failure, Ctrl-C included.  Raises InputError
     naming the file, or the folder where nothing can be written there at all.
     """
-    beside = folder / f".{next(iter(files))}.{os.getpid()}.partial"
+    try:  # not by process number: in a container it is the same again, and a run that was killed left its folder
+        beside = Path(tempfile.mkdtemp(".partial", f".{next(iter(files))}.", folder))
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
+                         "there, or choose another --out") from None
     try:
-        try:
-            beside.mkdir()
-        except OSError as error:
-            raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
-                             "there, or choose another --out") from None
         for name, write in files.items():
             _named(folder / name, lambda write=write, name=name: write(beside / name))
         for name in files:

@@ -5,9 +5,9 @@ Each photograph's exposure is matched to the scan first (one gain a channel, lin
 place's own frame: the E57's, metres; cameras OpenGL's.
 """
 
-import os
 import re
 import shutil
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from model.data.projected import Projected, project_scan, raster_of, scan_spacin
 from model.data.truth import MemoryPicture, Scan
 from model.depth_filter import keep_mask
 from model.exposure import match_exposures
+from model.folders import made_folder
 from model.light import TO_LINEAR, TO_SRGB
 from model.metrics import masked_psnr
 from model.places import places_of
@@ -250,23 +251,18 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     before = mean_psnr(load_weights(shipped)[0], judged)
     print(f"{len(learned)} photographs to learn from, {len(held)} to judge; shipped weights: {before:.2f} dB", flush=True)
     out = weights_home() if out is None else out
-    out.mkdir(parents=True, exist_ok=True)
     name = re.sub(r"[^\w.-]+", "_", scan.stem) or "scan"
-    work = out / f".tuning-{name}.{os.getpid()}.partial"
-    work.mkdir()
-    try:
-        folders = _pairs(points, learned, work, name, seed)
+    with made_folder(out), tempfile.TemporaryDirectory(".partial", f".tuning-{name}.", out) as work:
+        folders = _pairs(points, learned, Path(work), name, seed)
         sides = [min(np.load(folder / "truth.npy", mmap_mode="r").shape[2:]) for folder, _ in folders]
         made = train(TrainConfig(
-            pairs=tuple(str(folder) for folder, _ in folders), shares=tuple(float(n) for _, n in folders), out=str(work),
+            pairs=tuple(str(folder) for folder, _ in folders), shares=tuple(float(n) for _, n in folders), out=work,
             quality=quality, steps=steps, minutes=minutes, rate=RATE, warmup=20, average=0.99, neighbours=0, device=device,
             recolour=False,
             crop=min(192, *(int(side) // 16 * 16 for side in sides)), seed=seed, start_from=str(shipped),
             perceptual_path=str(perceptual) if perceptual else None,
         ))  # fmt: skip
         network = load_weights(made)[0]
-    finally:
-        shutil.rmtree(work, ignore_errors=True)
     after = mean_psnr(network, judged)
     print(f"held-out photographs: {before:.2f} dB with the shipped weights, {after:.2f} dB tuned", flush=True)
     if not after > before:

@@ -7,6 +7,7 @@ the framebuffer's size.
 
 import ctypes
 import os
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.hands import Hands
 from viewer.window.keeping import Keeper
-from viewer.window.loading import Loaded
+from viewer.window.loading import Loaded, open_scene
 from viewer.window.painter import Painter
 from viewer.window.session import Session
 
@@ -77,7 +78,7 @@ class App:
             raise
         self.session = Session(
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
-            open_scene=lambda files: _open_scene(files, cache, match), start=start,
+            open_scene=partial(open_scene, cache=cache, match=match), start=start,
         )
         self.painter = Painter(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self._keeper = Keeper(self.session, self.painter, folder or Path.cwd())
@@ -264,8 +265,3 @@ def _make_window(glfw, size: tuple[int, int]):
         raise DeviceError(f"OpenGL 4.3 is needed and the window could not have it ({reason}); see `pointglass doctor`")
     return window
 
-
-def _open_scene(paths: list[Path], cache: bool, match: bool):
-    from viewer.cloud import open_scene
-
-    return open_scene(paths, cache=cache, match=match)

@@ -41,6 +41,7 @@ class Choice:
         self._right = "filled"
         self._left_wanted: str | None = None
         self.network_load: Worker | None = None
+        self._loaded: tuple | None = None  # the key of what is loading
         self._networks: set[tuple] = set()
         self._last_good = replace(settings, view="raw")
         self._failed: set[Settings] = set()
@@ -107,37 +108,39 @@ class Choice:
             self._left_wanted = view  # shown once its network is there; see poll
             self._wait_for_network(self.shown_settings)
         else:
-            self.left = view
+            self.left, self._left_wanted = view, None
 
     # -- the network -------------------------------------------------------------------------------------------------
 
     def _wait_for_network(self, settings: Settings) -> None:
         """Loads the network of ``settings``; after the one that is loading, where there is one."""
 
-        def work() -> Settings:
-            self.load_network(settings)
-            return settings
-
         self.wanted = settings
         if self.network_load is None:
-            self.network_load = Worker(work, "Loading the network", self._wake)
+            self._loaded = loading.network_key(settings)
+            self.network_load = Worker(lambda: self.load_network(settings), "Loading the network", self._wake)
 
     def poll(self) -> None:
         """News from the network: what waited for it is shown, or taken back with a message."""
         work = self.network_load
         if work is None or not work.finished:
             return
-        self.network_load = None
-        wanted, left = self.wanted, self._left_wanted
+        self.network_load, loaded = None, self._loaded
+        wanted = self.wanted
         if work.error is not None:
-            self.wanted = self._left_wanted = None
             self._notices.say("The network cannot be used", work.error)
+            if wanted is not None and loading.network_key(wanted) != loaded:  # another was chosen meanwhile
+                self._wait_for_network(wanted)
+            else:
+                self.wanted = self._left_wanted = None
             return
-        self._networks.add(loading.network_key(work.result))
-        if wanted is not None:
-            self.wanted = self._left_wanted = None
-            self.left = left or self.left
+        assert loaded is not None
+        self._networks.add(loaded)
+        if self._left_wanted is not None and loading.network_key(self.shown_settings) in self._networks:
+            self.left, self._left_wanted = self._left_wanted, None
             self._picture.dirty = True
+        if wanted is not None:
+            self.wanted = None
             self.request(wanted)
 
     def close(self) -> None:

@@ -39,11 +39,11 @@ def network_key(settings: Settings) -> tuple:
     return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
 
 
-def open_scene(paths: list[Path]) -> "Scene":
-    """The scans as one scene, through the cache."""
+def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True) -> "Scene":
+    """The scans as one scene.  cache, match: as in viewer.cloud.open_scene."""
     from viewer import cloud
 
-    return cloud.open_scene(paths)
+    return cloud.open_scene(paths, cache=cache, match=match)
 
 
 def load_network(settings: Settings) -> None:

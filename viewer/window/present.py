@@ -18,9 +18,10 @@ BACKGROUND = (23, 25, 29)
 
 
 def composite(image: np.ndarray, background: tuple[int, int, int] = BACKGROUND) -> np.ndarray:
-    """(H, W, 4) uint8 over a plain background -> (H, W, 3) uint8: in NumPy what ``present.frag`` does, to the byte."""
+    """(H, W, 4) uint8, premultiplied, over a plain background -> (H, W, 3) uint8: what ``present.frag`` does, to the byte."""
     rgb, alpha = image[..., :3].astype(np.uint32), image[..., 3:].astype(np.uint32)
-    return ((rgb * alpha + np.asarray(background, np.uint32) * (255 - alpha) + 127) // 255).astype(np.uint8)
+    behind = (np.asarray(background, np.uint32) * (255 - alpha) + 127) // 255
+    return np.minimum(rgb + behind, 255).astype(np.uint8)
 
 
 def split_column(split: float, width: int) -> int:

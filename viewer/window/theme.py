@@ -39,14 +39,17 @@ class Theme:
         fonts = imgui.get_io().fonts
         self.regular = fonts.add_font_from_file_ttf(str(folder / "Roboto-Regular.ttf"), FONT_SIZE)
         self.bold = fonts.add_font_from_file_ttf(str(folder / "Roboto-Bold.ttf"), FONT_SIZE)
-        self.scale = 1.0
-        self._style()
         self.rescale(scale)
 
     def rescale(self, scale: float) -> None:
         """Adapts to a screen of another density."""
         style = imgui.get_style()
-        style.scale_all_sizes(scale / self.scale)
+        plain = imgui.Style()  # imgui truncates what it scales: always from the sizes as they were drawn up
+        for name in dir(plain):
+            if isinstance(value := getattr(plain, name), (float, ImVec2)) and not name.startswith(("_", "font_")):
+                setattr(style, name, value)
+        self._style()
+        style.scale_all_sizes(scale)
         style.font_scale_dpi = scale
         self.scale = scale
 
