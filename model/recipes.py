@@ -236,6 +236,7 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int) -> str:
     """The pairs of a job, in a process of its own.  Returns its name."""
     import torch
 
+    from model.data.cutout import with_cut_outs
     from model.data.pairs import build, by_size
     from model.data.procedural import procedural_place
     from model.data.sources import open_places
@@ -248,8 +249,8 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int) -> str:
     for kind, reduce, folder in job.targets(Path(out), kinds):
         if not folder.is_dir():
             filtered = kind == "filtered"
-            build(places, folder, seed=seed, scans=2, variants=2 if filtered else 1, preset="auto" if filtered else "off",
-                  reduce=reduce, neighbours=reduce == 2)
+            build(with_cut_outs(places, seed) if reduce == 1 else places, folder, seed=seed, scans=2,
+                  variants=2 if filtered else 1, preset="auto" if filtered else "off", reduce=reduce, neighbours=reduce == 2)
     return job.name
 
 

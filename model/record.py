@@ -18,7 +18,7 @@ from model.weights import WeightsError, load_weights, weights_name
 
 Facts = dict[str, Any]
 
-OPTIONS = {"folders": "folder", "start_from": "--start-from", "sources": "pairs of"} | {
+OPTIONS = {"crops": "crops of version", "folders": "folder", "start_from": "--start-from", "sources": "pairs of"} | {
     name: f"--{name}" for name in ("batch", "crop", "perceptual", "procedural", "quality", "rate", "recipe", "seed")
 }
 """How a person gives a fact; the others are called by their own names."""

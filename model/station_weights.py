@@ -63,7 +63,7 @@ def _tent(blocks: Tensor, height: int, width: int) -> Tensor:
     """Block sums interpolated between the blocks' centres, borders repeated, at each pixel."""
 
     def taps(pixels: int, count: int) -> tuple[Tensor, Tensor, Tensor]:
-        at = (torch.arange(pixels, dtype=torch.float32) + 0.5) / TRUST_BLOCK - 0.5
+        at = (torch.arange(pixels, dtype=torch.float32, device=blocks.device) + 0.5) / TRUST_BLOCK - 0.5
         low = at.floor()
         return low.long().clamp(0, count - 1), (low.long() + 1).clamp(0, count - 1), at - low
 

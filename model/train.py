@@ -38,6 +38,9 @@ DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "cro
             "perceptual_weight", "coverage_weight", "steady_weight", "average")
 """Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
 
+CROPS = 2
+"""Version of how crops are drawn; raised when the same seed draws others.  Checkpoints that say none are of the first."""
+
 
 @dataclass(frozen=True)
 class TrainConfig:
@@ -49,7 +52,8 @@ class TrainConfig:
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
     average: what the averaged network keeps of itself each step.
     start_from: weights to begin with, of this size or a smaller one (:mod:`model.widen`).
-    recolour: crops take other exposures and orders of channels; not where one scanner's own colours are to be learned.
+    recolour: crops take other exposures and orders of channels, stations disagree and points stray (model.data.disturbances);
+    not where one scanner's own colours are to be learned.
     sources: what the pairs were made from, for the record.
     threads: of each process on the CPU (0: torch's choice).  loaders: processes that make crops ahead (-1: none on the CPU,
     one a core but one beside a GPU).
@@ -94,7 +98,7 @@ class TrainConfig:
     def facts(self, perceptual: str) -> Facts:
         """What decides the weights, but for how long is trained.  perceptual: the distance that is used."""
         return {name: getattr(self, name) for name in DECIDING} | {
-            "pairs": pairs_facts(self.pairs), "perceptual": perceptual,
+            "crops": CROPS, "pairs": pairs_facts(self.pairs), "perceptual": perceptual,
             "start_from": start_fact(self.start_from, Path(self.out)),
         }
 
@@ -152,7 +156,7 @@ class Trainer:
                 started_from(self.network, load_weights(Path(config.start_from))[0])
             except ValueError as error:
                 raise DataError(f"{config.start_from}: cannot begin a {config.quality} network ({error})") from None
-        self.averaged = make_network(config.quality).to(process.device).requires_grad_(False)
+        self.averaged = make_network(config.quality).to(process.device).requires_grad_(False).eval()
         self.averaged.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
         self.step, self.spent, self.saved, self.whole = 0, 0.0, 0, True
@@ -171,7 +175,8 @@ class Trainer:
             try:
                 saved = torch.load(path, weights_only=True, map_location=self.process.device)
                 kept = json.loads(saved["made_from"]) if "made_from" in saved else None
-                refuse_other(out, f"{self.config.name} was", kept or earlier_facts(path.with_name("config.json"), out), facts)
+                kept = kept or earlier_facts(path.with_name("config.json"), out)
+                refuse_other(out, f"{self.config.name} was", {"crops": 1, **kept}, facts)
                 self.network.load_state_dict(saved["network"])
                 self.averaged.load_state_dict(saved["averaged"])
                 self.optimiser.load_state_dict(saved["optimiser"])

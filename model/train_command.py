@@ -7,10 +7,11 @@ import argparse
 import json
 import math
 import os
+import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from model.seeds import MOST_SEED
 
@@ -59,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
         from model.recipes import RECIPES, follow
 
         recipe = RECIPES[options.recipe]
-        follow(recipe, options.data, options.out, minutes=options.minutes or recipe.minutes,
+        follow(recipe, options.data, options.out, minutes=recipe.minutes if options.minutes is None else options.minutes,
                perceptual=options.perceptual, validation=options.validation, seed=options.seed, device=options.device)
         return 0
     if not options.data and not options.procedural:
@@ -82,10 +83,45 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+_NO_USE_FOR = {
+    "": ("validation",),
+    "--recipe": ("procedural", "quality", "unfiltered", "steps", "batch", "crop", "rate", "start_from"),
+    "--tune": ("data", "procedural", "recipe", "unfiltered", "steps", "batch", "crop", "rate", "validation", "start_from"),
+}
+"""What each way of training, "" being neither of the two others, has no use for."""
+
+
+def _way(options: argparse.Namespace) -> str:
+    """A key of _NO_USE_FOR.  ``--tune`` is the viewer's own, as what it learns from is."""
+    return "--tune" if getattr(options, "tune", None) is not None else "--recipe" if options.recipe else ""
+
+
+def unused(options: argparse.Namespace) -> list[str]:
+    """The options given that this way of training has no use for, as a person gave them."""
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    said = []
+    for name in _NO_USE_FOR[_way(options)]:
+        value: Any = getattr(options, name)
+        if name == "data":
+            said += map(str, value)
+        elif value != parser.get_default(name):
+            said.append(f"--{name.replace('_', '-')}" + ("" if value is True else f" {value}"))
+    return said
+
+
 def check(options: argparse.Namespace) -> None:
-    """Raises DataError naming the first option that cannot be followed; to be asked before minutes of work."""
+    """Raises DataError naming the first option that cannot be followed; to be asked before minutes of work.
+
+    Says which of the others are left out of account.
+    """
     from model.data.truth import DataError
 
+    way = _way(options)
+    if way and int(os.environ.get("WORLD_SIZE", 1)) > 1:
+        raise DataError(f"{way} trains in one process, not in {os.environ['WORLD_SIZE']}; start it without torchrun")
+    if way and options.minutes == 0:
+        raise DataError(f"--minutes 0: more than 0 minutes are needed with {way}")
     for name, least in (("procedural", 0), ("steps", 1), ("batch", 1), ("crop", LEAST_CROP), ("seed", 0)):
         if (value := getattr(options, name)) < least:
             raise DataError(f"--{name} {value}: expected at least {least}")
@@ -104,13 +140,16 @@ def check(options: argparse.Namespace) -> None:
             if not (options.perceptual / name).is_file():
                 raise DataError(f"--perceptual {options.perceptual}: holds no {name}; give the folder with "
                                 f"{' and '.join(SQUEEZE_FILES)}, or leave the option out")
-    if options.start_from is not None:
+    if options.start_from is not None and "start_from" not in _NO_USE_FOR[way]:
         _check_start(options.start_from, options.quality)
     if options.device == "cuda":
         from model.reconstruct import cuda_problem
 
         if problem := cuda_problem():
             raise DataError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
+    if (ignored := unused(options)) and int(os.environ.get("RANK", 0)) == 0:
+        command = f"train {way}".strip()
+        print(f"pointglass: `{command}` has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
 
 
 def _check_start(path: Path, quality: str) -> None:
@@ -205,6 +244,7 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
 
 
 def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: bool, seed: int) -> list[Path]:
+    from model.data.cutout import with_cut_outs
     from model.data.pairs import build, by_size
 
     folders = []
@@ -213,5 +253,6 @@ def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: b
             folder = out / f"{name}-{number}-{reduce}"
             folders.append(folder)
             if not folder.is_dir():
-                build(alike, folder, seed=seed, preset="off" if unfiltered else "auto", reduce=reduce, neighbours=reduce == 2)
+                build(with_cut_outs(alike, seed) if reduce == 1 else alike, folder, seed=seed,
+                      preset="off" if unfiltered else "auto", reduce=reduce, neighbours=reduce == 2)
     return folders

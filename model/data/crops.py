@@ -1,4 +1,4 @@
-"""Random crops of training pairs: turned, mirrored, recoloured, grained, speckled; the same for a step whenever asked for.
+"""Random crops of training pairs: turned, mirrored, recoloured, disturbed; the same for a step whenever asked for.
 
 A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
 """
@@ -11,12 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-import torch.nn.functional as F
-from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
+from model.data.disturbances import disturbed
 from model.data.truth import DataError
-from model.pull_push import pull_push
 
 
 @dataclass(frozen=True)
@@ -40,49 +38,6 @@ class Batch:
             t.to(device, non_blocking=True, memory_format=torch.channels_last) if t.ndim == 4 else t.to(device)
             for t in (self.x, self.colour, self.coverage, self.known, self.neighbour, self.flow)
         ))
-
-
-GRAIN_SHARE = 0.15  # of crops; at a third of them the network drew texture where real scans hold noise
-"""Share of the crops whose surfaces get a fine texture."""
-
-
-def _grain(rng: np.random.Generator, side: int) -> np.ndarray:
-    """(1, side, side) float32 around 1: a texture as fine as a pixel, as grain or as the hard edges of print.
-
-    The true rooms are smooth and their scans a little noisy: alone they teach that whatever is fine is noise, and brick and
-    print came out soft.  A texture seen by points and truth alike teaches that it may be real.
-    """
-    noise = rng.normal(size=(side, side)).astype(np.float32)
-    fine, coarse = np.exp(rng.uniform(np.log(0.35), np.log(2.0))), np.exp(rng.uniform(np.log(1.0), np.log(3.0)))
-    noise = gaussian_filter(noise, fine) - gaussian_filter(noise, fine + coarse)
-    noise /= max(float(noise.std()), 1e-6)
-    if rng.random() < 0.4:
-        noise = np.tanh(noise * rng.uniform(1.5, 6.0)) * (noise > rng.uniform(-1.0, 1.0))
-    patches = F.interpolate(torch.from_numpy(rng.normal(size=(1, 1, 5, 5))), (side, side), mode="bicubic")[0, 0].numpy()
-    depth = rng.uniform(0.03, 0.25) * np.clip(2 * patches, 0, 1)
-    return np.clip(1 + depth * noise, 0.1, 1.6).astype(np.float32)[None]
-
-
-SPECKLE_SHARE = 0.3
-"""Share of the crops whose points come from two stations that do not agree in brightness."""
-
-
-def _speckle(rng: np.random.Generator, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """(3, side, side) float32 gains of the points, and their mean, which is what the truth is to be.
-
-    Where stations of different exposure overlap and the file does not tell them apart, neighbouring points come from one or
-    the other by chance, or by scan line.  Without such crops the network took it for a pattern and drew worms.
-    """
-    share = F.interpolate(torch.from_numpy(rng.normal(size=(1, 1, 4, 4))), (side, side), mode="bicubic")[0, 0].numpy()
-    share = 1 / (1 + np.exp(-2 * share - rng.normal(0, 1.5)))
-    chance = rng.normal(size=(side, side))
-    lines = gaussian_filter(rng.normal(size=(side, side)), (rng.uniform(4, 20), np.exp(rng.uniform(np.log(0.2), np.log(2.5)))))
-    chance = chance / chance.std() + rng.uniform(0, 1.5) * lines / max(float(lines.std()), 1e-6)
-    rank = np.empty(chance.size)
-    rank[np.argsort(chance, axis=None)] = (np.arange(chance.size) + 0.5) / chance.size
-    other = np.exp(rng.choice([-1, 1]) * rng.uniform(0.05, 0.45) + rng.normal(0, 0.03, (3, 1, 1)))
-    gains = 1 + (other - 1) * (rank.reshape(side, side) < share)
-    return gains.astype(np.float32), (1 + (other - 1) * share).astype(np.float32)
 
 
 class PairFolder:
@@ -118,7 +73,8 @@ class PairFolder:
 class Crops:
     """Draws batches from folders of pairs.
 
-    shares: relative share of each folder (default: equal).  recolour: crops take other exposures and orders of channels.
+    shares: relative share of each folder (default: equal).  recolour: crops take other exposures and orders of channels, and
+    their points colours that are not the truth's (:mod:`model.data.disturbances`).
     """
 
     def __init__(self, folders: list[Path], crop: int, seed: int, shares: tuple[float, ...] = (), *, recolour: bool = True):
@@ -159,32 +115,21 @@ class Crops:
         if not self.recolour:
             gain, order = np.ones_like(gain), np.arange(3)
 
-        kind, seen, true = rng.random(), None, None
-        if kind < GRAIN_SHARE:
-            seen = true = _grain(rng, crop)
-        elif self.recolour and kind < GRAIN_SHARE + SPECKLE_SHARE:
-            seen, true = _speckle(rng, crop)
+        for picture in (x, y, near):
+            picture[:3] = np.minimum(picture[:3] * gain, 1.0)[order]
+        if not beside:
+            disturbed(x, y, rng, textures_only=not self.recolour)
 
         def turned(a: np.ndarray) -> np.ndarray:
             a = np.rot90(a, turns, (1, 2))
             return np.ascontiguousarray(a[:, :, ::-1] if mirror else a)
-
-        def recoloured(a: np.ndarray) -> np.ndarray:
-            a = turned(a)
-            a[:3] = np.minimum(a[:3] * gain, 1.0)[order]
-            return a
-
-        if seen is not None and true is not None and not beside:
-            x, y = x.copy(), y.copy()
-            y[:3] = np.minimum(y[:3] * true, 1.0)
-            x[:3] = np.minimum(x[:3] * pull_push(torch.from_numpy(seen), torch.from_numpy(x[3])).numpy(), 1.0)
 
         flow = turned(flow)
         for _ in range(turns):  # rot90 takes the direction (x, y) to (y, -x)
             flow = np.stack([flow[1], -flow[0]])
         if mirror:
             flow[0] = -flow[0]
-        return recoloured(x), recoloured(y), recoloured(near), flow
+        return turned(x), turned(y), turned(near), flow
 
 
 class Ahead:

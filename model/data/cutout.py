@@ -9,21 +9,27 @@ World frame: the room's, metres.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 
+from model.data.stations import StationScene
 from model.data.truth import MemoryPicture, Scan, TruePicture, TruePlace
 
 LEAST_COVERED = 0.04  # of a picture, for it to be worth learning from
+TRIES = 8  # boxes, until some view shows enough of one
+VIEWS_SHARE = 0.1
+"""Of a room's pairs, so many more are those of its piece: enough to know a void, while most is learned of what is there."""
 
 
 @dataclass(frozen=True, eq=False)
 class CutOut:
-    """``place`` within the box from ``low`` (3,) to ``high`` (3,); a TruePlace."""
+    """``place`` within the box from ``low`` (3,) to ``high`` (3,); a TruePlace.  most: of its views, None: all."""
 
     place: TruePlace
     low: np.ndarray
     high: np.ndarray
+    most: int | None = None
 
     @property
     def name(self) -> str:
@@ -31,7 +37,7 @@ class CutOut:
 
     @property
     def views(self) -> Sequence[TruePicture]:
-        """The views that show enough of it."""
+        """The views that show enough of it, or the first of them."""
         return _views(self)
 
     def scan(self, seed: int) -> Scan:
@@ -62,16 +68,30 @@ class CutOut:
 @lru_cache(maxsize=4)
 def _views(piece: CutOut) -> list[MemoryPicture]:
     shots = (piece.cut(view) for view in piece.place.views)
-    return [s for s in shots if s is not None and s.covered is not None and s.covered.mean() > LEAST_COVERED]
+    enough = (s for s in shots if s is not None and s.covered is not None and s.covered.mean() > LEAST_COVERED)
+    return list(islice(enough, piece.most))
 
 
-def cut_outs(place: TruePlace, count: int, seed: int) -> list[CutOut]:
-    """``count`` seeded boxes of one to three metres around points of the place."""
+def with_cut_outs(places: Sequence[TruePlace], seed: int) -> list[TruePlace]:
+    """The places, and a piece of every registered room among them, in few views.
+
+    Of other places none: their depth is not known, or (photographs) their points' colours are not those of the true pictures.
+    """
+    pieces = []
+    for number, place in enumerate(places):
+        if isinstance(place, StationScene):
+            tried = cut_outs(place, TRIES, seed + number, max(1, round(VIEWS_SHARE * len(place.views))))
+            pieces += islice((piece for piece in tried if piece.views), 1)
+    return [*places, *pieces]
+
+
+def cut_outs(place: TruePlace, count: int, seed: int, most: int | None = None) -> list[CutOut]:
+    """``count`` seeded boxes of one to three metres around points of the place, none if it has none.  most: views of each."""
     rng = np.random.default_rng(seed)
     points = place.scan(seed).xyz
     boxes = []
-    for _ in range(count):
+    for _ in range(count if len(points) else 0):
         middle = points[rng.integers(len(points))]
         half = np.exp(rng.uniform(np.log(0.4), np.log(1.5), 3))
-        boxes.append(CutOut(place, middle - half, middle + half))
+        boxes.append(CutOut(place, middle - half, middle + half, most))
     return boxes

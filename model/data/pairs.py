@@ -7,7 +7,8 @@ ahead of training, into memory-mapped arrays, so that a crop costs a read:
 ``inputs.npy`` (P, 5, H, W) float16, the network's input; ``truth.npy`` (P, 5, H, W) uint8: colour, coverage, and 255 where
 the truth is known.  With neighbours also ``neighbours.npy`` (P, 5, H, W) float16: the input from a camera moved a little,
 and ``flow.npy`` (P, 2, H, W) float16: where each true pixel lies in that picture, in pixels from where it was, NaN
-where the neighbour does not see it.  ``pairs.json`` says where each came from.
+where the neighbour does not see it, or the input lacks points that the neighbour has.  ``pairs.json`` says where each
+came from.
 """
 
 import json
@@ -24,6 +25,7 @@ import torch
 from torch import Tensor
 
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
+from model.data.reduced import reduced_colour, reduced_share
 from model.data.truth import DataError, TruePicture, TruePlace
 from model.depth_filter import keep_mask
 from model.exposure import match_exposures
@@ -38,21 +40,27 @@ MOST_FLOW = 24.0  # pixels
 
 @dataclass(frozen=True)
 class Spoiling:
-    """What a real scan might lack, seen from one picture: density (H x W,) share of the points left at each pixel, and
-    stations (S,) share of each station's points (0: it is missing)."""
+    """What a real scan might lack, seen from one picture.
 
-    density: np.ndarray
+    density: share of all points that is left.  patches (H, W): share of that at each pixel, 1 outside the patches.
+    stations (S,): share of that of each station's points (0: it is missing).
+    """
+
+    density: float
+    patches: np.ndarray
     stations: np.ndarray
 
-    def keep(self, seen: Projected) -> Tensor:
-        """(M,) bool: the points left."""
-        share = torch.from_numpy(self.density)[seen.index] * torch.from_numpy(self.stations)[seen.station.long()]
+    def keep(self, seen: Projected, *, patches: bool = True) -> Tensor:
+        """(M,) bool: the points left.  patches: False where the picture is another one, in which they lie elsewhere."""
+        share = torch.from_numpy(self.stations)[seen.station.long()] * self.density
+        if patches:
+            share = share * torch.from_numpy(self.patches).flatten()[seen.index]
         return seen.rank < share
 
 
 def spoil(width: int, height: int, stations: int, density: float, rng: np.random.Generator) -> Spoiling:
     """Patches removed or thinned, a station missing (paper, "Training Data Generation": patches, sparse clusters)."""
-    share = np.full((height, width), density, np.float32)
+    share = np.ones((height, width), np.float32)
     rows, columns = np.mgrid[0:height, 0:width]
     for _ in range(rng.integers(0, 5)):  # convex patches: an ellipse cut by two half planes
         x, y = rng.uniform(0, width), rng.uniform(0, height)
@@ -67,27 +75,19 @@ def spoil(width: int, height: int, stations: int, density: float, rng: np.random
     if stations > 1 and rng.random() < 0.5:  # one is missing, or far away: single points of its colour on another's surface
         thin = 0.0 if rng.random() < 0.4 else np.exp(rng.uniform(np.log(0.03), np.log(0.5)))
         weights[rng.integers(stations)] = thin
-    return Spoiling(share.ravel(), weights)
+    return Spoiling(density, share, weights)
 
 
 def _density(rng: np.random.Generator) -> float:
     return float(rng.choice([1.0, 0.1]) if rng.random() < 0.35 else np.exp(rng.uniform(np.log(0.03), 0)))
 
 
-def _reduced(picture: np.ndarray, reduce: int) -> np.ndarray:
-    """(C, H / reduce, W / reduce) uint8 of (H, W, C) uint8, averaged over blocks of pixels."""
-    h, w = picture.shape[0] // reduce, picture.shape[1] // reduce
-    blocks = picture[: h * reduce, : w * reduce].reshape(h, reduce, w, reduce, -1).astype(np.float32)
-    return np.ascontiguousarray(np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8).transpose(2, 0, 1))
-
-
 def _truth(shot: TruePicture, reduce: int) -> np.ndarray:
-    """(5, H, W) uint8: colour, coverage, known."""
-    coverage, known = shot.coverage(), shot.known()
-    full = np.full((shot.height, shot.width), 255, np.uint8)
-    covered = full if coverage is None else np.rint(coverage * 255).astype(np.uint8)
-    trusted = full if known is None else known.astype(np.uint8) * np.uint8(255)
-    return _reduced(np.dstack([shot.rgb(), covered, trusted]), reduce)
+    """(5, H / reduce, W / reduce) uint8: colour, coverage, known."""
+    colour, coverage, known = shot.rgb(), shot.coverage(), shot.known()
+    full = np.ones(colour.shape[:2], bool)
+    shares = [reduced_share(full if share is None else share, reduce) for share in (coverage, known)]
+    return np.ascontiguousarray(np.dstack([reduced_colour(colour, coverage, reduce), *shares]).transpose(2, 0, 1))
 
 
 def _neighbour_pose(shot: TruePicture, middle: float, rng: np.random.Generator) -> np.ndarray:
@@ -190,12 +190,13 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
                 finite = raster.depth[torch.isfinite(raster.depth)]
                 pose = _neighbour_pose(shot, float(finite.median()) if len(finite) else 1.0, rng)
                 beside = project_scan(scan, shot, rank_seed, reduce, pose)
-                other = raster_of(beside, beside.rank < density, apart)
+                other = raster_of(beside, spoiling.keep(beside, patches=False), apart)
                 kept = keep_mask(other.depth, preset, strength=strength)
+                flow = flow_to(shot, pose, camera, reduce)
+                flow[:, spoiling.patches < 1] = np.nan  # both show the surface there, but one had fewer points to show it with
                 yield Pair(
                     where, made.numpy().astype(np.float16), truth,
-                    network_input(other, kept, camera.fx, apart).numpy().astype(np.float16),
-                    flow_to(shot, pose, camera, reduce),
+                    network_input(other, kept, camera.fx, apart).numpy().astype(np.float16), flow,
                 )
 
 

@@ -18,6 +18,7 @@ import torch
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
+from model.data.reduced import in_blocks, reduced_colour
 from model.data.truth import DataError, Scan, TruePicture
 from model.depth_filter import keep_mask
 from model.project import SoftZ
@@ -103,9 +104,9 @@ class PhotoPlace:
         usable = view.photograph.known() if isinstance(view, CoveredPicture) else view.known()
         front = keep_mask(raster.depth)
         if usable is not None:
-            front &= torch.from_numpy(_blocks(usable, reduce).min((1, 3)))
+            front &= torch.from_numpy(in_blocks(usable, reduce).min((1, 3)))
         chosen = front.flatten()[seen.index] & (seen.z <= farthest.flatten()[seen.index])
-        photo = np.rint(_blocks(view.rgb(), reduce).mean((1, 3))).astype(np.uint8).reshape(-1, 3)
+        photo = reduced_colour(view.rgb(), None, reduce).reshape(-1, 3)  # as the truth is made
         tones, _ = self._tones(seed)
         rgb = seen.rgb.clone()
         colours = photo[seen.index[chosen].numpy()]
@@ -173,12 +174,6 @@ class CoveredPicture:
             self._known = np.packbits(covered if usable is None else covered & usable)
         shape = self.photograph.height, self.photograph.width
         return np.unpackbits(self._known, count=shape[0] * shape[1]).astype(bool).reshape(shape)
-
-
-def _blocks(picture: np.ndarray, side: int) -> np.ndarray:
-    """(H, W, ...) -> (H / side, side, W / side, side, ...)."""
-    h, w = picture.shape[0] // side, picture.shape[1] // side
-    return picture[: h * side, : w * side].reshape(h, side, w, side, *picture.shape[2:])
 
 
 def _closed(hit: np.ndarray, radius: int) -> np.ndarray:

@@ -74,12 +74,16 @@ def check_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | N
     DataError names the first ten files that are missing, unreadable or of another size.
     """
     wanted = list(dict.fromkeys(wanted))
-    with ThreadPoolExecutor() as pool:
-        wrong = [text for text in pool.map(lambda item: _wrong(where, *item), wanted) if text]
-    if wrong:
+    if wrong := wrong_pictures(where, wanted):
         more = f" and {len(wrong) - 10} more" if len(wrong) > 10 else ""
         raise DataError(f"{where}: {len(wrong)} of {len(wanted)} files cannot be used: {'; '.join(wrong[:10])}{more}; "
                         "download or extract them again")
+
+
+def wrong_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]]) -> list[str]:
+    """What is wrong with each of the pictures that cannot be used, as :func:`check_pictures` judges them."""
+    with ThreadPoolExecutor() as pool:
+        return [text for text in pool.map(lambda item: _wrong(where, *item), wanted) if text]
 
 
 def _wrong(where: Path, path: Path, size: tuple[int, int] | None) -> str | None:

@@ -77,6 +77,8 @@ def picture(seen: Projected, keep: Tensor, spacing: float, preset: str = "auto",
 
 
 def scan_spacing(scan: Scan) -> float:
-    """Median spacing of a scan, from a sample of it."""
+    """Median spacing of a scan, from a sample of it; 1.0 where it holds no points."""
+    if not len(scan.xyz):
+        return 1.0
     pick = np.random.default_rng(0).choice(len(scan.xyz), min(len(scan.xyz), 2_000_000), replace=False)
     return median_spacing(scan.xyz[pick]) * float(np.sqrt(len(pick) / len(scan.xyz)))

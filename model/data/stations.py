@@ -7,13 +7,13 @@ frames are OpenGL's (x right, y up, -z forward).
 """
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from model.data.photos import wrong_pictures
 from model.data.truth import DataError, Scan
 from model.synth.panorama import Panorama, Passer, from_z_up, to_z_up, with_passers
 from model.synth.scanner import ScannerModel, VirtualScanner
@@ -102,26 +102,10 @@ def load_scene(folder: Path) -> StationScene:
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{folder / 'scene.json'}: not a scene description ({error!r})") from None
     shots = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
-    pictures = dict.fromkeys((name, s.width, s.height) for s in shots for name in (s.rgb_file, s.depth_file))
-    with ThreadPoolExecutor() as pool:
-        wrong = [text for text in pool.map(lambda picture: _wrong(folder, *picture), pictures) if text]
-    if wrong:
+    pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in shots for name in (s.rgb_file, s.depth_file))
+    if wrong := wrong_pictures(folder, pictures):
         raise DataError(f"{folder}: {len(wrong)} pictures named in scene.json cannot be used: {'; '.join(wrong[:10])}")
     return scene
-
-
-def _wrong(folder: Path, name: str, width: int, height: int) -> str | None:
-    """What is wrong with a picture, or None.  It is decoded: a torn file has a good header."""
-    path = folder / name
-    if not path.is_file():
-        return f"{name} is missing"
-    try:
-        with Image.open(path) as image:
-            image.load()
-            size = image.size
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        return f"{name} cannot be read ({error})"
-    return None if size == (width, height) else f"{name} has {size[0]}x{size[1]} pixels, not {width}x{height}"
 
 
 def shot_points(shot: Shot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -186,7 +186,10 @@ def _median_ms(work: Callable[[], object]) -> float:
 
 
 def timings(methods: list[Method], view: Sight) -> dict[str, tuple[float, float | None]]:
-    """Milliseconds of every method, warm, median of three: (points in view to picture, network alone or None)."""
+    """Milliseconds of every method, warm, median of three: (points in view to picture, network alone or None).
+
+    Masks are made from the plain raster at hand: its depths are those of the weighed one, which a weighed method makes itself.
+    """
     raster = _median_ms(lambda: sight(view.seen, view.true_depth, view.spacing))
     prepared: dict[tuple[str | None, bool], float] = {}
     result: dict[str, tuple[float, float | None]] = {}
@@ -198,5 +201,6 @@ def timings(methods: list[Method], view: Sight) -> dict[str, tuple[float, float 
         if method.network is not None:
             x = method.prepare(view)
             alone = _median_ms(lambda m=method, x=x: m.network(x))  # type: ignore[misc]
-        result[method.name] = raster + prepared[key] + (alone or 0.0), alone
+        rasterised = 0.0 if method.weighed and view.seen.weight is not None else raster
+        result[method.name] = rasterised + prepared[key] + (alone or 0.0), alone
     return result

@@ -9,7 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from .prints import to_linear
+from model.light import to_linear
+
 from .shapes import BOX, CAPSULE, CYLINDER, QUAD, ROUND, SPHERE, Shapes, half_extents, make_shapes
 from .textures import NAMES
 

@@ -7,10 +7,11 @@ Frame: world metres, z up, the street along x, its floor at z = 0.
 
 import numpy as np
 
+from model.light import to_linear, to_srgb
+
 from . import furniture as f
 from .builder import Builder, Look
-from .place import SKY, Hits, tone
-from .prints import to_linear, to_srgb
+from .place import SKY, Hits, pixel_rays, tone
 from .textures import Patch, albedo
 
 _CHUNK = 1 << 18
@@ -65,26 +66,18 @@ class OpenPlace:
         depth (H,W) float32 along the view axis at pixel centres, inf in the sky; coverage (H,W) float32.
         """
         light, hits = np.zeros((height * width, 3)), np.zeros(height * width)
+        lens = (fl, fl, width / 2, height / 2, width, height)
         steps = [((i + 0.5) / samples, (j + 0.5) / samples) for i in range(samples) for j in range(samples)]
         for du, dv in steps:
-            origins, rays, _ = _rays(camera_to_world, fl, width, height, du, dv)
+            origins, rays, _ = pixel_rays(camera_to_world, *lens, du, dv)
             seen = self.trace(origins, rays)
             hit = seen.primitive >= 0
             light[hit] += to_linear(seen.rgb[hit])
             hits += hit
-        origins, rays, cosine = _rays(camera_to_world, fl, width, height, 0.5, 0.5)
+        origins, rays, cosine = pixel_rays(camera_to_world, *lens, 0.5, 0.5)
         depth = (self.ranges(origins, rays) * cosine).astype(np.float32).reshape(height, width)
         rgb = np.round(to_srgb(light / np.maximum(hits, 1)[:, None]) * 255).astype(np.uint8).reshape(height, width, 3)
         return rgb, depth, (hits / len(steps)).astype(np.float32).reshape(height, width)
-
-
-def _rays(camera_to_world, fl: float, width: int, height: int, du: float, dv: float):
-    column, row = np.meshgrid(np.arange(width) + du, np.arange(height) + dv)
-    rays = np.stack([(column - width / 2) / fl, -(row - height / 2) / fl, -np.ones_like(column)], -1).reshape(-1, 3)
-    length = np.linalg.norm(rays, axis=1)
-    matrix = np.asarray(camera_to_world, np.float64)
-    directions = (rays / length[:, None]) @ matrix[:3, :3].T
-    return np.broadcast_to(matrix[:3, 3], directions.shape).copy(), directions, 1 / length
 
 
 def _outdoors(material: str, colour: str, accent: str = "#404040", shininess: float = 0.05) -> Look:

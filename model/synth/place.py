@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.light import to_srgb
+
 from .light import Lighting
-from .prints import to_srgb
 from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
 from .textures import Patch, albedo
 
@@ -111,17 +112,17 @@ class Place:
         total = np.zeros((height * width, 3))
         for i in range(samples):
             for j in range(samples):
-                origins, rays, _ = _pixel_rays(
+                origins, rays, _ = pixel_rays(
                     camera_to_world, fx, fy, cx, cy, width, height, (i + 0.5) / samples, (j + 0.5) / samples
                 )
                 total += self.trace(origins, rays).rgb
-        origins, rays, cosine = _pixel_rays(camera_to_world, fx, fy, cx, cy, width, height, 0.5, 0.5)
+        origins, rays, cosine = pixel_rays(camera_to_world, fx, fy, cx, cy, width, height, 0.5, 0.5)
         depth = (self.ranges(origins, rays) * cosine).astype(np.float32).reshape(height, width)
         rgb = np.round(total / samples**2 * 255).astype(np.uint8).reshape(height, width, 3)
         return rgb, depth
 
 
-def _pixel_rays(camera_to_world, fx, fy, cx, cy, width, height, du, dv):
+def pixel_rays(camera_to_world, fx, fy, cx, cy, width, height, du, dv):
     """Origins (N,3), unit directions (N,3) and cosines to the view axis (N,) through (column + du, row + dv)."""
     column, row = np.meshgrid(np.arange(width) + du, np.arange(height) + dv)
     rays = np.stack([(column - cx) / fx, -(row - cy) / fy, -np.ones_like(column)], -1).reshape(-1, 3)

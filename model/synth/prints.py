@@ -8,6 +8,8 @@ from functools import lru_cache
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from model.light import to_linear
+
 PALETTES = [
     ("#f3ead7", "#c8402f", "#1d3b53", "#e3a83b"),
     ("#efe9dd", "#20484f", "#d9763d", "#8fb0a3"),
@@ -28,18 +30,6 @@ CLOTHS = [
     "#b8c4bb", "#1f2a38", "#c65d3b", "#40706a",
 ]
 HEADLINES = ["LICHT", "POINT", "SCAN", "RAUM", "ECHO", "DEPTH"]
-
-
-def to_linear(srgb) -> np.ndarray:
-    """sRGB 0..1 to linear 0..1, any shape."""
-    srgb = np.asarray(srgb, np.float64)
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
-
-
-def to_srgb(linear) -> np.ndarray:
-    """Linear 0..1 to sRGB 0..1, any shape."""
-    linear = np.clip(linear, 0, 1)
-    return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * linear ** (1 / 2.4) - 0.055)
 
 
 def _font(size: float):

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.light import to_linear
+
 from . import prints
 
 
@@ -154,7 +156,7 @@ def rug(p: Patch) -> np.ndarray:
     q = 0.015
     x, y = (np.floor(x / q) + 0.5) * q, (np.floor(y / q) + 0.5) * q  # knots
     inset = np.minimum(hx - np.abs(x), hy - np.abs(y))
-    cream = np.broadcast_to(prints.to_linear([0.86, 0.8, 0.68]), p.colour.shape)
+    cream = np.broadcast_to(to_linear([0.86, 0.8, 0.68]), p.colour.shape)
     diamond = np.abs((x / 0.48) % 1 - 0.5) + np.abs((y / 0.48) % 1 - 0.5)
     ring = np.floor(diamond * 9)
     albedo = np.where((ring % 3 == 0)[:, None], p.accent, np.where((ring % 3 == 1)[:, None], p.colour, cream))
@@ -218,7 +220,7 @@ def book(p: Patch) -> np.ndarray:
     board = p.half[:, 1] - np.abs(y) < 1e-3
     out = _printed(p, prints.spine, 0.5 + 0.5 * y / p.half[:, 1], 0.5 - 0.5 * z / p.half[:, 2])
     cloth = _printed(p, prints.spine, np.full(len(x), 0.02), np.full(len(x), 0.5))
-    pages = prints.to_linear([0.88, 0.84, 0.74]) * (0.85 + 0.15 * np.sin(y * 3000))[:, None]
+    pages = to_linear([0.88, 0.84, 0.74]) * (0.85 + 0.15 * np.sin(y * 3000))[:, None]
     inner = (~spine & ~board & (p.half[:, 1] - np.abs(y) > 0.0025))[:, None]
     return np.where(spine[:, None], out, np.where(inner, pages, cloth))
 

@@ -1,11 +1,14 @@
 """Pieces of a room in a void: coverage that agrees with brute force, and a scan that ends where the box does."""
 
+import json
+
 import numpy as np
 import pytest
 from rooms import make_room
 
-from model.data.cutout import CutOut, cut_outs
+from model.data.cutout import CutOut, cut_outs, with_cut_outs
 from model.data.pairs import build
+from model.data.photo_place import PhotoPlace
 from model.data.stations import load_scene
 
 
@@ -47,6 +50,26 @@ def test_the_scan_ends_where_the_box_does_and_pairs_carry_the_void(room, tmp_pat
     truth = np.load(tmp_path / "out" / "truth.npy")
     assert count == len(cut.views) > 0
     assert (truth[:, 3] == 0).any() and (truth[:, 3] == 255).any() and (truth[:, 4] == 255).mean() > 0.9
+
+
+def test_a_training_learns_a_piece_of_every_registered_room_and_of_no_other(room, tmp_path):
+    photographed = PhotoPlace("photographs", room.scan(1), room.views)
+    places = with_cut_outs([room, photographed], 3)
+    assert places[:2] == [room, photographed] and [place.name for place in places[2:]] == ["box cut out"]
+    assert len(places[2].views) == 1, "fewer views than the room has"
+    count = build(places, tmp_path / "out", scans=2, variants=1)
+    scenes = [pair["scene"] for pair in json.loads((tmp_path / "out" / "pairs.json").read_text())["pairs"]]
+    assert count == len(scenes) == 18 and scenes.count("box cut out") == 2
+
+
+def test_a_scan_that_missed_the_piece_is_no_points(room, tmp_path, monkeypatch):
+    """As under a tripod; the pictures stay."""
+    cut = CutOut(room, np.array([-2.1, -1.6, -2.6]), np.array([2.1, 0.0, 2.6]), most=2)
+    empty = CutOut(room, np.full(3, 90.0), np.full(3, 91.0)).scan(1)
+    assert not len(empty.xyz)
+    monkeypatch.setattr(CutOut, "scan", lambda *_: empty)
+    build([cut], tmp_path / "out", scans=2, variants=1)
+    assert not np.load(tmp_path / "out" / "inputs.npy").any()
 
 
 def test_boxes_are_seeded(room):

@@ -1,6 +1,7 @@
 """The evaluation whole: a row a method, density and exposure, its files, and Open3D where it is."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from PIL import Image
 
 import model.evaluation.methods as methods_module
 import model.evaluation.scene as scene_module
-from model.data.projected import project_scan
+from model.data.projected import Projected, project_scan
 from model.data.stations import load_scene, scan_stations
 from model.data.truth import DataError
 from model.depth_filter import keep_mask
@@ -77,6 +78,24 @@ def test_time_and_work_are_given_for_every_method(result):
     assert rows["network paper", 1.0, "scanned"]["mac"] == pytest.approx(mac_per_pixel(PaperUNet(4)))
     assert rows["raw", 1.0, "scanned"]["mac"] == 0
     assert rows["network paper", 1.0, "scanned"]["network_ms"] < rows["network paper", 1.0, "scanned"]["ms"]
+
+
+@pytest.mark.parametrize("placed", [True, False])
+def test_every_methods_time_holds_one_rasteriser(room, monkeypatch, placed):
+    scene = load_scene(room)
+    scan = scan_stations(scene, 11)
+    seen = project_scan(scan if placed else replace(scan, places=None), scene.views[0])
+    view, rasters, raster = sight(seen, torch.from_numpy(scene.views[0].depth()), 0.05), [], Projected.raster
+    monkeypatch.setattr(Projected, "raster", lambda self, soft: (rasters.append(self), raster(self, soft))[1])
+
+    def counted(work):
+        before = len(rasters)
+        work()
+        return len(rasters) - before
+
+    monkeypatch.setattr(methods_module, "_median_ms", counted)
+    assert (seen.weight is not None) == placed
+    assert {ms for ms, _ in methods_module.timings(methods_module.plain_methods(), view).values()} == {1}
 
 
 def test_pictures_left_by_others_are_judged_as_they_are(result):

@@ -40,6 +40,49 @@ def test_training_refuses_options_before_a_place_is_built(options, said, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(("options", "said"), [
+    (("--recipe", "gpu", "--minutes", "0"), "--minutes 0: more than 0 minutes are needed with --recipe"),
+    (("--tune", "scan.e57", "--minutes", "0"), "--minutes 0: more than 0 minutes are needed with --tune"),
+])
+def test_no_minutes_are_refused_where_steps_do_not_count(options, said, tmp_path, capsys):
+    assert said in refused(capsys, "train", *options, "--out", tmp_path / "out")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("way", [("--recipe", "night"), ("--tune", "scan.e57")])
+def test_what_trains_in_one_process_is_refused_in_several(way, tmp_path, capsys, monkeypatch):
+    monkeypatch.setenv("WORLD_SIZE", "2")
+    said = refused(capsys, "train", *way, "--out", tmp_path / "out")
+    assert f"{way[0]} trains in one process, not in 2" in said and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("options", "said"), [
+    (("--recipe", "night", "room", "--seed", "2", "--steps", "5", "--unfiltered", "--start-from", "/nope", "--rate", "0.1"),
+     "`train --recipe` has no use for --unfiltered, --steps 5, --rate 0.1, --start-from /nope: left out of account"),
+    (("--recipe", "night", "--quality", "fast", "--batch", "2", "--crop", "64", "--procedural", "3"),
+     "`train --recipe` has no use for --procedural 3, --quality fast, --batch 2, --crop 64: left out of account"),
+    (("--tune", "scan.e57", "room", "--recipe", "gpu", "--validation", "box", "--quality", "fast"),
+     "`train --tune` has no use for room, --recipe gpu, --validation box: left out of account"),
+    (("room", "--validation", "box", "--minutes", "0"), "`train` has no use for --validation box: left out of account"),
+    (("--recipe", "night", "--validation", "box", "--minutes", "3"), ""),
+    (("--tune", "scan.e57", "--quality", "best", "--seed", "4"), ""),
+    (("room", "--steps", "5", "--start-from", "WEIGHTS", "--unfiltered"), ""),
+])
+def test_training_says_which_options_it_has_no_use_for(options, said, tmp_path, capsys, monkeypatch):
+    from model import recipes, train_command
+    from model.weights import weights_dir
+    from viewer.tools import tune
+
+    done = []
+    monkeypatch.setattr(recipes, "follow", lambda *_, **__: done.append("recipe"))
+    monkeypatch.setattr(tune, "tune", lambda *_, **__: done.append("tune"))
+    monkeypatch.setattr(train_command, "_pairs", lambda *_: done.append("pairs") or [])
+    monkeypatch.setattr("model.train.train", lambda _config: "weights")
+    options = [str(weights_dir() / "fast-filtered.safetensors") if o == "WEIGHTS" else o for o in options]
+    assert main(["train", *options, "--out", str(tmp_path / "out")]) == 0 and len(done) == 1
+    assert capsys.readouterr().err == (f"pointglass: {said}\n" if said else "")
+
+
 def test_an_empty_list_of_pairs_does_not_stop_a_later_training(tmp_path, capsys, monkeypatch):
     """As earlier versions left it after `--procedural -3`."""
     import model.data.procedural as procedural

@@ -61,8 +61,12 @@ def test_the_vertical_field_is_limited_and_noise_grows_at_grazing_angles(scene):
     ray = xyz - position
     elevation = np.degrees(np.arcsin(ray[:, 2] / np.linalg.norm(ray, axis=1)))
     assert elevation.min() > -51.5 and elevation.max() < 61.5
-    off = np.abs(np.abs(from_z_up(xyz, "y") / BOX).max(1) - 1)
-    assert off.std() > 0
+    length, start = np.linalg.norm(ray, axis=1), from_z_up(position, "y")
+    way = from_z_up(ray, "y") / length[:, None]
+    reach = (np.sign(way) * BOX - start) / way  # to each pair of walls, along the ray
+    noise, cosine = length - reach.min(1), np.abs(way[np.arange(len(way)), reach.argmin(1)])
+    straight, grazing = noise[cosine > 0.8].std(), noise[cosine < 0.45].std()
+    assert 0.003 < straight < 0.008 and grazing > 2.5 * straight
 
 
 def test_people_stand_in_the_station_that_saw_them_and_hide_what_is_behind(scene):

@@ -130,8 +130,13 @@ def test_points_in_front_take_the_photographs_colours_and_others_keep_the_scans(
     assert leaked.any() and (made.rgb[leaked] == seen.rgb[leaked]).all(1).float().mean() > 0.85
     raster = raster_of(made, torch.ones(len(made.z), dtype=torch.bool), place.spacing)
     assert raster.depth.shape == (48, 64)
-    toned = place.photographed(seen, shown, 5)
-    assert not torch.equal(toned.rgb, made.rgb) or len(set(seen.station.tolist())) == 1
+    spoiled = project_scan(place.scan(5), shown)
+    plain, toned = (place.photographed(spoiled, shown, 5, toned=toned).rgb[near] for toned in (False, True))
+    (tones, _), station = place._tones(5), spoiled.station[near].numpy()
+    assert torch.equal(plain, made.rgb[near]) and len(set(station.tolist())) > 1
+    taken = (plain != spoiled.rgb[near]).any(1).numpy()  # from the photograph
+    assert np.array_equal(toned[taken], tones.apply(plain[taken].numpy(), station[taken])) and taken.mean() > 0.97
+    assert len({int(toned[taken & (station == s), 1].median()) for s in set(station.tolist())}) > 1  # stations differ
     halved = place.photographed(project_scan(scan, shown, reduce=2), shown, 5, toned=False)
     assert (halved.rgb[halved.z < 3][:, 1] == 150).float().mean() > 0.95
 

@@ -35,7 +35,9 @@ def test_a_recipe_is_followed_to_its_end_and_kept_when_asked_again(room, tmp_pat
     headers = [load_weights(path)[1] for path in made]
     assert [h["input"] for h in headers] == ["filtered", "unfiltered"]
     pairs = sorted(tmp_path.glob("pairs/*/*"))
-    assert len(pairs) == 3 and (tmp_path / "pairs" / "filtered" / "folder-box-2" / "neighbours.npy").is_file()
+    pieces = ["box cut out" in (folder / "pairs.json").read_text() for folder in pairs]
+    assert len(pairs) == 3 and pieces == [not folder.name.endswith("-2") for folder in pairs]
+    assert (tmp_path / "pairs" / "filtered" / "folder-box-2" / "neighbours.npy").is_file()
     before = [p.stat().st_mtime_ns for p in pairs]
     steps = json.loads(headers[0]["notes"])["step"]
     follow(TINY, [room], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=0)
@@ -49,6 +51,8 @@ def test_train_from_the_command_line_resumes_and_says_where_the_weights_are(room
     assert main([*line, "--steps", "2"]) == 0
     assert "fast-filtered.safetensors" in capsys.readouterr().out
     assert main([*line, "--steps", "3"]) == 0
+    pieces = ["box cut out" in (tmp_path / "run" / f"pairs-filtered-0-{n}" / "pairs.json").read_text() for n in (1, 2)]
+    assert pieces == [True, False]
     notes = json.loads(load_weights(tmp_path / "run" / "fast-filtered.safetensors")[1]["notes"])
     assert notes["step"] == 3 and notes["steps"] == 3
 

@@ -112,6 +112,11 @@ def test_a_hidden_pixel_changes_the_trust_of_none(seed):
     assert torch.equal(trust(weight, mask), trust(other, mask))
 
 
+def test_trust_is_made_where_the_weights_are():
+    made = trust(torch.ones(20, 30, dtype=torch.int64, device="meta"), torch.ones(20, 30, dtype=torch.bool, device="meta"))
+    assert made.device.type == "meta" and made.shape == (20, 30)
+
+
 def test_equal_weights_give_the_plain_mean_and_unequal_ones_the_weighted(seed):
     rng = np.random.default_rng(seed)
     index = torch.from_numpy(rng.integers(0, 60, 500))

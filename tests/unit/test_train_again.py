@@ -65,6 +65,13 @@ def _as_before(run):
             (state / name).rename(run / name)
     shutil.rmtree(state)
     (run / "pairs-filtered.json").unlink()
+    for path in run.glob("pairs-filtered-*/pairs.json"):  # pieces of rooms had no part in them
+        path.write_text(path.read_text().replace(" cut out", ""))
+
+
+@pytest.fixture
+def crops_as_before(monkeypatch):
+    monkeypatch.setattr("model.train.CROPS", 1)
 
 
 def test_moved_together_with_its_rooms_it_goes_on(rooms, tmp_path, capsys):
@@ -154,11 +161,30 @@ def test_pairs_that_were_begun_for_another_room_are_not_taken(rooms, tmp_path, m
     assert main(_line(tmp_path / "run", rooms[0])) == 0
 
 
+@pytest.mark.parametrize("recorded", [False, True])
+def test_crops_drawn_otherwise_are_refused(rooms, run, capsys, recorded):
+    """A checkpoint from before that was told: the seed would draw others than those it learned from."""
+    path = run / "fast-filtered" / "checkpoint.pt"
+    if recorded:
+        saved = torch.load(path, weights_only=True)
+        saved["made_from"] = json.dumps({k: v for k, v in json.loads(saved["made_from"]).items() if k != "crops"})
+        torch.save(saved, path)
+    else:
+        _as_before(run)
+    before = _contents(run)
+    assert main(_line(run, rooms[0], steps=5)) == 2
+    error = capsys.readouterr().err
+    assert f"{run}: fast-filtered was made with crops of version 1 (not 2); choose another --out" in error
+    assert error.count("\n") == 1 and before.items() <= _contents(run).items()
+
+
+@pytest.mark.usefixtures("crops_as_before")
 def test_a_folder_of_an_earlier_version_goes_on_where_it_was(rooms, run, trained, tmp_path):
     _as_before(run)
     (run / "log.jsonl").write_text('{"step": 2}\n{"step": 50}\n')
     assert main(_line(run, rooms[0], steps=5)) == 0
     whole = shutil.copytree(trained, tmp_path / "whole")
+    _as_before(whole)
     assert main(_line(whole, rooms[0], steps=5)) == 0
     assert _equal(_state(run / "fast-filtered.safetensors"), _state(whole / "fast-filtered.safetensors"))
     assert not (run / "checkpoint.pt").exists() and (run / "fast-filtered" / "log.jsonl").read_text() == '{"step": 2}\n'
@@ -174,6 +200,7 @@ def test_one_checkpoint_of_two_networks_is_refused(rooms, run, capsys):
     assert "fast-filtered and fast-unfiltered from one checkpoint" in error and error.count("\n") == 1
 
 
+@pytest.mark.usefixtures("crops_as_before")
 def test_a_move_that_was_cut_short_is_ended(rooms, run):
     _as_before(run)
     (run / "fast-filtered").mkdir()

@@ -13,13 +13,17 @@ import pytest
 import torch
 from rooms import make_room
 
+from model.data import pairs as pairs_module
 from model.data.crops import Ahead, Crops
-from model.data.pairs import build, flow_to
+from model.data.pairs import _truth, build, flow_to
 from model.data.projected import project_scan
 from model.data.stations import load_scene
 from model.data.truth import DataError, MemoryPicture
+from model.light import to_linear, to_srgb
 from model.objective import Objective, inside_flow, warp
 from model.train import Process, TrainConfig, Trainer, config_from, train
+from model.training_log import PICTURES_EVERY, TrainingLog
+from model.unet import PaperUNet
 from model.weights import load_weights
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -210,11 +214,60 @@ def test_pairs_keep_coverage_and_what_is_unknown(tmp_path):
     assert (truth[0, 4, :, :3] == 0).all() and (truth[0, 4, :, 3:] == 255).all()
 
 
+def test_true_pictures_made_smaller_are_the_mean_of_the_light_that_covers_them():
+    colour = np.zeros((6, 8, 3), np.uint8)
+    colour[:4] = np.random.default_rng(0).integers(0, 256, (4, 8, 3))
+    colour[4:] = [[[255, 200, 0]], [[0, 100, 0]]]
+    covered = np.random.default_rng(1).choice([0, 0.25, 1.0], (6, 8)).astype(np.float32)
+    covered[4:] = 1.0
+    covered[:2, :2] = 0.0  # a void
+    known = np.random.default_rng(2).random((6, 8)) < 0.5
+    made = _truth(MemoryPicture(colour, 9.0, np.eye(4), covered=covered, trusted=known), 2)
+    assert (made[:3, 2] == np.array([188, 160, 0])[:, None]).all(), "half the light of 255 is 188 in sRGB"
+    for row in range(3):
+        for column in range(4):
+            block = np.s_[2 * row : 2 * row + 2, 2 * column : 2 * column + 2]
+            weight = covered[block].ravel() if covered[block].any() else np.ones(4)
+            light = to_linear(colour[block].reshape(4, 3) / 255)
+            mean = to_srgb((light * weight[:, None]).sum(0) / weight.sum()) * 255
+            assert np.abs(made[:3, row, column] - mean).max() < 1.5
+            assert np.abs(made[3:, row, column] - 255 * np.array([covered[block].mean(), known[block].mean()])).max() <= 0.5
+    whole = MemoryPicture(colour, 9.0, np.eye(4), covered=covered)
+    assert np.array_equal(_truth(whole, 1)[:3].transpose(1, 2, 0), colour), "at full size nothing is changed"
+
+
 def test_the_same_points_survive_in_every_picture_of_a_scan(tmp_path):
     scene = load_scene(make_room(tmp_path / "box"))
-    scan = scene.scan(1)
-    a, b = (project_scan(scan, view, seed=9) for view in scene.views[:2])
-    assert len(np.intersect1d(a.rank.numpy(), b.rank.numpy())) == len(np.intersect1d(a.rank, b.rank)) > 0
+    scan, shot = scene.scan(1), scene.views[0]
+    number = np.arange(len(scan.xyz))
+    scan = replace(scan, rgb=np.stack([number & 255, number >> 8 & 255, number >> 16], 1).astype(np.uint8))
+    aside = shot.camera_to_world.copy()
+    aside[:3, 3] += 0.3
+    seen = [project_scan(scan, shot, 9, camera_to_world=pose) for pose in (shot.camera_to_world, aside)]
+    numbers = [(view.rgb.long() * torch.tensor([1, 256, 65536])).sum(1).numpy() for view in seen]
+    both, first, second = np.intersect1d(*numbers, return_indices=True)
+    assert min(map(len, numbers)) > len(both) > 500
+    assert torch.equal(seen[0].rank[first], seen[1].rank[second]) and seen[0].rank.unique().numel() > 0.99 * len(numbers[0])
+
+
+def test_a_neighbour_lacks_the_station_that_its_picture_lacks_and_flow_stops_at_patches(tmp_path, monkeypatch):
+    """What only one of both lacks would be taken for a change that the network has to make up for."""
+    def lacking(width, height, stations, density, _rng):
+        patches = np.ones((height, width), np.float32)
+        patches[10:20, 5:25] = 0.4
+        return pairs_module.Spoiling(density, patches, np.array([1, 0], np.float32))
+
+    monkeypatch.setattr(pairs_module, "spoil", lacking)
+    monkeypatch.setattr(pairs_module, "_density", lambda _rng: 1.0)
+    scene = load_scene(make_room(tmp_path / "box"))
+    seen, raster_of = [], pairs_module.raster_of
+    monkeypatch.setattr(pairs_module, "raster_of", lambda view, keep, apart: (
+        seen.append((set(view.station[keep].tolist()), float(keep.float().mean()))), raster_of(view, keep, apart))[1])
+    made = list(pairs_module.place_pairs(scene, seed=1, scans=1, variants=1, preset="off", neighbours=True))
+    assert len(made) == 4 and [stations for stations, _ in seen] == [{0}] * 8
+    for pair, (_, kept), (_, beside) in zip(made, seen[::2], seen[1::2], strict=True):
+        assert pair.flow is not None and np.isnan(pair.flow[:, 10:20, 5:25]).all()
+        assert np.isfinite(pair.flow[:, 21:35, 2:40]).mean() > 0.8 and kept < beside
 
 
 def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
@@ -244,8 +297,9 @@ def plain_wall(folder):
 
 def test_stations_that_disagree_are_speckle_on_points_and_their_mean_in_truth(tmp_path, monkeypatch):
     plain_wall(tmp_path)
-    monkeypatch.setattr("model.data.crops.GRAIN_SHARE", 0.0)
-    monkeypatch.setattr("model.data.crops.SPECKLE_SHARE", 1.0)
+    monkeypatch.setattr("model.data.disturbances.GRAIN_SHARE", 0.0)
+    monkeypatch.setattr("model.data.disturbances.SPECKLE_SHARE", 1.0)
+    monkeypatch.setattr("model.data.disturbances.STRAY_SHARE", 0.0)
     crops = Crops([tmp_path], 64, 3)
     for step in range(12):
         batch = crops.batch(step, 1)
@@ -259,7 +313,8 @@ def test_stations_that_disagree_are_speckle_on_points_and_their_mean_in_truth(tm
 def test_grain_is_the_same_texture_on_points_and_truth(tmp_path, monkeypatch):
     """Where a pixel is measured, points and truth get the same factor: what was equal stays equal."""
     plain_wall(tmp_path)
-    monkeypatch.setattr("model.data.crops.SPECKLE_SHARE", 0.0)
+    monkeypatch.setattr("model.data.disturbances.SPECKLE_SHARE", 0.0)
+    monkeypatch.setattr("model.data.disturbances.STRAY_SHARE", 0.0)
     crops, grained = Crops([tmp_path], 64, 2), 0
     for step in range(12):
         batch = crops.batch(step, 1)
@@ -270,13 +325,32 @@ def test_grain_is_the_same_texture_on_points_and_truth(tmp_path, monkeypatch):
     assert 1 <= grained <= 10
 
 
+def test_points_that_stray_do_so_alone_and_their_truth_stays_even(tmp_path, monkeypatch):
+    plain_wall(tmp_path)
+    monkeypatch.setattr("model.data.disturbances.GRAIN_SHARE", 0.0)
+    monkeypatch.setattr("model.data.disturbances.SPECKLE_SHARE", 0.0)
+    monkeypatch.setattr("model.data.disturbances.STRAY_SHARE", 1.0)
+    crops, spread = Crops([tmp_path], 64, 3), []
+    for step in range(24):
+        batch = crops.batch(step, 1)
+        points, truth = batch.x[0, :3][:, batch.x[0, 3] > 0], batch.colour[0]
+        assert float(truth.std((1, 2)).max()) < 1e-6, "what points alone have is none of the truth's"
+        ratio = points / truth.mean((1, 2))[:, None]
+        assert abs(float(ratio.mean()) - 1) < 0.02, "and leaves it as light as it was"
+        assert float(ratio.std(0).mean()) < 0.3 * float(ratio.std(1).mean()), "nearly alike in all channels"
+        residue = (ratio - ratio.mean()).flatten()
+        spread.append((float(residue.std()), float((residue**4).mean() / residue.var() ** 2)))
+    spreads, tails = np.array(spread).T
+    assert spreads.min() > 0.003 and spreads.max() < 0.2 and np.median(tails) > 4, "most a little, some by much"
+
+
 def test_some_scans_have_exposures_far_apart(tmp_path):
     scene = load_scene(make_room(tmp_path / "box"))
 
     def ratio(seed):
         scan = scene.scan(seed)
         a, b = (scan.rgb[scan.station == s].astype(float).mean() for s in (0, 1))
-        return abs(np.log(a / b) - np.log(1.0))
+        return abs(np.log(a / b))
 
     ratios = np.array([ratio(seed) for seed in range(24)])
     assert (ratios > 0.3).any() and np.median(ratios) < 0.2
@@ -321,3 +395,16 @@ def test_scalars_and_pictures_reach_tensorboard(pairs, tmp_path, monkeypatch):
     assert told == pytest.approx({line["step"]: line["loss"] for line in lines}) and 8 in told
     picture = board.Images("filled, made, true")[-1]
     assert (picture.width, picture.height) == (3 * 32, 2 * 32)
+
+
+def test_pictures_for_tensorboard_leave_the_averaged_network_as_it_is(tmp_path, monkeypatch):
+    """The paper's has running statistics, which a network in training takes from whatever it is shown."""
+    monkeypatch.setattr("model.train.make_network", lambda _quality: PaperUNet(4))
+    averaged = Trainer(TrainConfig((), str(tmp_path), quality="paper"), Process(0, 1, torch.device("cpu"))).averaged
+    before = {name: value.clone() for name, value in averaged.state_dict().items()}
+    batch = SimpleNamespace(x=torch.rand(4, 5, 64, 64), colour=torch.rand(4, 3, 64, 64))
+    with TrainingLog(tmp_path, 0, shown=True) as log:
+        assert log.board is not None
+        log.pictures(PICTURES_EVERY, averaged, batch)
+    assert any("running_mean" in name for name in before)
+    assert all(torch.equal(before[name], value) for name, value in averaged.state_dict().items())
