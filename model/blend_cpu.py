@@ -15,7 +15,18 @@ import torch
 from torch import Tensor
 
 from model.compiled import compiled
-from model.unet import BLENDS, CONTRAST_AT, DARK, FILLED_WEIGHT, HALF_BAND, LEAST_CONTRAST, LUMA, MEAN_BLOCK, SPARSE
+from model.unet import (
+    BLENDS,
+    CONTRAST_AT,
+    DARK,
+    FILLED_WEIGHT,
+    HALF_BAND,
+    LEAST_CONTRAST,
+    LUMA,
+    MEAN_BLOCK,
+    NOISE,
+    SPARSE,
+)
 
 CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
 _RED, _GREEN, _BLUE = LUMA
@@ -27,14 +38,12 @@ _LEAST_ROWS = 32
 
 @compiled(nogil=True)
 def _weigh_row(packed, sums, out):
-    """A row of the sums to be blurred (5, W), from packed (W, 8) float32; out (3, W) begins as the picture."""
+    """A row of the sums to be blurred (>= 4, W), from packed (W, 8) float32; out (3, W) begins as the picture."""
     for x in range(packed.shape[0]):
         red, green, blue = packed[x, 0], packed[x, 1], packed[x, 2]
         weight = packed[x, 3] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
-        light = _F(_RED) * red + _F(_GREEN) * green + _F(_BLUE) * blue
         out[0, x], out[1, x], out[2, x] = red, green, blue
-        sums[0, x], sums[1, x], sums[2, x] = red * weight, green * weight, blue * weight
-        sums[3, x], sums[4, x] = weight, weight * light * light
+        sums[0, x], sums[1, x], sums[2, x], sums[3, x] = red * weight, green * weight, blue * weight, weight
 
 
 @compiled(nogil=True)
@@ -73,6 +82,15 @@ def _blend_row(sharp, smooth, share, out):
 
 
 @compiled(nogil=True)
+def _square_row(sums):
+    """The fifth of the sums (5, W): the light's square, by the same weight as the others."""
+    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
+    for x in range(len(red)):
+        light = _F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]
+        square[x] = light * light / weight[x]
+
+
+@compiled(nogil=True)
 def _contrast_row(sums, bounds):
     """How much the correction may change, and how much was measured: bounds (2, W), from sums (5, W)."""
     red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
@@ -80,7 +98,7 @@ def _contrast_row(sums, bounds):
     for x in range(len(red)):
         light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
         variance = max(square[x] / weight[x] - light * light, _F(0.0))
-        limit[x] = np.sqrt(variance + _F(LEAST_CONTRAST**2))
+        limit[x] = np.sqrt(variance) * variance / (variance + _F(NOISE**2)) + _F(LEAST_CONTRAST)
         density[x] = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
 
 
@@ -217,8 +235,10 @@ def _make(packed, blocks, block, means, made, first, last):
             smooth = smoothest
             if number + 1 < BLENDS:
                 smooth = kept[begin + rows + y % (4 * reach + 1)]
-            for plane in range(5 if number <= CONTRAST_AT else 4):
+            for plane in range(5 if number == CONTRAST_AT else 4):
                 _blur_row(above[plane], here[plane], below[plane], reach, line, smooth[plane])
+            if number + 1 == CONTRAST_AT:
+                _square_row(smooth)
             if y < first or y >= last:
                 continue
             place = y % (behind + 1)

@@ -295,7 +295,6 @@ def _of_the_first(process: Process, seconds: float) -> float:
 
 def config_from(path: Path) -> TrainConfig:
     """The configuration saved beside a run's results."""
-    data: dict[str, Any] = json.loads(path.read_text())
-    names = {f.name for f in fields(TrainConfig)}
+    data, names = json.loads(path.read_text()), {f.name for f in fields(TrainConfig)}
     known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names}
     return TrainConfig(**known)

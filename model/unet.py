@@ -28,8 +28,12 @@ HALF_BAND = (-1 / 16, 4 / 16, 10 / 16, 4 / 16, -1 / 16)
 """Along rows and columns of the correction: takes all of what goes to and fro from pixel to pixel and little else.  Made of
 blocks, the correction has such a mesh where a picture is even; a mean for each corner takes only what is steady of it."""
 CONTRAST_AT = 2
-"""The blur, counted from 0, over which contrast and density are measured: 15x15 pixels."""
-LEAST_CONTRAST = 0.02
+"""Contrast is that of the picture so many blurs smooth, over the 9x9 pixels of the next; of points that stray, each for
+itself, two blurs leave a sixth.  Density is measured after it."""
+NOISE = 0.03
+"""Contrast, of full light, that even walls of real scans have: the correction may use half of such a contrast, hardly any of a
+smaller one, all of a larger.  With the whole of it, and of each pixel, the network drew worms on brick and wood."""
+LEAST_CONTRAST = 0.001
 """By so much of full light the correction may change even where nothing varies."""
 SPARSE = 1.0 / 6.0
 """Share of measured pixels below which the correction fades, to nothing inside a hole."""
@@ -126,20 +130,22 @@ class CompactUNet(nn.Module):
         """guide: (B, 1 + BLENDS + 1, H, W), correction of the light, weights of the blends, coverage less 1."""
         picture, out, sharper = x[:, :3], x[:, :3], x[:, :3]
         weight = x[:, 3:4] * (1.0 - FILLED_WEIGHT) + FILLED_WEIGHT
-        sums = torch.cat([picture * weight, weight, weight * _luma(picture).square()], 1)
+        sums = torch.cat([picture * weight, weight], 1)
         kernel = self.get_buffer("kernel").to(x.dtype)
         limit = density = weight
         for number in range(BLENDS):
-            reach, wanted = 2**number, sums if number <= CONTRAST_AT else sums[:, :4]
-            sums = F.conv2d(F.pad(wanted, (reach,) * 4, mode="replicate"), kernel[: wanted.shape[1]], dilation=reach,
-                            groups=wanted.shape[1])
+            if number == CONTRAST_AT:
+                sums = torch.cat([sums, _luma(sums[:, :3]).square() / sums[:, 3:4]], 1)
+            reach, planes = 2**number, sums.shape[1]
+            sums = F.conv2d(F.pad(sums, (reach,) * 4, mode="replicate"), kernel[:planes], dilation=reach, groups=planes)
             smoother = sums[:, :3] / sums[:, 3:4]
             out = out + guide[:, 1 + number : 2 + number].clamp(0.0, 1.0) * (smoother - sharper)
             sharper = smoother
             if number == CONTRAST_AT:
                 density = (sums[:, 3:4] - FILLED_WEIGHT) / (1.0 - FILLED_WEIGHT)
-                variance = sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()
-                limit = (variance.clamp_min(0.0) + LEAST_CONTRAST**2).sqrt()
+                variance = (sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()).clamp_min(0.0)
+                limit = variance.sqrt() * variance / (variance + NOISE**2) + LEAST_CONTRAST
+                sums = sums[:, :4]
         light = without_mesh(guide[:, :1] - local_mean(guide[:, :1], self.block), self.get_buffer("half_band"))
         light = limit * torch.tanh(light / limit) * (density / SPARSE).clamp(0.0, 1.0)
         return torch.cat([out * (1.0 + light / _luma(out).clamp_min(DARK)), 1.0 + guide[:, -1:]], 1)

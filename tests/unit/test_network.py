@@ -217,3 +217,22 @@ def test_what_changes_from_pixel_to_pixel_is_taken_from_the_light_and_little_els
         assert left[..., 2:-2, 2:-2].abs().max() < 0.03 and left.abs().max() < 1.0
     edges = 0.3 + torch.cos(2 * torch.pi * x / 8)
     assert (without_mesh(edges[None, None], kernel)[..., 2:-2] - edges[:, 2:-2]).abs().max() < 0.06
+
+
+@torch.inference_mode()
+def test_the_light_is_corrected_where_something_is_to_be_seen_and_not_where_points_stray(seed):
+    """Whatever the network wants: a wall whose points vary keeps its noise and gets none of the network's own."""
+    generator = torch.Generator().manual_seed(seed)
+    network = CompactUNet(Size((8, 8), 1)).eval()
+    guide = torch.zeros(1, 6, 96, 96)
+    guide[:, 0] = torch.nn.functional.avg_pool2d(torch.randn(1, 1, 98, 98, generator=generator), 3, 1)[0]
+
+    def change(wall: torch.Tensor) -> torch.Tensor:
+        x = torch.cat([wall.expand(1, 3, 96, 96), torch.ones(1, 2, 96, 96)], 1)
+        return (network._blend(x, guide)[:, :3] - x[:, :3])[..., 8:-8, 8:-8]
+
+    noise = 0.02 * torch.randn(1, 1, 96, 96, generator=generator)
+    assert change(0.5 + noise).std() < 0.1 * 0.02
+    assert change(torch.full((1, 1, 96, 96), 0.5)).abs().max() < 0.002
+    stripes = 0.3 * (torch.arange(96) // 6 % 2).float().expand(1, 1, 96, 96)
+    assert change(0.3 + stripes + noise).std() > 0.03
