@@ -172,12 +172,12 @@ def _mean_row(means, block, y, left, share, column, row):
 
 
 @compiled(nogil=True)
-def _half_band_row(lights, y, height, line, row):
-    """Row y of the correction without its mesh (model.unet.without_mesh), edges repeated.  lights: (5, W), row k of the
-    correction in k % 5.  line: scratch, (W + 4,)."""
+def _half_band_row(rows, y, height, line, row):
+    """Row y of a channel without its mesh (model.unet.without_mesh), edges repeated.  rows: (5, W), row k of the channel in
+    k % 5.  line: scratch, (W + 4,)."""
     width = len(row)
-    a, b, c = lights[max(y - 2, 0) % 5], lights[max(y - 1, 0) % 5], lights[y % 5]
-    d, e = lights[min(y + 1, height - 1) % 5], lights[min(y + 2, height - 1) % 5]
+    a, b, c = rows[max(y - 2, 0) % 5], rows[max(y - 1, 0) % 5], rows[y % 5]
+    d, e = rows[min(y + 1, height - 1) % 5], rows[min(y + 2, height - 1) % 5]
     middle = line[2 : 2 + width]
     for x in range(width):
         middle[x] = _F(_MIDDLE) * c[x] + _F(_BESIDE) * (b[x] + d[x]) + _F(_OUTER) * (a[x] + e[x])
@@ -216,10 +216,11 @@ def _make(packed, blocks, block, means, made, first, last):
     kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # of blur k from row 2**(k + 1) - 2 + k
     out, bounds = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, 2, width), np.float32)
     smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
-    share, light = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
-    lights, around = np.empty((5, width), np.float32), np.empty(width, np.float32)
-    column = np.zeros((block, means.shape[2] + 1), np.float32)
-    left, part, lit = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32), max(first - 2, 0)
+    whole, row_of = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
+    said = np.empty((1 + BLENDS, 5, width), np.float32)  # the last rows of the network's channels, of each up to row had
+    had = np.full(1 + BLENDS, max(first - 2, 0))
+    around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
+    left, part = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32)
     _between(block, means.shape[2], left, part)
     for row in range(max(first - behind, 0), last + behind):
         if row < height:
@@ -242,19 +243,24 @@ def _make(packed, blocks, block, means, made, first, last):
             if y < first or y >= last:
                 continue
             place = y % (behind + 1)
-            _guide_row(blocks, block, 1 + number, y, share)
-            _blend_row(here, smooth, share[:width], out[place])
+            channel = 1 + number
+            while had[channel] < min(y + 3, height):
+                _guide_row(blocks, block, channel, had[channel], whole)
+                said[channel, had[channel] % 5] = whole[:width]
+                had[channel] += 1
+            _half_band_row(said[channel], y, height, line, row_of)
+            _blend_row(here, smooth, row_of, out[place])
             if number == CONTRAST_AT:
                 _contrast_row(smooth, bounds[place])
             if number + 1 == BLENDS:
-                while lit < min(y + 3, height):
-                    _guide_row(blocks, block, 0, lit, share)
-                    _mean_row(means, block, lit, left, part, column, around)
-                    np.subtract(share[:width], around, lights[lit % 5])
-                    lit += 1
-                _half_band_row(lights, y, height, line, light)
-                _guide_row(blocks, block, 1 + BLENDS, y, share)
-                _finish_row(packed[y], out[place], light, share[:width], bounds[place], made[y])
+                while had[0] < min(y + 3, height):
+                    _guide_row(blocks, block, 0, had[0], whole)
+                    _mean_row(means, block, had[0], left, part, column, around)
+                    np.subtract(whole[:width], around, said[0, had[0] % 5])
+                    had[0] += 1
+                _half_band_row(said[0], y, height, line, row_of)
+                _guide_row(blocks, block, 1 + BLENDS, y, whole)
+                _finish_row(packed[y], out[place], row_of, whole[:width], bounds[place], made[y])
 
 
 class Blender:

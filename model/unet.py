@@ -25,8 +25,9 @@ FILLED_WEIGHT = 0.05
 MEAN_BLOCK = 16
 """Pixels a side over which the correction has no mean: it may sharpen and mend, but not shift the light."""
 HALF_BAND = (-1 / 16, 4 / 16, 10 / 16, 4 / 16, -1 / 16)
-"""Along rows and columns of the correction: takes all of what goes to and fro from pixel to pixel and little else.  Made of
-blocks, the correction has such a mesh where a picture is even; a mean for each corner takes only what is steady of it."""
+"""Along rows and columns of what the network says: takes all of what goes to and fro from pixel to pixel and little else.  Made
+of blocks, correction and blends have such a mesh where a picture is even; a mean for each corner takes only what is steady of
+it."""
 CONTRAST_AT = 2
 """Contrast is that of the picture so many blurs smooth, over the 9x9 pixels of the next; of points that stray, each for
 itself, two blurs leave a sixth.  Density is measured after it."""
@@ -88,8 +89,10 @@ def local_mean(x: Tensor, phases: int = 1) -> Tensor:
 
 
 def without_mesh(x: Tensor, kernel: Tensor) -> Tensor:
-    """(B, 1, H, W) without what changes from pixel to pixel, edges repeated.  kernel: (1, 1, 5, 5), HALF_BAND both ways."""
-    return F.conv2d(F.pad(x, (len(HALF_BAND) // 2,) * 4, mode="replicate"), kernel.to(x.dtype))
+    """(B, C, H, W) without what changes from pixel to pixel, edges repeated.  kernel: (1, 1, 5, 5), HALF_BAND both ways."""
+    planes = x.shape[1]
+    around = F.pad(x, (len(HALF_BAND) // 2,) * 4, mode="replicate")
+    return F.conv2d(around, kernel.to(x.dtype).expand(planes, 1, -1, -1), groups=planes)
 
 
 class CompactUNet(nn.Module):
@@ -131,7 +134,8 @@ class CompactUNet(nn.Module):
         picture, out, sharper = x[:, :3], x[:, :3], x[:, :3]
         weight = x[:, 3:4] * (1.0 - FILLED_WEIGHT) + FILLED_WEIGHT
         sums = torch.cat([picture * weight, weight], 1)
-        kernel = self.get_buffer("kernel").to(x.dtype)
+        kernel, half_band = self.get_buffer("kernel").to(x.dtype), self.get_buffer("half_band")
+        shares = without_mesh(guide[:, 1 : 1 + BLENDS], half_band).clamp(0.0, 1.0)
         limit = density = weight
         for number in range(BLENDS):
             if number == CONTRAST_AT:
@@ -139,14 +143,14 @@ class CompactUNet(nn.Module):
             reach, planes = 2**number, sums.shape[1]
             sums = F.conv2d(F.pad(sums, (reach,) * 4, mode="replicate"), kernel[:planes], dilation=reach, groups=planes)
             smoother = sums[:, :3] / sums[:, 3:4]
-            out = out + guide[:, 1 + number : 2 + number].clamp(0.0, 1.0) * (smoother - sharper)
+            out = out + shares[:, number : number + 1] * (smoother - sharper)
             sharper = smoother
             if number == CONTRAST_AT:
                 density = (sums[:, 3:4] - FILLED_WEIGHT) / (1.0 - FILLED_WEIGHT)
                 variance = (sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()).clamp_min(0.0)
                 limit = variance.sqrt() * variance / (variance + NOISE**2) + LEAST_CONTRAST
                 sums = sums[:, :4]
-        light = without_mesh(guide[:, :1] - local_mean(guide[:, :1], self.block), self.get_buffer("half_band"))
+        light = without_mesh(guide[:, :1] - local_mean(guide[:, :1], self.block), half_band)
         light = limit * torch.tanh(light / limit) * (density / SPARSE).clamp(0.0, 1.0)
         return torch.cat([out * (1.0 + light / _luma(out).clamp_min(DARK)), 1.0 + guide[:, -1:]], 1)
 

@@ -208,6 +208,18 @@ def test_what_the_corners_of_all_blocks_differ_by_leaves_no_pattern(block):
     assert torch.allclose(network(x), plain, atol=1e-5)
 
 
+@torch.inference_mode()
+def test_blends_have_no_mesh_of_blocks_either():
+    """Shares that are larger in one corner of every block than in the next blend like their mean."""
+    torch.manual_seed(4)
+    network, x, made = CompactUNet(SIZES["fast"]).eval(), torch.rand(1, 5, 48, 64), []
+    for corners in ((0.5, 0.5, 0.5, 0.5), (0.2, 0.4, 0.6, 0.8)):
+        network.head.bias[4:8] = torch.tensor(corners)
+        made.append(network(x)[:, :3])
+    assert torch.allclose(*(picture[..., 2:-2, 2:-2] for picture in made), atol=1e-5)
+    assert (made[0] - x[:, :3]).abs().max() > 0.1
+
+
 def test_what_changes_from_pixel_to_pixel_is_taken_from_the_light_and_little_else():
     kernel = CompactUNet(SIZES["fast"]).get_buffer("half_band")
     y, x = torch.meshgrid(torch.arange(40.0), torch.arange(50.0), indexing="ij")
