@@ -164,7 +164,9 @@ def stability(files: dict[str, dict]) -> str:
     found = files["stability"]
     claims = [row for row in found["rows"] if "skipped" not in row]
     hold = sum(row["ok"] for row in claims)
-    lines = [f"{hold} of {len(claims)} claims hold, on fresh random scenes (seed {found['seed']}):", "",
+    machine = found["machine"]
+    lines = [f"{hold} of {len(claims)} claims hold, on fresh random scenes (seed {found['seed']}; {machine['cores']} cores of an "
+             f"{machine['processor']}, {found['opengl']}, torch {machine['versions']['torch']}):", "",
              "| what | claims | nearest to its limit |", "|---|---|---|"]
     for group in dict.fromkeys(row["group"] for row in claims):
         mine = [row for row in claims if row["group"] == group]
