@@ -147,9 +147,8 @@ def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts,
     if kept is not None and (kept["pairs"] or _made(out, recipe)):  # else there is nothing yet that was made from it
         refuse_other(out, "its pairs were", kept["made_from"], facts)
     else:
+        _refuse_others(out, recipe)
         kept = {"pairs": None, "seconds": 0.0, "made_from": facts}
-        if _refuse_earlier(recipe, folders, out, facts["seed"]):
-            kept["pairs"] = _listed(out, recipe)
     progress = _Progress(record, kept)
     if not kept["pairs"]:
         jobs = _folder_jobs(folders)  # refused now, not after the places are made
@@ -167,6 +166,16 @@ def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts,
             kept["pairs"] = _listed(out, recipe)
     progress.keep()
     return {kind: [out / "pairs" / kind / name for name in names] for kind, names in kept["pairs"].items()}
+
+
+def _refuse_others(out: Path, recipe: Recipe) -> None:
+    """Raises DataError where a folder without a record holds something already."""
+    if any(out.glob("pairs-*filtered.*")):
+        raise DataError(f"{out}: holds a training without --recipe; choose another --out")
+    checkpoints = (folder / "checkpoint.pt" for folder in (out, *(out / stage.name for stage in recipe.stages)))
+    for made in (*_made(out, recipe), *checkpoints):
+        if made.exists():
+            raise DataError(f"{made}: was not begun by this recipe; choose another --out")
 
 
 class _Progress:
@@ -252,26 +261,6 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int) -> str:
             build(with_cut_outs(places, seed) if reduce == 1 else places, folder, seed=seed, scans=2,
                   variants=2 if filtered else 1, preset="auto" if filtered else "off", reduce=reduce, neighbours=reduce == 2)
     return job.name
-
-
-def _refuse_earlier(recipe: Recipe, folders: Sequence[Path], out: Path, seed: int) -> bool:
-    """Judges a folder without a record.  Returns whether an earlier version has made its pairs there and begun to train.
-
-    Raises DataError where it holds something that this recipe has not begun, or where that cannot be told.
-    """
-    trains = any((out / stage.name / "checkpoint.pt").is_file() for stage in recipe.stages)
-    made = _made(out, recipe)
-    if (trains and not made) or (out / "checkpoint.pt").is_file() or any(out.glob("pairs-*filtered.*")):
-        raise DataError(f"{out}: holds a training without --recipe; choose another --out")
-    given = sorted(f"folder-{Path(folder).name}" for folder in folders)
-    there = sorted({path.name.rsplit("-", 1)[0] for path in made if path.name.startswith("folder-")})
-    if made:
-        refuse_other(out, "its pairs were", read_record(made[0] / "pairs.json") or {}, {"seed": seed})
-        if set(there) - set(given) or (trains and there != given) or (there and len(set(given)) < len(given)):
-            names = (", ".join(map(str, given)) or "no folder" for given in (there, folders))
-            raise DataError("{}: an earlier version made its pairs, of {}; that they are those of {} cannot be told; choose "
-                            "another --out".format(out, *names))
-    return trains
 
 
 def _judge(validation: Path, made: dict[str, Path], out: Path, perceptual: Path | None) -> None:

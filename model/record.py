@@ -1,7 +1,7 @@
 """What pairs and checkpoints were made from, kept with them: a later run with the same goes on, one with another is refused.
 
-Facts are plain values by name, as JSON holds them: where folders lie, a seed, a batch.  What an earlier
-version left without facts is judged by what it did write down (``config.json``, ``pairs.json``).
+Facts are plain values by name, as JSON holds them: where folders lie, a seed, a batch.  What earlier versions left, without
+facts or with pairs and crops drawn otherwise, is refused.
 """
 
 import hashlib
@@ -14,7 +14,7 @@ from typing import Any
 from torch import Tensor
 
 from model.data.truth import DataError
-from model.weights import WeightsError, load_weights, weights_name
+from model.weights import load_weights
 
 Facts = dict[str, Any]
 
@@ -23,6 +23,7 @@ OPTIONS = {"crops": "crops of version", "folders": "folder", "start_from": "--st
 }
 """How a person gives a fact; the others are called by their own names."""
 
+EARLIER = "of an earlier version of pointglass, which drew pairs and crops otherwise; choose another --out"
 MOST_NAMED = 3  # values of a list, in a message
 
 
@@ -106,71 +107,3 @@ def _digest(parts: Iterable[bytes]) -> str:
     for part in parts:
         found.update(part)
     return found.hexdigest()[:12]
-
-
-# ---- what earlier versions left
-
-
-KEPT = ("config.json", "log.jsonl", "tensorboard", "checkpoint.pt")
-"""What a training keeps in its folder.  The checkpoint last: as long as it has not been moved, moving is not done."""
-
-
-def earlier_owner(out: Path) -> str | None:
-    """The weights' name whose checkpoint an earlier version left in ``out`` itself; None where there is none.
-
-    Raises DataError where that cannot be told: several networks went on from one such checkpoint, each from the other's.
-    """
-    path = out / "checkpoint.pt"
-    if not path.is_file():
-        return None
-    choose = "choose another --out, or remove it"
-    # a move that was cut short has left the checkpoint and taken config.json along
-    for config in (out / "config.json", *sorted(out.glob("*/config.json"))):
-        facts = earlier_facts(config, out)
-        if {"quality", "filtered"} <= facts.keys() and (config.parent == out or not config.with_name(path.name).is_file()):
-            break
-    else:
-        raise DataError(f"{path}: of an earlier version, and no config.json says which network's; {choose}")
-    if all((out / f"{weights_name(facts['quality'], filtered=f)}.safetensors").is_file() for f in (True, False)):
-        raise DataError(f"{path}: of an earlier version, which trained {facts['quality']}-filtered and "
-                        f"{facts['quality']}-unfiltered from one checkpoint; {choose}")
-    return weights_name(facts["quality"], filtered=facts["filtered"])
-
-
-def earlier_facts(config: Path, out: Path) -> Facts:
-    """What ``config.json`` tells of the checkpoint beside it; no more than is sure, and nothing where it cannot be read."""
-    try:
-        facts = read_record(config) or {}
-    except DataError:
-        return {}
-    facts.pop("pairs", None)  # paths, which change when the folder is moved; train_command judges them by what is in them
-    try:
-        facts["start_from"] = start_fact(facts.get("start_from"), out)
-    except WeightsError:  # they are gone: it cannot be told
-        del facts["start_from"]
-    return facts
-
-
-def adopt(out: Path) -> None:
-    """Moves what an earlier version left in ``out`` itself to where it is now looked for."""
-    owner = earlier_owner(out)
-    if owner is None or (out / owner / "checkpoint.pt").is_file():  # that one is used
-        return
-    (out / owner).mkdir(exist_ok=True)
-    for name in KEPT:
-        if (out / name).exists():
-            (out / name).replace(out / owner / name)
-
-
-def refuse_other_pairs(folders: Sequence[Path], wanted: Facts, scenes: set[str], *, whole: bool) -> None:
-    """Judges pairs without a record by their ``pairs.json``.  scenes: the places' names.  whole: all folders are there.
-
-    Raises DataError where they were made from other places, or with another seed.
-    """
-    kept: set[str] = set()
-    for folder in folders:
-        told = read_record(folder / "pairs.json") or {}
-        refuse_other(folder, "its pairs were", told, {"seed": wanted["seed"]})
-        kept |= {pair["scene"] for pair in told.get("pairs", ())}
-    if kept - scenes or (whole and scenes - kept):
-        refuse_other(folders[0].parent, "its pairs were", {"places": sorted(kept)}, {"places": sorted(scenes)})

@@ -27,7 +27,7 @@ from model.folders import made_folder, replace_text
 from model.interrupts import to_its_end
 from model.memory import keep_freed_memory
 from model.objective import Objective
-from model.record import Facts, adopt, earlier_facts, earlier_owner, pairs_facts, refuse_other, start_fact
+from model.record import EARLIER, Facts, pairs_facts, refuse_other, start_fact
 from model.training_log import TrainingLog
 from model.unet import make_network
 from model.weights import load_weights, save_weights, weights_name
@@ -39,7 +39,7 @@ DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "cro
 """Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
 
 CROPS = 2
-"""Version of how crops are drawn; raised when the same seed draws others.  Checkpoints that say none are of the first."""
+"""Version of how crops are drawn; raised when the same seed draws others."""
 
 
 @dataclass(frozen=True)
@@ -169,14 +169,14 @@ class Trainer:
         Raises DataError where it is of another network or was made from something else.
         """
         out, path = Path(self.config.out), self.checkpoint
-        if not path.is_file() and earlier_owner(out) == self.config.name:
-            path = out / path.name
+        if (earlier := out / path.name).is_file():
+            raise DataError(f"{earlier}: {EARLIER}")
         if path.is_file():
             try:
                 saved = torch.load(path, weights_only=True, map_location=self.process.device)
-                kept = json.loads(saved["made_from"]) if "made_from" in saved else None
-                kept = kept or earlier_facts(path.with_name("config.json"), out)
-                refuse_other(out, f"{self.config.name} was", {"crops": 1, **kept}, facts)
+                if (kept := json.loads(saved.get("made_from", "{}"))).get("crops") != CROPS:
+                    raise DataError(f"{path}: {EARLIER}")
+                refuse_other(out, f"{self.config.name} was", kept, facts)
                 self.network.load_state_dict(saved["network"])
                 self.averaged.load_state_dict(saved["averaged"])
                 self.optimiser.load_state_dict(saved["optimiser"])
@@ -247,7 +247,6 @@ def train(config: TrainConfig, on_step=None) -> Path:
         notes = {"perceptual": objective.name, "processes": process.count, "torch": torch.__version__, **asdict(config)}
         with made_folder(config.state):
             if process.first:
-                adopt(out)
                 replace_text(config.state / "config.json", json.dumps(notes, indent=1))
             with TrainingLog(config.state, trainer.step, shown=process.first) as log:
                 _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, facts, notes), on_step)

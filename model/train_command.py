@@ -209,11 +209,11 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
     listed, record = options.out / f"{name}.txt", options.out / f"{name}.json"
     while not first and not _folders(listed):
         time.sleep(1.0)
-    from model.data.procedural import procedural_place, procedural_places
+    from model.data.procedural import procedural_places
     from model.data.sources import open_places
     from model.data.truth import DataError
     from model.folders import made_folder, replace_text
-    from model.record import read_record, refuse_other, refuse_other_pairs
+    from model.record import EARLIER, read_record, refuse_other
 
     made = sorted(path for path in options.out.glob(f"{name}-*-[12]") if path.is_dir())
     kept, whole = read_record(record) if made else None, _folders(listed)
@@ -221,11 +221,10 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
         refuse_other(options.out, "its pairs were", kept, facts)
         if whole:
             return whole
+    elif made:
+        raise DataError(f"{made[0]}: {EARLIER}")
     numbers = range(options.seed, options.seed + options.procedural)
     places = open_places(options.data)
-    if made and kept is None:
-        scenes = {place.name for place in places} | {procedural_place(number).name for number in numbers}
-        refuse_other_pairs(made, facts, scenes, whole=bool(whole))
     places += list(procedural_places(seeds=numbers))
     if not places:
         raise DataError(f"{options.data[0]}: holds no places to learn from; give other folders, or --procedural N")

@@ -51,29 +51,6 @@ def _contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def _as_before(run):
-    """Turns a folder into what earlier versions made: one checkpoint in the folder itself, and no record."""
-    state = run / "fast-filtered"
-    saved = torch.load(state / "checkpoint.pt", weights_only=True)
-    del saved["made_from"]
-    torch.save(saved, state / "checkpoint.pt")
-    notes = json.loads((state / "config.json").read_text())
-    del notes["sources"]
-    (state / "config.json").write_text(json.dumps(notes))
-    for name in ("config.json", "checkpoint.pt", "log.jsonl", "tensorboard"):
-        if (state / name).exists():
-            (state / name).rename(run / name)
-    shutil.rmtree(state)
-    (run / "pairs-filtered.json").unlink()
-    for path in run.glob("pairs-filtered-*/pairs.json"):  # pieces of rooms had no part in them
-        path.write_text(path.read_text().replace(" cut out", ""))
-
-
-@pytest.fixture
-def crops_as_before(monkeypatch):
-    monkeypatch.setattr("model.train.CROPS", 1)
-
-
 def test_moved_together_with_its_rooms_it_goes_on(rooms, tmp_path, capsys):
     """As on a machine that mounts a job's folder elsewhere every time."""
     here, there = tmp_path / "job1", tmp_path / "job2"
@@ -107,22 +84,18 @@ def test_the_unfiltered_network_after_the_filtered_learns_by_itself(rooms, run, 
     assert [_notes(run / f"fast-{kind}.safetensors")["step"] for kind in ("filtered", "unfiltered")] == [4, 3]
 
 
-@pytest.mark.parametrize("old", [False, True])
 @pytest.mark.parametrize(("other", "said"), [
     (("ONE", "--seed", 77), "--seed 1 (not 77)"), (("ONE", "--batch", 3), "--batch 2 (not 3)"),
     (("ONE", "--rate", 0.1), "--rate 0.001 (not 0.1)"), (("ONE", "--start-from", "WEIGHTS"), "--start-from none (not weights "),
 ])
-def test_other_arguments_are_refused_and_nothing_changes(rooms, run, tmp_path, capsys, other, said, old):
+def test_other_arguments_are_refused_and_nothing_changes(rooms, run, tmp_path, capsys, other, said):
     shutil.copy(run / "fast-filtered.safetensors", tmp_path / "w.safetensors")
-    if old:
-        _as_before(run)
     before = _contents(run)
     names = {"ONE": rooms[0], "WEIGHTS": tmp_path / "w.safetensors"}
     assert main(_line(run, *(names.get(word, word) for word in other), steps=6)) == 2
     error = capsys.readouterr().err
     assert said in error and str(run) in error and "choose another --out" in error and error.count("\n") == 1
-    after = _contents(run)
-    assert before.items() <= after.items() and len(after) <= len(before) + old  # the pairs' record, as far as they were right
+    assert before == _contents(run)
 
 
 @pytest.mark.parametrize(("folders", "said"), [
@@ -161,52 +134,25 @@ def test_pairs_that_were_begun_for_another_room_are_not_taken(rooms, tmp_path, m
     assert main(_line(tmp_path / "run", rooms[0])) == 0
 
 
-@pytest.mark.parametrize("recorded", [False, True])
-def test_crops_drawn_otherwise_are_refused(rooms, run, capsys, recorded):
-    """A checkpoint from before that was told: the seed would draw others than those it learned from."""
+@pytest.mark.parametrize("left", ["other crops", "no facts", "no record", "a checkpoint beside the weights"])
+def test_what_an_earlier_version_left_is_refused_and_stays(rooms, run, capsys, left):
     path = run / "fast-filtered" / "checkpoint.pt"
-    if recorded:
-        saved = torch.load(path, weights_only=True)
-        saved["made_from"] = json.dumps({k: v for k, v in json.loads(saved["made_from"]).items() if k != "crops"})
-        torch.save(saved, path)
+    saved = torch.load(path, weights_only=True)
+    if left == "no record":
+        (run / "pairs-filtered.json").unlink()
+    elif left == "a checkpoint beside the weights":
+        path.rename(run / path.name)
+    elif left == "no facts":
+        del saved["made_from"]
     else:
-        _as_before(run)
+        saved["made_from"] = json.dumps({k: v for k, v in json.loads(saved["made_from"]).items() if k != "crops"})
+    if path.is_file():
+        torch.save(saved, path)
     before = _contents(run)
     assert main(_line(run, rooms[0], steps=5)) == 2
     error = capsys.readouterr().err
-    assert f"{run}: fast-filtered was made with crops of version 1 (not 2); choose another --out" in error
-    assert error.count("\n") == 1 and before.items() <= _contents(run).items()
-
-
-@pytest.mark.usefixtures("crops_as_before")
-def test_a_folder_of_an_earlier_version_goes_on_where_it_was(rooms, run, trained, tmp_path):
-    _as_before(run)
-    (run / "log.jsonl").write_text('{"step": 2}\n{"step": 50}\n')
-    assert main(_line(run, rooms[0], steps=5)) == 0
-    whole = shutil.copytree(trained, tmp_path / "whole")
-    _as_before(whole)
-    assert main(_line(whole, rooms[0], steps=5)) == 0
-    assert _equal(_state(run / "fast-filtered.safetensors"), _state(whole / "fast-filtered.safetensors"))
-    assert not (run / "checkpoint.pt").exists() and (run / "fast-filtered" / "log.jsonl").read_text() == '{"step": 2}\n'
-    assert json.loads((run / "pairs-filtered.json").read_text())["folders"] == [str(rooms[0])]
-
-
-def test_one_checkpoint_of_two_networks_is_refused(rooms, run, capsys):
-    """As earlier versions left it: whose it is cannot be told."""
-    _as_before(run)
-    shutil.copy(run / "fast-filtered.safetensors", run / "fast-unfiltered.safetensors")
-    assert main(_line(run, rooms[0], steps=5)) == 2
-    error = capsys.readouterr().err
-    assert "fast-filtered and fast-unfiltered from one checkpoint" in error and error.count("\n") == 1
-
-
-@pytest.mark.usefixtures("crops_as_before")
-def test_a_move_that_was_cut_short_is_ended(rooms, run):
-    _as_before(run)
-    (run / "fast-filtered").mkdir()
-    (run / "config.json").rename(run / "fast-filtered" / "config.json")
-    assert main(_line(run, rooms[0], steps=4)) == 0
-    assert _notes(run / "fast-filtered.safetensors")["step"] == 4
+    assert "of an earlier version of pointglass" in error and "choose another --out" in error and error.count("\n") == 1
+    assert before == _contents(run)
 
 
 def test_weights_are_known_by_their_contents(rooms, run, tmp_path, capsys):

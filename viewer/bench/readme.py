@@ -165,8 +165,8 @@ def stability(files: dict[str, dict]) -> str:
     claims = [row for row in found["rows"] if "skipped" not in row]
     hold = sum(row["ok"] for row in claims)
     machine = found["machine"]
-    lines = [f"{hold} of {len(claims)} claims hold, on fresh random scenes (seed {found['seed']}; {machine['cores']} cores of an "
-             f"{machine['processor']}, {found['opengl']}, torch {machine['versions']['torch']}):", "",
+    where = f"{machine['cores']} cores of an {machine['processor']}, {found['opengl']}, torch {machine['versions']['torch']}"
+    lines = [f"{hold} of {len(claims)} claims hold, on fresh random scenes (seed {found['seed']}; {where}):", "",
              "| what | claims | nearest to its limit |", "|---|---|---|"]
     for group in dict.fromkeys(row["group"] for row in claims):
         mine = [row for row in claims if row["group"] == group]
