@@ -36,8 +36,19 @@ def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
     for cell in np.flatnonzero(scanned):
         open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
         closed[cell] |= bool(open_or_not) and all(open_or_not)
-    around = scanned.mean() >= 1 / void.AROUND
-    return np.where(closed & ((below & around) | (closed.mean() > void.ROOM)), SEALED, closed)
+    around, in_room = scanned.mean() >= 1 / void.AROUND, closed.mean() > void.ROOM
+    return np.where(closed & (below | in_room), SEALED, closed) if around or in_room else np.full_like(closed, OPEN, int)
+
+
+def test_what_is_seen_from_outside_is_left_to_the_picture(seed):
+    """Two pillars on a slab, with a beam over them: between them one looks through."""
+    rng = np.random.default_rng(seed)
+    parts = [(40_000, (0, 0, 0), (4, 2, 0.1)), (20_000, (0.2, 0.8, 0), (0.6, 1.2, 3)), (20_000, (3.4, 0.8, 0), (3.8, 1.2, 3)),
+             (20_000, (0.2, 0.8, 2.8), (3.8, 1.2, 3))]  # fmt: skip
+    points = np.concatenate([rng.uniform(low, high, (count, 3)) for count, low, high in parts])
+    scene = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
+    for eye in ((2.0, -5.0, 1.6), (-3.0, -3.0, 4.0), (2.0, 1.0, 12.0)):
+        assert (scene.closed(np.array(eye)) == OPEN).all()
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])

@@ -5,8 +5,8 @@ over a street and the space around a statue are not.  The directions around the 
 cube; a cell is surrounded where, walking from it in eight directions, each meets a scanned cell within 60 degrees.  Cells
 without a point that touch are one hole, and get one answer: closed where most of them are surrounded, or where the hole lies
 below the horizon of a camera that the scan encloses (what a tripod hid, seen from low down).  What is closed is filled, and the
-network may open it where that could be sky, seen between branches, say: not in a room, and not below the horizon of a camera
-that has the scan around it.
+network may open it where that could be sky, seen between branches, say: not in a room, and not below the horizon.  Where the
+scan is not around the camera, all of it is in the picture, and these directions say nothing.
 World axes, z up, no OpenGL.
 """
 
@@ -228,8 +228,10 @@ class Surroundings:
         close_directions(scanned, walks, _NEEDED, closed)
         settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
         in_room = np.count_nonzero(closed) > ROOM * len(closed)
-        around = AROUND * np.count_nonzero(scanned) >= len(closed)
-        closed[(closed > 0) & (in_room | (around & self._below))] = SEALED
+        if not in_room and AROUND * np.count_nonzero(scanned) < len(closed):
+            closed[:] = OPEN  # the picture's pixels tell more than cells of six degrees
+        else:
+            closed[(closed > 0) & (in_room | self._below)] = SEALED
         return closed.reshape(6 * SIDE, SIDE)
 
 
