@@ -240,3 +240,16 @@ def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch, 
     with pytest.raises(InputError, match=r"again") as error:
         list(chunks)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_full_disk_is_told_before_points_are_placed(monkeypatch):
+    """A page of a memory map that finds no room is a bus error, which nobody can catch."""
+    from collections import namedtuple
+
+    from viewer.cloud import build, scratch
+
+    monkeypatch.setattr(build, "_IN_MEMORY", 10)
+    assert build.in_memory(1000).shape == (1000, 3)
+    monkeypatch.setattr(scratch.shutil, "disk_usage", lambda _: namedtuple("Usage", "free")(1000))
+    with pytest.raises(InputError, match=r"no room for .* GB of points \(no space left.*set TMPDIR"):
+        build.in_memory(1000)

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 from types import SimpleNamespace
 from typing import Any
 
@@ -80,6 +81,14 @@ def test_a_folder_that_takes_no_files_is_named(tmp_path, monkeypatch):
         export_pictures(fake(), CAMERAS, Settings(), tmp_path / "out")
     assert str(caught.value).startswith(f"{tmp_path / 'out'}: cannot be written to (Read-only file system); ")
     assert str(caught.value).endswith("choose another --out")
+
+
+def test_what_a_killed_run_of_the_same_number_left_is_in_nobodys_way(tmp_path):
+    """In a container process numbers come again."""
+    left = tmp_path / f".a.png.{os.getpid()}.partial"
+    left.mkdir()
+    export_pictures(fake(), CAMERAS, Settings(view="raw"), tmp_path, aux=True)
+    assert (tmp_path / "a.png").is_file() and [path.name for path in tmp_path.glob(".*")] == [left.name]
 
 
 def test_a_folder_in_the_place_of_a_file_leaves_none_of_the_others(tmp_path):

@@ -1,0 +1,24 @@
+"""The interface's looks, without a window."""
+
+import pytest
+
+
+def test_sizes_are_the_same_again_after_any_change_of_screen():
+    """imgui truncates what it scales: done one on the other, every move between two screens made them smaller."""
+    imgui = pytest.importorskip("imgui_bundle", reason="the window's packages are not installed").imgui
+    from viewer.window.theme import Theme
+
+    context = imgui.create_context()
+    try:
+        theme, style = Theme(1.0), imgui.get_style()
+
+        def sizes():
+            return [(size.x, size.y) for size in (style.frame_padding, style.cell_padding, style.item_spacing)]
+
+        first, larger = sizes(), []
+        for scale in (1.25, 2.0, 1.25, 1.0):
+            theme.rescale(scale)
+            larger.append(sizes())
+        assert larger[0] == larger[2] != first and larger[1][0] == (20, 10) and larger[3] == first
+    finally:
+        imgui.destroy_context(context)
