@@ -9,12 +9,7 @@ Dally 1998; Marroquim et al. 2007).  Measured pixels are never touched, but wher
 import torch
 from torch import Tensor
 
-from model.pyramid import RING, bilinear, parents, quads, shifted
-
-SURROUND_SHARE = 16
-"""The largest blocks that may surround a hole are 1 / 16 of the picture's longer side."""
-STRICT_FROM = 3
-"""From this level up (blocks of 8 pixels) all eight blocks around must hold something, so that outlines stay tight."""
+from model.pyramid import bilinear, quads
 
 
 def pull_push(image: Tensor, mask: Tensor) -> Tensor:
@@ -37,31 +32,3 @@ def pull_push(image: Tensor, mask: Tensor) -> Tensor:
     for colour, weight in zip(reversed(colours[:-1]), reversed(weights[:-1]), strict=True):
         filled = colour + (1.0 - weight) * bilinear(filled, *weight.shape)
     return filled
-
-
-def surround_levels(width: int, height: int) -> int:
-    """Pyramid levels at which :func:`surrounded` looks: at least 1."""
-    return max(1, (max(width, height) // SURROUND_SHARE).bit_length() - 1)
-
-
-def surrounded(mask: Tensor) -> Tensor:
-    """(H, W) bool: pixels that are measured or that measured pixels surround, at some scale; the rest is void.
-
-    At a level a block is surrounded where, of each two consecutive blocks of the eight around it, at least one holds a
-    measured pixel; from STRICT_FROM up, where all eight do.  What lies beyond the picture surrounds nothing.
-    """
-    held = [mask.to(torch.float32)]
-    for _ in range(surround_levels(mask.shape[-1], mask.shape[-2])):
-        a, b, c, d = quads(held[-1], 0.0)
-        held.append(torch.maximum(torch.maximum(a, b), torch.maximum(c, d)))
-    inside = None
-    for number in range(len(held) - 1, 0, -1):
-        level = held[number]
-        ring = [shifted(level, dx, dy, 0.0) for dx, dy in RING]
-        least = torch.ones_like(level)
-        for k in range(8):
-            other = ring[k] if number >= STRICT_FROM else ring[(k + 1) % 8]
-            least = torch.minimum(least, torch.maximum(ring[k], other))
-        inside = least if inside is None else torch.maximum(least, parents(inside, *level.shape))
-    assert inside is not None
-    return mask | (parents(inside, *mask.shape) > 0)

@@ -13,7 +13,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from model.blend_cpu import CLOSED, Blender
+from model.blend_cpu import Blender
+from model.blend_rows import CLOSED
 from model.engines import fold_normalisation
 from model.memory import keep_freed_memory
 from model.processors import usable_processors

@@ -2,13 +2,14 @@
 
 ``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGBA of the same size.  It cannot
 invent a colour: at every pixel it chooses how far to blend the filled picture towards ever smoother versions of itself
-(measured pixels count most), and then lightens or darkens that mixture, by no more than the contrast of what was measured
-around it, without a local mean and what goes to and fro from pixel to pixel, and the less the farther measured pixels are.  A
-last channel says how far the pixel is covered, 0 in void and sky.  Without the blends, a plain residual network stayed at the
-identity for thousands of steps; with a mean, the correction glazed real scans with the light of the rooms it was trained on;
-with what goes to and fro, even walls and paper showed a mesh; free in colour and size, it drew coloured fringes and gratings
-beside holes of real scans.  It works at half resolution on 2x2 pixel blocks (space to depth), so every convolution is wide and
-cheap and no detail is lost, and is fully convolutional: any size is padded and cropped.
+(measured pixels count most), by no more than points stray by there, and then lightens or darkens that mixture, by no more
+than the contrast of what was measured around it, without a local mean and what goes to and fro from pixel to pixel, and the
+less the farther measured pixels are.  A last channel says how far the pixel is covered, 0 in void and sky.  Without the
+blends, a plain residual network stayed at the identity for thousands of steps; with a mean, the correction glazed real scans
+with the light of the rooms it was trained on; with what goes to and fro, even walls and paper showed a mesh; free in colour
+and size, it drew coloured fringes and gratings beside holes of real scans.  It works at half resolution on 2x2 pixel blocks
+(space to depth), so every convolution is wide and cheap and no detail is lost, and is fully convolutional: any size is padded
+and cropped.
 """
 
 import itertools
@@ -36,6 +37,15 @@ NOISE = 0.03
 smaller one, all of a larger.  With the whole of it, and of each pixel, the network drew worms on brick and wood."""
 LEAST_CONTRAST = 0.001
 """By so much of full light the correction may change even where nothing varies."""
+STRAYS = (0.0, 0.273, 0.12, 0.058)
+"""Standard deviation of what points that stray, each for itself by 1, leave between one blur and the next."""
+MOST_STRAYS = 2.5
+"""So many of these a blend may take away where all is measured, but for the finest, which it may have whole.  What is more
+stands out: unbound, the network took faint numbers off an even tank, whatever lettering it was taught."""
+LEAST_STRAY = 0.003
+"""By so much of full light points stray everywhere."""
+MEASURED = (0.3, 0.7)
+"""Share of measured pixels below which a blend is not bound, and above which it is: far apart, points say little of this."""
 SPARSE = 1.0 / 6.0
 """Share of measured pixels below which the correction fades, to nothing inside a hole."""
 DARK = 0.08
@@ -118,7 +128,7 @@ class CompactUNet(nn.Module):
         nn.init.zeros_(self.head.weight)  # untrained, the network returns the filled picture, covered everywhere
         nn.init.zeros_(self.head.bias)  # type: ignore[arg-type]
         binomial = torch.tensor([0.25, 0.5, 0.25])
-        kernel = (binomial[:, None] * binomial).expand(5, 1, 3, 3).clone()
+        kernel = (binomial[:, None] * binomial).expand(6, 1, 3, 3).clone()
         self.register_buffer("kernel", kernel, persistent=False)
         taps = torch.tensor(HALF_BAND)
         self.register_buffer("half_band", (taps[:, None] * taps)[None, None].clone(), persistent=False)
@@ -133,25 +143,34 @@ class CompactUNet(nn.Module):
         """guide: (B, 1 + BLENDS + 1, H, W), correction of the light, weights of the blends, coverage less 1."""
         picture, out, sharper = x[:, :3], x[:, :3], x[:, :3]
         weight = x[:, 3:4] * (1.0 - FILLED_WEIGHT) + FILLED_WEIGHT
-        sums = torch.cat([picture * weight, weight], 1)
+        sums = torch.cat([picture * weight, weight, _luma(picture).square() * weight], 1)  # at last how far points stray
         kernel, half_band = self.get_buffer("kernel").to(x.dtype), self.get_buffer("half_band")
         shares = without_mesh(guide[:, 1 : 1 + BLENDS], half_band).clamp(0.0, 1.0)
-        limit = density = weight
+        limit = dense = weight
         for number in range(BLENDS):
             if number == CONTRAST_AT:
                 sums = torch.cat([sums, _luma(sums[:, :3]).square() / sums[:, 3:4]], 1)
             reach, planes = 2**number, sums.shape[1]
             sums = F.conv2d(F.pad(sums, (reach,) * 4, mode="replicate"), kernel[:planes], dilation=reach, groups=planes)
             smoother = sums[:, :3] / sums[:, 3:4]
-            out = out + shares[:, number : number + 1] * (smoother - sharper)
+            change = shares[:, number : number + 1] * (smoother - sharper)
+            density = (sums[:, 3:4] - FILLED_WEIGHT) / (1.0 - FILLED_WEIGHT)
+            if number == 0:
+                variance = (sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()).clamp_min(0.0)
+                sums = torch.cat([sums[:, :4], (variance + LEAST_STRAY**2).sqrt() * sums[:, 3:4]], 1)
+            else:
+                most = MOST_STRAYS * STRAYS[number] * sums[:, 4:5] / sums[:, 3:4]
+                bound = (most / _luma(change).abs().clamp_min(1e-6)).clamp_max(1.0)
+                sure = ((density - MEASURED[0]) / (MEASURED[1] - MEASURED[0])).clamp(0.0, 1.0)
+                change = change * (1.0 - sure * (1.0 - bound))
+            out = out + change
             sharper = smoother
             if number == CONTRAST_AT:
-                density = (sums[:, 3:4] - FILLED_WEIGHT) / (1.0 - FILLED_WEIGHT)
-                variance = (sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()).clamp_min(0.0)
+                variance = (sums[:, 5:] / sums[:, 3:4] - _luma(smoother).square()).clamp_min(0.0)
                 limit = variance.sqrt() * variance / (variance + NOISE**2) + LEAST_CONTRAST
-                sums = sums[:, :4]
+                dense, sums = density, sums[:, :5]
         light = without_mesh(guide[:, :1] - local_mean(guide[:, :1], self.block), half_band)
-        light = limit * torch.tanh(light / limit) * (density / SPARSE).clamp(0.0, 1.0)
+        light = limit * torch.tanh(light / limit) * (dense / SPARSE).clamp(0.0, 1.0)
         return torch.cat([out * (1.0 + light / _luma(out).clamp_min(DARK)), 1.0 + guide[:, -1:]], 1)
 
     def _trunk(self, x: Tensor) -> Tensor:

@@ -10,7 +10,7 @@ layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
 uniform sampler2D whole_weight;
-uniform sampler2D inside;         // blocks of 2x2 pixels surrounded by measured ones
+uniform usampler2D holes;         // of each cell of 4x4 pixels a bit for every one that measured ones surround
 #ifndef ALIKE
 uniform isampler2D closed;        // what each direction is, 0 where void: six cube faces one above the other
 uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
@@ -39,7 +39,7 @@ int closed_towards(ivec2 at) {
 #endif
 
 // at: a pixel.  behind: the level above at its centre.  whole: the weight of the whole picture.
-void write(ivec2 at, ivec2 extent, vec4 behind, float whole, bool surrounded) {
+void write(ivec2 at, ivec2 extent, vec4 behind, float whole, bool hole) {
     if (any(greaterThanEqual(at, extent))) return;
     vec4 v;
     float w = measured(at, v);
@@ -53,7 +53,7 @@ void write(ivec2 at, ivec2 extent, vec4 behind, float whole, bool surrounded) {
     int direction = closed_towards(at);
 #endif
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    float alpha = w == 0.0 && (!(direction != 0 || surrounded) || whole == 0.0) ? 0.0 : 1.0;
+    float alpha = w == 0.0 && (!(direction != 0 || hole) || whole == 0.0) ? 0.0 : 1.0;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
@@ -73,16 +73,13 @@ void main() {
     vec4 s = fetch_clamped(coarse, above + ivec2(0, 1), bounds), n = fetch_clamped(coarse, above - ivec2(0, 1), bounds);
     vec4 se = fetch_clamped(coarse, above + ivec2(1, 1), bounds), nw = fetch_clamped(coarse, above - ivec2(1, 1), bounds);
     vec4 ne = fetch_clamped(coarse, above + ivec2(1, -1), bounds), sw = fetch_clamped(coarse, above - ivec2(1, -1), bounds);
-    bool surrounded = true;
-#ifdef ALIKE
-#if ALIKE == 0
-    surrounded = texelFetch(inside, above, 0).x >= 0.5;
-#endif
+#if !defined(ALIKE) || ALIKE == 0
+    uint hole = texelFetch(holes, above >> 1, 0).x >> (2 * (above.x & 1) + 8 * (above.y & 1));
 #else
-    surrounded = texelFetch(inside, above, 0).x >= 0.5;
+    const uint hole = 0u;  // every direction is closed
 #endif
-    write(at, extent, corner_sum(own, w, n, nw) / unit, whole, surrounded);
-    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, whole, surrounded);
-    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, whole, surrounded);
-    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, whole, surrounded);
+    write(at, extent, corner_sum(own, w, n, nw) / unit, whole, (hole & 0x01u) != 0u);
+    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, whole, (hole & 0x02u) != 0u);
+    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, whole, (hole & 0x10u) != 0u);
+    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, whole, (hole & 0x20u) != 0u);
 }

@@ -1,4 +1,4 @@
-"""What scans hold and smooth, path-traced rooms do not: fine texture, stations that disagree, single points that stray.
+"""What scans hold and smooth, path-traced rooms do not: texture, lettering, stations that disagree, points that stray.
 
 Each is a gain for every pixel of a crop, *seen* by the points, and what is then *true*.  What both have in common is to be
 kept; what the points alone have is to be taken away.  Real scans, 1280x960 (plant_room, studio): even patches of the filled
@@ -12,10 +12,13 @@ import torch
 import torch.nn.functional as F
 from scipy.ndimage import gaussian_filter
 
+from model.data.lettering import lettering
 from model.pull_push import pull_push
 
 GRAIN_SHARE = 0.15  # at a third of the crops the network drew texture where real scans hold noise
 """Share of the crops (of those without a neighbouring camera, here and below) whose surfaces get a fine texture."""
+LETTERING_SHARE = 0.1
+"""Share of the crops with lettering."""
 SPECKLE_SHARE = 0.3
 """Share of the crops whose points come from two stations that do not agree in brightness."""
 STRAY_SHARE = 0.5
@@ -96,7 +99,10 @@ def disturbed(x: np.ndarray, y: np.ndarray, rng: np.random.Generator, *, texture
     if kind < GRAIN_SHARE:
         seen = grain(rng, side)
         y[:3] = np.minimum(y[:3] * seen, 1.0)
-    elif not textures_only and kind < GRAIN_SHARE + SPECKLE_SHARE:
+    elif kind < GRAIN_SHARE + LETTERING_SHARE:
+        seen, true = lettering(rng, side)
+        y[:3] = np.minimum(y[:3] * true, 1.0)
+    elif not textures_only and kind < GRAIN_SHARE + LETTERING_SHARE + SPECKLE_SHARE:
         seen, mixture = speckle(rng, side)
         y[:3] = mixed(y[:3], mixture)
     if not textures_only and strays:

@@ -7,8 +7,8 @@ import torch
 
 from model.depth_filter import keep_mask
 from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
-from model.pull_push import surrounded
 from model.station_weights import station_weights
+from model.surrounded import surrounded
 from viewer.render.cull import Culler
 from viewer.render.stations import Places, weighs
 from viewer.render.void import Surroundings, cell_of

@@ -248,3 +248,28 @@ def test_the_light_is_corrected_where_something_is_to_be_seen_and_not_where_poin
     assert change(torch.full((1, 1, 96, 96), 0.5)).abs().max() < 0.002
     stripes = 0.3 * (torch.arange(96) // 6 % 2).float().expand(1, 1, 96, 96)
     assert change(0.3 + stripes + noise).std() > 0.03
+
+
+@torch.inference_mode()
+def test_blends_take_noise_and_leave_what_stands_out_of_it(seed):
+    """Whatever the network wants: of a stripe fainter than many a noise, on a wall where points hardly stray, most is left."""
+    generator = torch.Generator().manual_seed(seed)
+    network, guide = CompactUNet(Size((8, 8), 1)).eval(), torch.zeros(1, 6, 96, 96)
+    guide[:, 1:5] = 1.0  # all the smoothing there is
+    stripes = (torch.arange(96) // 3 % 4 == 0).float().expand(1, 1, 96, 96)
+
+    def contrast(noise: float, share: float) -> tuple[float, float]:
+        """Of the stripes, after and before; points stray by ``noise``, a share of the pixels is measured."""
+        wall = 0.5 + 0.06 * stripes + noise * torch.randn(1, 1, 96, 96, generator=generator)
+        mask = (torch.rand(1, 1, 96, 96, generator=generator) < share).float()
+        made = network._blend(torch.cat([wall.expand(1, 3, 96, 96), mask, mask], 1), guide)[:, :1]
+        on, off = (stripes == k for k in (1, 0))
+        return tuple(float(p[on].mean() - p[off].mean()) for p in (made, wall))  # type: ignore[return-value]
+
+    left, was = contrast(0.004, 1.0)
+    assert left > 0.4 * was, "stands out"
+    assert contrast(0.1, 1.0)[0] < 0.25 * was, "could be noise"
+    assert contrast(0.004, 0.2)[0] < 0.25 * was, "too few points to tell"
+    noise = 0.05 * torch.randn(1, 1, 96, 96, generator=generator)
+    made = network._blend(torch.cat([(0.5 + noise).expand(1, 3, 96, 96), torch.ones(1, 2, 96, 96)], 1), guide)
+    assert made[:, :3, 16:-16, 16:-16].std() < 0.15 * 0.05, "of noise alone hardly any is left"

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.project import SoftZ, depth_feature, network_input, pixels, rasterise, unpack_points
-from model.pull_push import pull_push, surrounded
+from model.pull_push import pull_push
 
 CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
 
@@ -67,17 +67,6 @@ def test_fill_of_a_constant_is_constant_and_of_nothing_is_zero():
     mask = torch.from_numpy(np.random.default_rng(0).random((30, 41)) < 0.05)
     assert torch.allclose(pull_push(torch.full((3, 30, 41), 0.4, dtype=torch.float64), mask), torch.tensor(0.4).double())
     assert not pull_push(torch.ones(3, 30, 41), torch.zeros(30, 41, dtype=torch.bool)).any()
-
-
-def test_surrounded_fills_holes_and_leaves_the_sky():
-    mask = torch.zeros(256, 256, dtype=torch.bool)
-    mask[100:, :] = True
-    mask[150:170, 100:120] = False  # a hole in the ground
-    inside = surrounded(mask)
-    assert inside[150:170, 100:120].all()
-    assert not inside[:90].any()
-    sparse = torch.rand(256, 256, generator=torch.Generator().manual_seed(0)) < 0.1
-    assert surrounded(sparse)[32:-32, 32:-32].float().mean() > 0.999
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])

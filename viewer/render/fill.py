@@ -10,9 +10,9 @@ import moderngl
 import numpy as np
 
 from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
-from model.pull_push import STRICT_FROM, surround_levels
 from viewer.render import shader
 from viewer.render.filter import level_sizes
+from viewer.render.surround import Surround
 from viewer.render.void import CLOSED, SEALED, SIDE, closed_in_view
 
 if TYPE_CHECKING:
@@ -36,15 +36,8 @@ class Fill:
         self._values = [context.texture(s, 4, dtype="f4") for s in sizes]
         self._weights = [context.texture(s, 1, dtype="f4") for s in sizes]
         self._pushed = [context.texture(s, 4, dtype="f4") for s in sizes[:-1]]
-        self._inside = [context.texture(s, 1, dtype="f1") for s in sizes[: min(levels, surround_levels(*size))]]
+        self._surround = Surround(programs, size, self._weights)
         self._closed = context.texture((SIDE, 6 * SIDE), 1, dtype="i1", alignment=1)
-        last = len(self._inside) - 1
-        self._surround = [  # level index + 1 above the picture
-            programs.compute(
-                "fill_inside.comp", TOP=1 if index == last else None, STRICT=1 if index + 1 >= STRICT_FROM else None
-            )
-            for index in range(len(self._inside))
-        ]
         self._pull_base = programs.compute("fill_pull.comp", BASE=1, **_CONSTANTS)
         self._pull = programs.compute("fill_pull.comp", **_CONSTANTS)
         self._push = programs.compute("fill_push.comp")
@@ -66,12 +59,8 @@ class Fill:
             self._pass(self._push, self._pushed[index].size, [self._pushed[index]], inputs, feature_scale, is_sum)
             coarse, is_sum = self._pushed[index], 0
         view = closed_in_view(closed, camera)
-        for index in range(len(self._inside) - 1, -1, -1):
-            if view in (CLOSED, SEALED):  # no direction in the picture is void: nobody asks which pixels are surrounded
-                break
-            top = index == len(self._inside) - 1
-            inputs = {"weight": self._weights[index]} | ({} if top else {"coarse_inside": self._inside[index + 1]})
-            self._pass(self._surround[index], self._inside[index].size, [self._inside[index]], inputs, feature_scale)
+        if view not in (CLOSED, SEALED):  # else no direction in the picture is void: nobody asks which pixels are surrounded
+            self._surround.run()
         self._closed.write(closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
@@ -79,7 +68,7 @@ class Fill:
         if view is None:
             push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
             push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        inputs = {**base, "coarse": coarse, "inside": self._inside[0], "closed": self._closed}
+        inputs = {**base, "coarse": coarse, "holes": self._surround.holes, "closed": self._closed}
         self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale, is_sum)
 
     def _picture(self, network: bool, view: int | None) -> moderngl.ComputeShader:
@@ -106,5 +95,6 @@ class Fill:
         self.context.memory_barrier()
 
     def release(self) -> None:
-        for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed, *self._inside):
+        for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed):
             resource.release()
+        self._surround.release()

@@ -1,0 +1,217 @@
+"""Rows of the compact network's last part, in compiled loops: what ``model/blend_cpu.py`` puts together.
+
+Each function makes one row of one step of :meth:`model.unet.CompactUNet._blend`.  Planes lie one after the other, so that the
+loops run along a row in vector instructions.
+"""
+
+import numpy as np
+
+from model.compiled import compiled
+from model.unet import (
+    DARK,
+    FILLED_WEIGHT,
+    HALF_BAND,
+    LEAST_CONTRAST,
+    LEAST_STRAY,
+    LUMA,
+    MEAN_BLOCK,
+    MEASURED,
+    NOISE,
+    SPARSE,
+)
+
+CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
+_RED, _GREEN, _BLUE = LUMA
+_OUTER, _BESIDE, _MIDDLE = HALF_BAND[:3]
+_SOME, _ALL = MEASURED
+_F = np.float32
+
+
+@compiled(nogil=True)
+def weigh_row(packed, sums, out):
+    """A row of the sums to be blurred (>= 5, W), from packed (W, 8) float32; out (3, W) begins as the picture."""
+    for x in range(packed.shape[0]):
+        red, green, blue = packed[x, 0], packed[x, 1], packed[x, 2]
+        weight = packed[x, 3] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
+        out[0, x], out[1, x], out[2, x] = red, green, blue
+        sums[0, x], sums[1, x], sums[2, x], sums[3, x] = red * weight, green * weight, blue * weight, weight
+        light = _F(_RED) * red + _F(_GREEN) * green + _F(_BLUE) * blue
+        sums[4, x] = light * light * weight
+
+
+@compiled(nogil=True)
+def guide_row(blocks, block, channel, y, row):
+    """One row of a channel of the network's blocks (h, w, channels * block**2), as pixels; row: (w * block,)."""
+    base, line = channel * block * block + (y % block) * block, blocks[y // block]
+    for u in range(len(line)):
+        for j in range(block):
+            row[u * block + j] = line[u, base + j]
+
+
+@compiled(nogil=True)
+def blur_row(above, here, below, reach, line, row):
+    """The 3x3 binomial blur at a dilation of one row (W,) of a plane, edges repeated; line: scratch, (W + 2 reach,)."""
+    width = len(here)
+    middle, left, right = line[reach : reach + width], line[:width], line[2 * reach : 2 * reach + width]
+    for x in range(width):
+        middle[x] = _F(0.25) * (above[x] + below[x]) + _F(0.5) * here[x]
+    line[:reach], line[reach + width : 2 * reach + width] = middle[0], middle[width - 1]
+    for x in range(width):  # slices, not offsets: an index that might be negative would keep it from vector instructions
+        row[x] = _F(0.25) * (left[x] + right[x]) + _F(0.5) * middle[x]
+
+
+@compiled(nogil=True)
+def blend_row(sharp, smooth, share, stray, out):
+    """The picture out (3, W) blended, by share (W,), from one blur's sums (>= 5, W) towards the next one's: where much is
+    measured, by no more light than ``stray`` times what points stray by, the fifth of the sums."""
+    red, green, blue, weight, strays = smooth[0], smooth[1], smooth[2], smooth[3], smooth[4]
+    red_before, green_before, blue_before, weight_before = sharp[0], sharp[1], sharp[2], sharp[3]
+    out_red, out_green, out_blue = out[0], out[1], out[2]
+    for x in range(len(share)):
+        part = min(max(share[x], _F(0.0)), _F(1.0))
+        one, before = _F(1.0) / weight[x], part / weight_before[x]
+        now = part * one
+        more_red = now * red[x] - before * red_before[x]
+        more_green = now * green[x] - before * green_before[x]
+        more_blue = now * blue[x] - before * blue_before[x]
+        light = abs(_F(_RED) * more_red + _F(_GREEN) * more_green + _F(_BLUE) * more_blue)
+        bound = min(_F(stray) * strays[x] * one / max(light, _F(1e-6)), _F(1.0))
+        dense = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
+        sure = min(max((dense - _F(_SOME)) / _F(_ALL - _SOME), _F(0.0)), _F(1.0))
+        left = _F(1.0) - sure * (_F(1.0) - bound)
+        out_red[x] += left * more_red
+        out_green[x] += left * more_green
+        out_blue[x] += left * more_blue
+
+
+@compiled(nogil=True)
+def stray_row(sums):
+    """The fifth of the sums (>= 5, W) from the light's square to how far points stray around each pixel, by the same weight."""
+    red, green, blue, weight, strays = sums[0], sums[1], sums[2], sums[3], sums[4]
+    for x in range(len(red)):
+        light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
+        variance = max(strays[x] / weight[x] - light * light, _F(0.0))
+        strays[x] = np.sqrt(variance + _F(LEAST_STRAY**2)) * weight[x]
+
+
+@compiled(nogil=True)
+def square_row(sums):
+    """The sixth of the sums (6, W): the light's square, by the same weight as the others."""
+    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[5]
+    for x in range(len(red)):
+        light = _F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]
+        square[x] = light * light / weight[x]
+
+
+@compiled(nogil=True)
+def contrast_row(sums, bounds):
+    """How much the correction may change, and how much was measured: bounds (2, W), from sums (6, W)."""
+    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[5]
+    limit, density = bounds[0], bounds[1]
+    for x in range(len(red)):
+        light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
+        variance = max(square[x] / weight[x] - light * light, _F(0.0))
+        limit[x] = np.sqrt(variance) * variance / (variance + _F(NOISE**2)) + _F(LEAST_CONTRAST)
+        density[x] = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
+
+
+@compiled(inline="always")
+def _held(place, block, size):
+    """Where a place beyond the picture's ``size`` is taken from: the last block, the same corner of it where there is one."""
+    return min(min(place // block, (size - 1) // block) * block + place % block, size - 1)
+
+
+@compiled(nogil=True)
+def square_means(blocks, block, height, width, means, first, last):
+    """Means of the first channel over squares of MEAN_BLOCK pixels, for each corner of the blocks by itself, edges repeated.
+
+    means: (rows, block**2, columns), rows ``first`` to ``last`` are made.
+    """
+    row = np.empty(blocks.shape[1] * block, np.float32)
+    for v in range(first, last):
+        means[v] = 0.0
+        for y in range(v * MEAN_BLOCK, (v + 1) * MEAN_BLOCK):
+            guide_row(blocks, block, 0, _held(y, block, height), row)
+            corner = (y % block) * block
+            for x in range(means.shape[2] * MEAN_BLOCK):
+                means[v, corner + x % block, x // MEAN_BLOCK] += row[x if x < width else _held(x, block, width)]
+        for corner in range(block * block):
+            for u in range(means.shape[2]):
+                means[v, corner, u] *= _F(block * block / (MEAN_BLOCK * MEAN_BLOCK))
+
+
+@compiled(nogil=True, inline="always")
+def tanh(x):
+    """To 4e-7: Eigen's rational approximation, which loops of vector instructions can hold and a library's call cannot."""
+    x = min(max(x, _F(-7.9)), _F(7.9))
+    s = x * x
+    above = _F(-2.76076847742355e-16) * s + _F(2.00018790482477e-13)
+    above = (above * s + _F(-8.60467152213735e-11)) * s + _F(5.12229709037114e-08)
+    above = ((above * s + _F(1.48572235717979e-05)) * s + _F(6.37261928875436e-04)) * s + _F(4.89352455891786e-03)
+    below = (_F(1.19825839466702e-06) * s + _F(1.18534705686654e-04)) * s + _F(2.26843463243900e-03)
+    return x * above / (below * s + _F(4.89352518554385e-03))
+
+
+@compiled(nogil=True, inline="always")
+def _unit(value):
+    return min(max(value, _F(0.0)), _F(1.0)) if value == value else _F(0.0)  # NaN is not equal to itself
+
+
+@compiled(nogil=True)
+def between(block, columns, left, share):
+    """Between which squares each block of a row lies, left and the next, and how far on the way; left, share: (blocks,)."""
+    for b in range(len(left)):
+        place = max((b + 0.5) / (MEAN_BLOCK // block) - 0.5, 0.0)
+        left[b] = int(place)
+        share[b] = place - left[b] if left[b] + 1 < columns else 0.0
+
+
+@compiled(nogil=True)
+def mean_row(means, block, y, left, share, column, row):
+    """The means at one row of pixels, interpolated between the squares' middles.  left, share: from between.  column: scratch,
+    (block, columns + 1)."""
+    across = MEAN_BLOCK // block  # blocks in a square
+    place = max((y // block + 0.5) / across - 0.5, 0.0)
+    v, first = int(place), (y % block) * block
+    below = min(v + 1, means.shape[0] - 1)
+    for corner in range(block):
+        line = column[corner]
+        for u in range(means.shape[2]):
+            above = means[v, first + corner, u]
+            line[u] = above + _F(place - v) * (means[below, first + corner, u] - above)
+        for b in range((len(row) - corner + block - 1) // block):
+            u = left[b]
+            row[b * block + corner] = line[u] + share[b] * (line[u + 1] - line[u])
+
+
+@compiled(nogil=True)
+def half_band_row(rows, y, height, line, row):
+    """Row y of a channel without its mesh (model.unet.without_mesh), edges repeated.  rows: (5, W), row k of the channel in
+    k % 5.  line: scratch, (W + 4,)."""
+    width = len(row)
+    a, b, c = rows[max(y - 2, 0) % 5], rows[max(y - 1, 0) % 5], rows[y % 5]
+    d, e = rows[min(y + 1, height - 1) % 5], rows[min(y + 2, height - 1) % 5]
+    middle = line[2 : 2 + width]
+    for x in range(width):
+        middle[x] = _F(_MIDDLE) * c[x] + _F(_BESIDE) * (b[x] + d[x]) + _F(_OUTER) * (a[x] + e[x])
+    line[:2], line[2 + width : 4 + width] = middle[0], middle[width - 1]
+    a, b, d, e = line[:width], line[1 : 1 + width], line[3 : 3 + width], line[4 : 4 + width]
+    for x in range(width):
+        row[x] = _F(_MIDDLE) * middle[x] + _F(_BESIDE) * (b[x] + d[x]) + _F(_OUTER) * (a[x] + e[x])
+
+
+@compiled(nogil=True)
+def finish_row(packed, out, light, cover, bounds, made):
+    """The correction of the light, and the coverage: made (W, 4) float32, 0..1, never NaN.
+
+    light, cover: (W,) correction, which is overwritten, and coverage less 1.
+    """
+    bound, dense = bounds[0], bounds[1]
+    red, green, blue = out[0], out[1], out[2]
+    for x in range(len(light)):
+        change = bound[x] * tanh(light[x] / bound[x]) * min(max(dense[x] / _F(SPARSE), _F(0.0)), _F(1.0))
+        light[x] = _F(1.0) + change / max(_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x], _F(DARK))
+    for x in range(len(light)):
+        made[x, 0], made[x, 1] = _unit(red[x] * light[x]), _unit(green[x] * light[x])
+        made[x, 2] = _unit(blue[x] * light[x])
+        made[x, 3] = max(_unit(_F(1.0) + cover[x]), packed[x, CLOSED])

@@ -1,0 +1,102 @@
+"""Hole or void, as far as a picture tells: twin of the passes of ``surround_*.comp``.
+
+A gap of a few pixels is a hole where, in blocks of 2 or 4 pixels, of each two consecutive neighbours at least one holds a
+measured pixel.  A larger one is a hole where something is measured in each of sixteen directions: in a window that grows
+with its distance, at any of several distances, so that a hole may be nearer to one of its sides.  That is asked at cells of
+4 pixels; smoothed and asked again at pixels, the answer has no corners of its own.  Each window meets the one beside it, so
+that no gap wide enough to see through goes unseen; beyond the picture what lies at its border goes on.
+
+In blocks of up to 64 pixels, as before, the answer had these blocks' corners (a square of leaves beside a statue), and a
+margin along the border of a picture stayed empty wherever points were sparse.  Eight directions, or of each two consecutive
+ones only one, filled what one sees through between pipes.
+"""
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from model.pyramid import RING, clamped, parents, quads, shifted
+
+REACH_SHARE = 16
+"""A hole is looked across to 1 / 16 of the picture's longer side, and three eighths of that more."""
+FINE_LEVELS = 2
+"""Blocks of 2 and of 4 pixels; the latter are the cells of what follows."""
+AROUND = tuple((dx, dy) for dy in range(-2, 3) for dx in range(-2, 3) if max(abs(dx), abs(dy)) == 2)
+"""(dx, dy), in cells, to the sixteen windows of a cell each that are nearest; those of the next distance lie twice as far."""
+SMOOTH = (1, 2, 3, 4, 5, 4, 3, 2, 1)
+"""Weights along rows and columns of cells: whole numbers, so that sums are exact in any order."""
+MOST = sum(SMOOTH) ** 2
+"""What the weights of a cell's neighbourhood add up to."""
+
+
+def _levels(width: int, height: int) -> int:
+    """The coarsest level: blocks of 2**levels pixels are no larger than the reach; at least 1."""
+    return max(1, (max(width, height) // REACH_SHARE).bit_length() - 1)
+
+
+def fine_levels(width: int, height: int) -> int:
+    """Levels of blocks whose neighbours are asked: 1 or 2."""
+    return min(FINE_LEVELS, _levels(width, height))
+
+
+def distances(width: int, height: int) -> int:
+    """How many distances there are to look at: 2, 4, 8, ... cells; none in a picture smaller than 128 pixels."""
+    return max(0, _levels(width, height) - FINE_LEVELS)
+
+
+def window_reach(number: int) -> int:
+    """Cells on each side of a window's middle at distance ``number``: 0, 1, 3, 6, 12, ...
+
+    A window is three quarters as wide as it is far, where half would meet the one beside it: between such, a few sparse points
+    were seen through by chance; windows as wide as they are far took single leaves for a wall.
+    """
+    return (3 << number) // 4
+
+
+def surrounded(mask: Tensor) -> Tensor:
+    """(H, W) bool: pixels that are measured or that measured pixels surround; the rest is void.  mask: (H, W) bool."""
+    height, width = mask.shape
+    held = [mask.to(torch.float32)]
+    for _ in range(FINE_LEVELS):
+        a, b, c, d = quads(held[-1], 0.0)
+        held.append(torch.maximum(torch.maximum(a, b), torch.maximum(c, d)))
+    inside = torch.zeros_like(held[-1])
+    for level in reversed(held[1 : 1 + fine_levels(width, height)]):
+        inside = torch.maximum(parents(inside, *level.shape), _between_neighbours(level))
+    around = _at_pixels(_seen_around(held[-1], distances(width, height)), mask)
+    return mask | (parents(inside, height, width) > 0) | (around > MOST / 2)
+
+
+def _between_neighbours(level: Tensor) -> Tensor:
+    """(h, w) 1 where of each two consecutive neighbours of the eight at least one is held; nothing is beyond the border."""
+    ring = [shifted(level, dx, dy, 0.0) for dx, dy in RING]
+    pairs = [torch.maximum(ring[k], ring[(k + 1) % 8]) for k in range(8)]
+    return torch.stack(pairs).amin(0)
+
+
+def _seen_around(cells: Tensor, count: int) -> Tensor:
+    """(h, w) 1 where something is seen in each direction, at any of ``count`` distances."""
+    seen = torch.zeros(len(AROUND), *cells.shape)
+    for number in range(count):
+        reach = window_reach(number)
+        window = F.max_pool2d(cells[None, None], 2 * reach + 1, stride=1, padding=reach)[0, 0]
+        here = [clamped(window, dx << number, dy << number) for dx, dy in AROUND]
+        seen = torch.maximum(seen, torch.stack(here))
+    return seen.amin(0)
+
+
+def _at_pixels(cells: Tensor, mask: Tensor) -> Tensor:
+    """(H, W) of (h, w): smoothed, then bilinear at the pixels' centres, of MOST."""
+    for axis in (1, 0):
+        taps = range(-(len(SMOOTH) // 2), len(SMOOTH) // 2 + 1)
+        moved = [clamped(cells, tap, 0) if axis else clamped(cells, 0, tap) for tap in taps]
+        cells = torch.stack([tap * weight for tap, weight in zip(moved, SMOOTH, strict=True)]).sum(0)
+    return _four_times(_four_times(cells, -2), -1)[: mask.shape[0], : mask.shape[1]]
+
+
+def _four_times(cells: Tensor, axis: int) -> Tensor:
+    """Linear between the cells' centres, 4 pixels a cell along an axis, the border repeated."""
+    before, after = (clamped(cells, side, 0) if axis == -1 else clamped(cells, 0, side) for side in (-1, 1))
+    parts = [(before, 3 / 8), (before, 1 / 8), (after, 1 / 8), (after, 3 / 8)]
+    pixels = torch.stack([cells * (1 - share) + beside * share for beside, share in parts], axis if axis == -1 else -2)
+    return pixels.flatten(-2) if axis == -1 else pixels.flatten(-3, -2)
