@@ -6,6 +6,7 @@ crash is an answer.  Times and sizes are shown in units a person reads; the dict
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -21,10 +22,11 @@ from viewer.doctor_probes import GB, PROBES, item
 from viewer.paths import cache_dir
 
 LIBRARIES = (
-    "numpy", "moderngl", "glfw", "imgui-bundle", "torch", "numba", "laspy", "lazrs", "pye57", "open3d", "scipy",
-    "safetensors", "pillow", "platformdirs",
+    "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "pillow", "platformdirs", "pye57",
+    "safetensors", "scipy", "torch", "tqdm",
 )  # fmt: skip
-OPTIONAL = ("cuda-core", "cuda-bindings")
+"""What pyproject.toml asks for, for a checkout that is run without being installed."""
+OPTIONAL = ("cuda-core", "cuda-bindings", "open3d")
 _SECONDS = 120  # a probe that takes longer hangs
 
 
@@ -126,9 +128,19 @@ def _cache() -> dict:
     return item("cache", "ok", value) if free > 2 * GB else item("cache", "warn", value, remedy)
 
 
+def _required() -> tuple[str, ...]:
+    """Names of the packages that pointglass cannot do without, as its own metadata has them."""
+    try:
+        wanted = metadata.requires("pointglass") or []
+    except metadata.PackageNotFoundError:
+        return LIBRARIES
+    names = [re.findall(r"[\w.-]+", re.split(r"[<>=!~;\s]", line, maxsplit=1)[0]) for line in wanted if "extra ==" not in line]
+    return tuple(name for parts in names for name in parts)  # of laspy[lazrs] both: that extra is called what it brings
+
+
 def _libraries() -> dict:
     found, missing = [], []
-    for name in (*LIBRARIES, *OPTIONAL):
+    for name in (*_required(), *OPTIONAL):
         try:
             found.append(f"{name} {metadata.version(name)}")
         except metadata.PackageNotFoundError:

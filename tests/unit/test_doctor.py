@@ -1,12 +1,16 @@
 """The doctor finds what is there, survives what crashes, and says what to do."""
 
 import json
+import re
 import subprocess
 import sys
+import tomllib
+from importlib import metadata
 
 import pytest
 
 from viewer import doctor, doctor_probes
+from viewer.paths import assets_dir
 
 
 @pytest.mark.gl
@@ -55,6 +59,49 @@ def test_unwritable_cache_is_found(tmp_path, monkeypatch):
     assert found["status"] == "fail" and "POINTGLASS_CACHE" in found["remedy"]
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "not" / "yet" / "there"))
     assert doctor._cache()["status"] in ("ok", "warn") and not (tmp_path / "not").exists()
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """A machine where every package is there but those added to the set; what is looked for is left in the list."""
+    absent, asked = set(), []
+
+    def version(name):
+        asked.append(name)
+        if name in absent:
+            raise metadata.PackageNotFoundError(name)
+        return "1.0"
+
+    monkeypatch.setattr(doctor.metadata, "version", version)
+    return absent, asked
+
+
+def test_an_ordinary_install_has_every_library(installed):
+    """Without what only tests and a GPU's mapping need."""
+    absent, asked = installed
+    absent |= {"open3d", "cuda-core", "cuda-bindings"}
+    found = doctor._libraries()
+    assert found["status"] == "ok" and "open3d" not in found["value"], found
+    assert {"matplotlib", "tqdm", "torch", "laspy", "lazrs", "open3d"} <= set(asked)
+    absent.add("tqdm")
+    found = doctor._libraries()
+    assert found["status"] == "fail" and "missing: tqdm" in found["value"] and found["remedy"]
+
+
+def test_libraries_are_those_the_package_asks_for(monkeypatch):
+    """By its metadata, and where that is not there by a list that cannot fall behind."""
+    wanted = tomllib.loads((assets_dir().parent / "pyproject.toml").read_text("utf-8"))["project"]["dependencies"]
+    names = {name for line in wanted for name in re.findall(r"[a-z][a-z0-9-]+", line)}
+    assert set(doctor._required()) == names == set(doctor.LIBRARIES)
+    given = ["laspy[lazrs]<3,>=2.5", "tqdm (>=4)", "open3d<1; extra == 'dev'", "other ; python_version > '3'"]
+    monkeypatch.setattr(doctor.metadata, "requires", lambda name: given)
+    assert doctor._required() == ("laspy", "lazrs", "tqdm", "other")
+
+    def absent(name):
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor.metadata, "requires", absent)
+    assert doctor._required() == doctor.LIBRARIES
 
 
 BRIDGE = """
