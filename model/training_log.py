@@ -31,7 +31,7 @@ class TrainingLog:
 
                 self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)  # the first to go
             except ImportError:
-                print("no tensorboard: scalars go to log.jsonl only (pip install 'pointglass[train]')", flush=True)
+                print("no tensorboard: scalars go to log.jsonl only (pip install tensorboard)", flush=True)
 
     def __enter__(self) -> "TrainingLog":
         return self

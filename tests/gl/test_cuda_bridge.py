@@ -202,7 +202,7 @@ def test_fakes_have_the_signatures_of(name, driver):
     try:
         real = importlib.import_module(name)
     except ImportError as error:
-        pytest.skip(f"{name} is not installed (pip install 'pointglass[cuda]'): {error}")
+        pytest.skip(f"{name} is not installed (pip install cuda-core cuda-bindings): {error}")
     fake = core_module(driver) if name == "cuda.core" else runtime_module(driver)
     checked = 0
     for owner in (["GraphicsResource", "Device"] if name == "cuda.core" else [None]):
