@@ -56,15 +56,33 @@ def window_reach(number: int) -> int:
 def surrounded(mask: Tensor) -> Tensor:
     """(H, W) bool: pixels that are measured or that measured pixels surround; the rest is void.  mask: (H, W) bool."""
     height, width = mask.shape
+    held = _blocks(mask)
+    inside = torch.zeros_like(held[-1])
+    for level in reversed(held[1 : 1 + fine_levels(width, height)]):
+        inside = torch.maximum(parents(inside, *level.shape), _between_neighbours(level))
+    return mask | (parents(inside, height, width) > 0) | (_around(held[-1], mask) > MOST / 2)
+
+
+def far_inside(mask: Tensor) -> Tensor:
+    """(H, W) bool: pixels, measured or not, near which something is measured in all directions everywhere.
+
+    Nothing can be seen through there: the network may open an outline, but no such pixel.
+    """
+    return _around(_blocks(mask)[-1], mask) == MOST
+
+
+def _blocks(mask: Tensor) -> list[Tensor]:
+    """The mask, and 1 for each block of 2x2, of 4x4 pixels that holds a measured one."""
     held = [mask.to(torch.float32)]
     for _ in range(FINE_LEVELS):
         a, b, c, d = quads(held[-1], 0.0)
         held.append(torch.maximum(torch.maximum(a, b), torch.maximum(c, d)))
-    inside = torch.zeros_like(held[-1])
-    for level in reversed(held[1 : 1 + fine_levels(width, height)]):
-        inside = torch.maximum(parents(inside, *level.shape), _between_neighbours(level))
-    around = _at_pixels(_seen_around(held[-1], distances(width, height)), mask)
-    return mask | (parents(inside, height, width) > 0) | (around > MOST / 2)
+    return held
+
+
+def _around(cells: Tensor, mask: Tensor) -> Tensor:
+    """(H, W), of MOST: how far the cells around a pixel see something in every direction."""
+    return _at_pixels(_seen_around(cells, distances(mask.shape[1], mask.shape[0])), mask)
 
 
 def _between_neighbours(level: Tensor) -> Tensor:

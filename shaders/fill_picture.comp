@@ -1,7 +1,7 @@
 // Pull-push fill, level 0: the filled picture, void where neither the picture nor the directions around the camera surround a
 // hole (viewer/render/void.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input: eight
 // half-precision channels a pixel (channels last): filled RGB, keep-mask or trust, filled depth feature, 1 where the network may
-// not open what is filled (SEALED), 1 where void, zero.
+// not open what is filled (SEALED, or far inside what the picture surrounds), 1 where void, zero.
 // Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.  Twin: model/pull_push.py.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
@@ -10,7 +10,7 @@ layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
 uniform sampler2D whole_weight;
-uniform usampler2D holes;         // of each cell of 4x4 pixels a bit for every one that measured ones surround
+uniform usampler2D holes;         // as surround_holes.comp leaves them
 #ifndef ALIKE
 uniform isampler2D closed;        // what each direction is, 0 where void: six cube faces one above the other
 uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
@@ -38,8 +38,8 @@ int closed_towards(ivec2 at) {
 }
 #endif
 
-// at: a pixel.  behind: the level above at its centre.  whole: the weight of the whole picture.
-void write(ivec2 at, ivec2 extent, vec4 behind, float whole, bool hole) {
+// at: a pixel.  behind: the level above at its centre.  whole: the weight of the whole picture.  hole: its bits in ``holes``.
+void write(ivec2 at, ivec2 extent, vec4 behind, float whole, uint hole) {
     if (any(greaterThanEqual(at, extent))) return;
     vec4 v;
     float w = measured(at, v);
@@ -53,11 +53,12 @@ void write(ivec2 at, ivec2 extent, vec4 behind, float whole, bool hole) {
     int direction = closed_towards(at);
 #endif
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    float alpha = w == 0.0 && (!(direction != 0 || hole) || whole == 0.0) ? 0.0 : 1.0;
+    float alpha = w == 0.0 && (!(direction != 0 || (hole & 1u) != 0u) || whole == 0.0) ? 0.0 : 1.0;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
+    bool sealed = direction == SEALED || (direction == 0 && hole >> 16 != 0u);
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, direction == SEALED ? 1.0 : 0.0)),
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, sealed ? 1.0 : 0.0)),
               packHalf2x16(vec2(1.0 - alpha, 0.0)));
 #endif
 }
@@ -78,8 +79,9 @@ void main() {
 #else
     const uint hole = 0u;  // every direction is closed
 #endif
-    write(at, extent, corner_sum(own, w, n, nw) / unit, whole, (hole & 0x01u) != 0u);
-    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, whole, (hole & 0x02u) != 0u);
-    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, whole, (hole & 0x10u) != 0u);
-    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, whole, (hole & 0x20u) != 0u);
+    const uint mine = 0x10001u;
+    write(at, extent, corner_sum(own, w, n, nw) / unit, whole, hole & mine);
+    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, whole, hole >> 1 & mine);
+    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, whole, hole >> 4 & mine);
+    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, whole, hole >> 5 & mine);
 }

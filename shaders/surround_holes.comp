@@ -1,6 +1,6 @@
 // Of each cell of 4x4 pixels a bit for every pixel that measured ones surround: in a gap of a few pixels, where in its block of
-// 2x2 or 4x4 (BLOCKS 2) pixels of each two consecutive neighbours at least one holds a point; or (AROUND) in a larger one.
-// Twin: model/surrounded.py.
+// 2x2 or 4x4 (BLOCKS 2) pixels of each two consecutive neighbours at least one holds a point; or (AROUND) in a larger one.  And,
+// in the upper half, a bit for every pixel far inside, where all cells near it are surrounded.  Twin: model/surrounded.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r32ui, binding = 0) uniform writeonly uimage2D holes;
@@ -36,7 +36,7 @@ void main() {
 #if BLOCKS == 2
     if (between(held(cells, at + ivec2(1, 0)), held(cells, at + ivec2(1, 1)), held(cells, at + ivec2(0, 1)),
                 held(cells, at + ivec2(-1, 1)), held(cells, at + ivec2(-1, 0)), held(cells, at + ivec2(-1, -1)),
-                held(cells, at + ivec2(0, -1)), held(cells, at + ivec2(1, -1)))) found = 0xFFFFu;
+                held(cells, at + ivec2(0, -1)), held(cells, at + ivec2(1, -1)))) found |= 0xFFFFu;
 #endif
 #ifdef AROUND
     // Linear between the centres of cells.  All sums are of whole eighths, and exact.
@@ -48,7 +48,7 @@ void main() {
         int above = y < 2 ? 0 : 6;
         vec3 row = (1.0 - share) * vec3(near[3], near[4], near[5]) + share * vec3(near[above], near[above + 1], near[above + 2]);
         vec4 pixels = row.y * vec4(0.625, 0.875, 0.875, 0.625) + vec4(row.x, row.x, row.z, row.z) * vec4(0.375, 0.125, 0.125, 0.375);
-        uvec4 more = uvec4(greaterThan(pixels, vec4(0.5 * float(MOST))));
+        uvec4 more = uvec4(greaterThan(pixels, vec4(0.5 * float(MOST)))) + (uvec4(equal(pixels, vec4(float(MOST)))) << 16);
         found |= (more.x | more.y << 1 | more.z << 2 | more.w << 3) << (4 * y);
     }
 #endif

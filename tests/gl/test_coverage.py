@@ -6,6 +6,7 @@ import torch
 from clouds import room
 
 from model.reconstruct import Reconstructor
+from model.surrounded import far_inside
 from viewer.camera import from_fov, look_at
 from viewer.cloud import scene_from_arrays
 from viewer.render import neural
@@ -23,13 +24,18 @@ def opening(monkeypatch):
     monkeypatch.setattr(neural, "load_network", lambda *_: network)
 
 
-def _alpha(context, scene, camera):
+def _pictures(context, scene, camera, *views):
     renderer = Renderer(context, scene, device="cpu")
     try:
-        frame = renderer.render(camera, Settings(), views=("filled", "neural"))
-        return frame.image("filled")[..., 3].astype(int), frame.image("neural").astype(int)
+        frame = renderer.render(camera, Settings(), views=views)
+        return [frame.image(view).astype(int) for view in views]
     finally:
         renderer.release()
+
+
+def _alpha(context, scene, camera):
+    filled, made = _pictures(context, scene, camera, "filled", "neural")
+    return filled[..., 3], made
 
 
 def test_a_closed_room_cannot_be_opened(context, opening):
@@ -59,13 +65,15 @@ def test_outlines_in_a_void_may_be_opened_and_the_void_stays_empty(context, open
     ball = rng.normal(size=(80_000, 3))
     ball /= np.linalg.norm(ball, axis=1, keepdims=True)
     scene = scene_from_arrays(ball, np.full((80_000, 3), 180, np.uint8))
-    camera = from_fov(160, 120, 50, look_at((4, 0, 0), (0, 0, 0)))
-    filled, made = _alpha(context, scene, camera)
+    camera = from_fov(320, 240, 50, look_at((4, 0, 0), (0, 0, 0)))
+    kept, filled, made = _pictures(context, scene, camera, "filtered", "filled", "neural")
+    filled, deep = filled[..., 3], far_inside(torch.from_numpy(kept[..., 3] > 0)).numpy()
     assert (filled == 0).any() and (filled == 255).any()
     assert (made[filled == 0] == 0).all()
-    inside = made[filled == 255]
-    assert np.abs(inside[:, 3] - 128).max() <= 1  # half of it, as the network says
-    assert inside[:, :3].max() <= 129  # premultiplied
+    assert deep.any() and (made[deep][:, 3] == 255).all(), "nothing is seen through the middle"
+    border = made[(filled == 255) & ~deep]
+    assert len(border) and np.abs(border[:, 3] - 128).max() <= 1  # half of it, as the network says
+    assert border[:, :3].max() <= 129  # premultiplied
 
 
 def test_without_an_opinion_the_networks_alpha_is_the_filled_pictures(context, monkeypatch):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.surrounded import AROUND, MOST, SMOOTH, distances, fine_levels, surrounded, window_reach
+from model.surrounded import AROUND, MOST, SMOOTH, distances, far_inside, fine_levels, surrounded, window_reach
 
 
 def disc(side: int, radius: float, x: float | None = None, y: float | None = None) -> torch.Tensor:
@@ -84,6 +84,16 @@ def test_any_size(size, seed):
     assert inside.shape == size and (inside | ~mask).all()
     assert not surrounded(torch.zeros_like(mask)).any() and surrounded(torch.ones_like(mask)).all()
     assert 1 <= fine_levels(width, height) <= 2 and (distances(width, height) > 0) == (max(size) >= 128)
+
+
+def test_far_inside_is_away_from_any_void():
+    """Of a disc its middle; of a hole that is closed its middle too; and never a pixel that is not surrounded itself."""
+    mask = disc(512, 150)
+    deep = far_inside(mask)
+    assert deep[disc(512, 100)].all() and not deep[~disc(512, 145)].any()
+    pierced = mask & ~disc(512, 12)
+    assert torch.equal(far_inside(pierced), deep)
+    assert (surrounded(pierced) | ~far_inside(pierced)).all()
 
 
 def test_windows_meet_the_ones_beside_them():

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 class Surround:
     """Owns the textures for one picture size; ``run`` writes ``holes``: of each cell of 4x4 pixels a bit for every pixel that
-    measured ones surround.
+    measured ones surround, and one for every pixel far inside.
 
     weights: of the fill's pyramid, written before each ``run``: of blocks of 2x2 pixels, of 4x4, and so on.
     """
