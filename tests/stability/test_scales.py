@@ -30,6 +30,17 @@ def test_a_billion_away_is_right_or_refused_in_one_line(stand, seed, claims):
         assert "cannot hold a point spacing" in line and "subtract an offset" in line and "\n" not in line
 
 
+@pytest.mark.parametrize("refusing", [True, False])
+def test_refusing_every_scale_or_none_breaks_the_claim(stand, seed, monkeypatch, refusing):
+    if refusing:
+        monkeypatch.setattr(frames, "agree_at", lambda *_: "cannot hold a point spacing")
+    else:
+        monkeypatch.setattr(frames, "_is_refused", lambda *_: False)
+    rows, _ = frames.curves(stand, seed, SIZE, scales=(1.0,), origins=(1e9,))
+    (claim,) = (row for row in rows if "refused" in row["name"])
+    assert claim["value"] == 1 and not claim["ok"]
+
+
 def test_coordinates_too_large_for_float64_are_refused_naming_value_and_remedy(seed):
     place, rgb = walls(seed, 5_000)
     with pytest.raises(InputError, match=r"coordinates up to .*e\+1[34] cannot hold .*; subtract an offset") as caught:

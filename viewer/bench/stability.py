@@ -118,7 +118,7 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
         axis.plot([max(e["mean"], 1e-6) for e in mine], range(len(mine)), ".", label=precision)
         axis.set_yticks(range(len(mine)), names, fontsize=5)
     if table:
-        axis.set(xscale="log", xlabel="network: mean difference from fp32")
+        axis.set(xscale="log", xlabel="network: mean difference from float64")
         axis.legend(fontsize="x-small")
     write_whole(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
     plt.close(figure)

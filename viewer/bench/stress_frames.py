@@ -35,6 +35,11 @@ the edge, a single pixel turns up to 1 % of a picture, hence medians over views.
 be hangs on which points the skeleton of viewer.render.void happens to hold: near a wall a few degrees may stay open."""
 
 
+HELD, LOST = 8.0, 2.0
+"""Steps of float64 (2**-52 of the largest coordinate) to a point spacing: with HELD of them or more a place must be drawn,
+with LOST or fewer refused.  In between either may be: the spacing is itself measured from places so rounded."""
+
+
 def row(name: str, value: float, limit: float, *, least: bool = False, **more: object) -> dict:
     """One line of the table.  ok: value <= limit, or >= where ``least``; never for NaN."""
     ok = bool(value >= limit if least else value <= limit)
@@ -110,6 +115,7 @@ def curves(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[floa
            origins: Sequence[float] = ORIGINS) -> tuple[list[dict], list[dict]]:
     """Rows, the worst over all scales by origin; and every point of the curves: scale, origin, Agreement or ``refused``."""
     points, rows = [], []
+    unit = scene_from_arrays(*walls(seed)).spacing
     for away in origins:
         found = [(scale, agree_at(stand, seed, scale, away, size)) for scale in scales]
         good = [made for _, made in found if isinstance(made, Agreement)]
@@ -118,8 +124,22 @@ def curves(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[floa
             least = name == "filled"
             worst = (min if least else max)(getattr(made, name) for made in good)
             rows.append(row(f"{name}, scales {min(scales):g} to {max(scales):g}, origin {away:g}", worst, limit, least=least))
-        rows.append(row(f"scales refused, origin {away:g}", len(found) - len(good), 0 if away <= 1e7 else len(found)))
+        resolution = float(np.abs(direction(seed)).max() * away * 2.0**-52)
+        said = [(scale * unit, isinstance(made, str)) for scale, made in found]
+        if away:  # one spacing that just is held, and one that just is not
+            said += [(s * resolution, _is_refused(seed, s * resolution / unit, away)) for s in (HELD, LOST)]
+        wrong = sum(refused if spacing >= HELD * resolution else spacing <= LOST * resolution and not refused
+                    for spacing, refused in said)
+        rows.append(row(f"scales refused that float64 holds, or drawn that it does not, origin {away:g}", wrong, 0))
     return rows, points
+
+
+def _is_refused(seed: int, scale: float, away: float) -> bool:
+    try:
+        scene_from_arrays(*place_at(seed, scale, away)[:2])
+    except InputError:
+        return True
+    return False
 
 
 def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, -3, 7, 20),
