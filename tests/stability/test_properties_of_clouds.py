@@ -175,14 +175,36 @@ def test_culling_never_drops_a_visible_point(seed, kind):
 
 @given(seeds)
 @settings(max_examples=60, deadline=None)
-def test_culling_drops_what_lies_behind_or_far_to_the_side(seed):
+def test_culling_drops_what_lies_behind_or_wholly_to_a_side(seed):
     rng = np.random.default_rng(seed)
-    scene = ROOM
-    camera = random_frustum(rng, scene)
-    rows = ROOM_CULLER.select(camera).cells
-    corners = scene.cell_min[rows][:, None] + scene.cell_size * np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
-    z = (corners - camera.position) @ camera.view_rotation[2]
-    assert (z.max(axis=1) >= -1e-6 * scene.cell_size).all()
+    camera = random_frustum(rng, ROOM)
+    drawn = ROOM_CULLER.select(camera).cells
+    assert not (outside(ROOM, camera)[drawn]).any(), f"{camera}"
+
+
+def test_a_culler_that_keeps_all_in_front_would_be_noticed(seed):
+    """That is: of most frusta there are cells in front and wholly to a side."""
+    rng = np.random.default_rng(seed)
+    noticed = 0
+    for _ in range(100):
+        camera = random_frustum(rng, ROOM)
+        beside = outside(ROOM, camera)
+        beside &= ~outside(ROOM, camera, sides=False)
+        noticed += bool(beside.any())
+    assert noticed > 50
+
+
+def outside(scene, camera: Camera, *, sides: bool = True) -> np.ndarray:
+    """(cells,) bool: all corners behind the camera, or beyond one side of its frustum widened by a pixel and a thousandth."""
+    corners = scene.cell_min[:, None] + scene.cell_size * np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, 8).T
+    x, y, z = np.moveaxis((corners - camera.position) @ camera.view_rotation.T, -1, 0)
+    slack = 1e-3 * scene.cell_size
+    beyond = [z < -1e-6 * scene.cell_size]
+    for a, focal, centre, pixels in ((x, camera.fx, camera.cx, camera.width), (y, camera.fy, camera.cy, camera.height)):
+        if sides:
+            low, high = (-1.0 - centre) / focal, (pixels + 1.0 - centre) / focal
+            beyond += [a < low * z - slack * np.hypot(1, low), a > high * z + slack * np.hypot(1, high)]
+    return np.any([side.all(axis=1) for side in beyond], axis=0)
 
 
 ROOM = scene_from_arrays(*walls(1, 30_000))
