@@ -1,8 +1,18 @@
 """The headless context of all OpenGL tests, checked for errors around each of them."""
 
+from pathlib import Path
+
 import pytest
 
-pytestmark = pytest.mark.gl
+HERE = Path(__file__).parent
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m looks at the marks
+def pytest_collection_modifyitems(items):
+    """Every test of this folder needs OpenGL: a ``pytestmark`` here would mark nothing."""
+    for item in items:
+        if HERE in item.path.parents:
+            item.add_marker("gl")
 
 
 @pytest.fixture(autouse=True)
