@@ -14,10 +14,11 @@ OpenGL (libegl1 libglvnd0 libgl1 libopengl0 libglx0 libgles2) as packages:
     python3 -m pip download --no-deps --only-binary=:all: --python-version 3.12 --implementation cp \\
         --platform manylinux_2_28_x86_64 --platform manylinux_2_27_x86_64 --platform manylinux_2_24_x86_64 \\
         --platform manylinux_2_17_x86_64 --platform manylinux2014_x86_64 --platform manylinux1_x86_64 -d .whl \\
-        moderngl glcontext laspy lazrs platformdirs cuda-core cuda-bindings cuda-pathfinder
+        moderngl glcontext laspy lazrs platformdirs
 
 and there, before this script: ``python3 -m pip install --no-index --no-deps --target /tmp/site .whl/*.whl`` and
-``export PYTHONPATH=/tmp/site``.  numba, numpy, scipy, pillow, tqdm, matplotlib, safetensors and pytest are expected there.
+``export PYTHONPATH=/tmp/site``.  numba, numpy, scipy, pillow, tqdm, matplotlib, safetensors and pytest are expected there, and
+cuda-core, cuda-bindings and cuda-pathfinder: where the doctor's ``interop`` says that they are not installed, add them above.
 This file imports nothing beyond Python's own library.
 """
 

@@ -26,7 +26,12 @@ def make_scan(plan: Plan, work: Path) -> dict:
 
 
 def projected(plan: Plan, _work: Path) -> dict:
-    """Both compute passes over a whole scan, by timer queries: milliseconds by named view, with the points drawn in each."""
+    """The compute rasteriser over a whole scan: milliseconds by named view, with the points drawn in each.
+
+    ``raster_ms`` is the whole stage on the GPU, by timer queries: the list of batches uploaded, both passes, the picture made
+    of their sums, and waiting for the host meanwhile.  ``raster_host_ms`` is what the host takes for the stage, the making of
+    that list included.
+    """
     from statistics import median
 
     from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
@@ -48,6 +53,7 @@ def projected(plan: Plan, _work: Path) -> dict:
         milliseconds, points = median(stats["stages"]["raster"] for stats in spent), spent[0]["points_drawn"]
         rows.append({
             "view": camera.name, "points": points, "raster_ms": milliseconds,
+            "raster_host_ms": median(stats["host"]["raster"] for stats in spent),
             "cull_ms": median(stats["stages"]["cull"] for stats in spent),
             "ms_per_100M": milliseconds * 1e8 / max(points, 1), "approximations": spent[0]["approximations"],
         })
@@ -59,10 +65,14 @@ def projected(plan: Plan, _work: Path) -> dict:
 
 
 def engines(plan: Plan, _work: Path) -> dict:
-    """The network's time by engine, and the bridge's by kind, at every size; each with what stopped it where it failed."""
+    """The network's time by engine, and the bridge's by kind, at every size; each with what stopped it where it failed.
+
+    Bridges first: a compiler may take all the time there is.  Each row is also in the log as soon as it is measured.
+    """
     from viewer.bench.subject import machine
 
-    return {"machine": machine(), "network": _networks(plan), "bridge": _bridges(plan)}
+    bridges = _bridges(plan)
+    return {"machine": machine(), "network": _networks(plan), "bridge": bridges}
 
 
 def _measured(work: Callable[[], object], plan: Plan) -> float:
@@ -122,10 +132,15 @@ def _networks(plan: Plan) -> list[dict]:
             row["mac_per_pixel"] = costs.get(quality) or costs.setdefault(quality, mac_per_pixel(make_network(quality), 64))
             runner.release()
         except Exception as error:  # one engine that fails does not end the rest
-            row["problem"] = f"{type(error).__name__}: {str(error).strip().splitlines()[0] if str(error).strip() else ''}"
+            row["problem"] = _said(error)
         row["at_s"] = round(time.perf_counter() - begun, 1)
-        print(row, file=sys.stderr)
+        print(json.dumps(row), file=sys.stderr)
     return rows
+
+
+def _said(error: Exception) -> str:
+    """One line."""
+    return f"{type(error).__name__}: {next(iter(str(error).strip().splitlines()), '')}"
 
 
 class _Through:
@@ -144,7 +159,6 @@ def _bridges(plan: Plan) -> list[dict]:
     """A row for each kind of bridge and size."""
     import torch
 
-    from viewer.errors import DeviceError
     from viewer.render.bridge import ReadBackBridge
     from viewer.render.context import create_context
     from viewer.render.cuda_bridge import MAPPERS, CudaBridge
@@ -171,8 +185,9 @@ def _bridges(plan: Plan) -> list[dict]:
                     spent.append((time.perf_counter() - start) * 1e3)
                 row["ms"] = sorted(spent[3:])[len(spent[3:]) // 2]
                 bridge.release()
-            except DeviceError as error:
-                row["problem"] = str(error)
+            except Exception as error:  # each library has errors of its own, and none ends the rest
+                row["problem"] = _said(error)
+            print(json.dumps(row), file=sys.stderr)
     return rows
 
 

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -53,11 +54,32 @@ def test_a_dry_run_leaves_every_figure_in_one_folder(tmp_path):
     assert parts["scan"]["points"] == results["plan"]["points"]
     views = parts["projected"]["views"]
     assert len(views) == 8 and max(view["points"] for view in views) == parts["projected"]["most"]["points"] > 0
-    assert all(view["raster_ms"] > 0 for view in views)
+    assert all(view["raster_ms"] > 0 and view["raster_host_ms"] > 0 for view in views)
     (network,), (bridge,) = parts["engines"]["network"], parts["engines"]["bridge"]
     assert network["runs"] == "call by call" and network["problem"] is None and network["ms"] > 0
     assert bridge["kind"] == "read-back" and bridge["ms"] > 0
+    rows = [json.loads(line) for line in log.splitlines() if line.startswith('{"')]
+    assert [row for row in rows if "kind" in row or "engine" in row][-2:] == [bridge, network], "told as they come"
     assert sorted(path.name for path in out.iterdir()) == ["log.txt", "results.json"]
+
+
+@pytest.mark.gl
+def test_one_bridge_that_fails_does_not_end_the_rest(run, monkeypatch, capsys):
+    import workers
+
+    import viewer.render.bridge
+
+    made = viewer.render.bridge.ReadBackBridge
+
+    def broken(context, size):
+        if size == (8, 6):
+            raise RuntimeError("a driver's own\nmessage")
+        return made(context, size)
+
+    monkeypatch.setattr(viewer.render.bridge, "ReadBackBridge", broken)
+    first, second = workers._bridges(replace(run.DRY, sizes=("8x6", "16x12")))
+    assert first["problem"] == "RuntimeError: a driver's own" and second["ms"] > 0
+    assert [json.loads(line) for line in capsys.readouterr().err.splitlines() if line.startswith("{")] == [first, second]
 
 
 def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path):
