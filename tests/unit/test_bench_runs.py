@@ -28,13 +28,18 @@ def test_percentiles_and_one_percent_low():
     assert [frames.summary(values)[f"p{q}"] for q in (50, 95, 99)] == [np.percentile(values, q) for q in (50, 95, 99)]
 
 
-def test_the_front_holds_what_nothing_beats():
+def test_the_front_holds_what_nothing_beats_by_more_than_noise():
     def row(name, time, psnr, view="filled", group="g"):
         return {"group": group, "name": name, "view": view, "time": time, "psnr": psnr}
 
-    found = [row("a", 0.5, 30.0), row("b", 0.6, 29.0), row("c", 0.7, 40.0), row("d", 0.7, 35.0), row("e", 0.9, math.inf),
-             row("f", 2.0, math.inf), row("x", 1.0, math.inf, group="exact"), row("n", 3.0, 10.0, "neural")]
-    assert errors.front(found) == {"filled": ["g: a", "g: c", "g: e"], "neural": ["g: n"]}
+    found = [row("a", 0.5, 30.0), row("slower", 0.6, 29.0), row("c", 0.7, 40.0), row("farther, a little faster", 0.69, 35.0),
+             row("equal", 0.9, math.inf), row("equal, as fast", 0.91, math.inf), row("equal, as slow as exact", 0.96, math.inf),
+             row("near, as slow as exact", 0.96, 60.0), row("slow", 2.0, math.inf), row("x", 1.0, math.inf, group="exact"),
+             row("n", 3.0, 10.0, "neural"), row("m", 0.8, 10.0, "neural")]
+    assert errors.front(found) == {"filled": ["g: a", "g: c", "g: equal", "g: equal, as fast"], "neural": ["g: m"]}
+    alone = [row("equal, as slow as exact", 0.96, math.inf), row("near", 0.96, 60.0), row("far, faster", 0.94, 20.0)]
+    assert errors.front(alone[:2]) == {"filled": []} and errors.front(alone[1:]) == {"filled": []}
+    assert errors.front(alone[2:]) == {"filled": ["g: far, faster"]}
 
 
 def test_what_does_not_fit_is_said_and_not_attempted(monkeypatch, capsys, tmp_path):
@@ -111,6 +116,9 @@ def test_bench_grid(tmp_path):
 @pytest.mark.gl
 def test_bench_scale(tmp_path, monkeypatch):
     monkeypatch.setattr(scaling, "YARDSTICK", 20_000)
+    monkeypatch.setattr(scaling, "WARM_POINTS", 10_000)
+    opened, known = [], scaling.procedural_scene
+    monkeypatch.setattr(scaling, "procedural_scene", lambda scan, folder: opened.append(scan.count) or known(scan, folder))
     made = made_by("scale", tmp_path, "--points", "20k,40k,100G", "--repeats", "1")
     assert made.keys() >= COMMON | {"lod", "rows", "growth", "size"}
     assert [(r["series"], r["points"], r["fits"]) for r in made["rows"]] == [
@@ -118,12 +126,14 @@ def test_bench_scale(tmp_path, monkeypatch):
     for row in made["rows"]:
         if row["fits"]:
             assert row["packed_bytes"] == 12 * row["points"] and row["resident_bytes"] > row["packed_bytes"]
+            assert row["resident_before_bytes"] > 0 and scaling.added(row) < row["resident_bytes"]
             assert row["open_to_first_picture_s"] > 0 and set(row["milliseconds"]) == set(scaling.VIEWS)
     assert set(made["growth"]) == {"rooms", "density"} and made["lod"] == scaling.LOD
     for first, second in (made["rows"][0:2], made["rows"][3:5]):
         assert first["growth"] is None and all(0.1 < second["growth"][view] < 10 for view in scaling.VIEWS)
         assert made["growth"][first["series"]] == {"from": 20_000, "to": 40_000, **second["growth"]}
     assert not list(cache_dir().glob("pointglass-scale-*"))
+    assert opened == [10_000, 20_000, 40_000, 20_000, 40_000], "once before any counts"
 
 
 @pytest.mark.gl
@@ -140,8 +150,9 @@ def test_bench_error(tmp_path, monkeypatch, capsys):
     assert twin["mask"] < 0.02 and (twin["psnr"] is None or twin["psnr"] > 40), twin
     assert rows["filter: off"]["psnr"] < 60 and rows["packing: 10 bits"]["psnr"] < 60
     assert all(row["milliseconds"] > 0 and row["time"] > 0 for row in made["rows"])
-    assert set(made["front"]) == {"filled", "neural"} and all(made["front"].values())
-    assert "float64 twin" in capsys.readouterr().out
+    assert set(made["front"]) == {"filled", "neural"} and all(rows.keys() >= set(names) for names in made["front"].values())
+    said = capsys.readouterr().out
+    assert "float64 twin" in said and errors.UNBEATEN in said
 
 
 @pytest.mark.gl
