@@ -190,9 +190,10 @@ def fastest_precision(device: str, size: tuple[int, int]) -> tuple[str, dict[str
 
 
 class Open3DContender:
-    """Open3D's window in its own process.  ``reason``: why it does not draw, None while it does."""
+    """Open3D's window in its own process.  Its time holds what the others leave out, reading back its picture: there is no
+    other way to know when it is done.  ``reason``: why it does not draw, None while it does."""
 
-    name = f"Open3D, {POINT_SIZES[0]:g} px points"
+    name = f"Open3D, {POINT_SIZES[0]:g} px points, read back"
 
     def __init__(self, scene: "Scene"):
         from viewer.cloud.scene import unpack

@@ -67,10 +67,12 @@ def run_versus(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
         renderer.release()
         context.release()
     few = "" if device == "cuda" else ", few, and the paper's and Open3D once each: its network takes seconds a frame on a CPU"
+    back = "" if open3d.reason else "; Open3D's time holds reading back its picture as floats, the others' ends before that"
     return {
         **facts, "sizes": [list(size) for size in sizes], "device": device, "frames": count, "repeats": repeats,
         "open3d": open3d.reason or "drew", "runs": runs,
-        "said": f"random weights in the paper's network, which do not change its run time; {count} cameras of the path{few}",
+        "said": "random weights in the paper's network, which do not change its run time; "
+                f"{count} cameras of the path{few}{back}",
     }
 
 
