@@ -1,18 +1,22 @@
 """The README's figures come from bench files, and from nothing else."""
 
+import inspect
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from viewer.bench import readme
 from viewer.bench.figures import FIGURES, command
 from viewer.bench.figures import main as run_figures
 from viewer.bench.readme import BLOCKS, filled, main
 
 MACHINE = {"cores": 2, "processor": "X", "gpu": None, "versions": {"torch": "9"}}
 BENCH = {
-    "machine": MACHINE, "opengl": "soft",
+    "machine": MACHINE, "opengl": "llvmpipe (LLVM)", "scans": ["../x/plant_room.laz"], "points": 11_605_395,
+    "network": "balanced-filtered 7e69 bf16 on cpu",
+    "approximations": ["level of detail: 4 points per pixel", "network in bf16"],
     "runs": [{"size": [960, 720], "frames": 48,
               "views": {v: {"total": {"p50": 1.4, "p95": 2.6}} for v in ("raw", "filtered", "filled", "neural")}}],
 }
@@ -21,7 +25,8 @@ SCALE = {
     "growth": {"rooms": {"from": 1e7, "to": 1e8, "raw": 1.25, "filled": 1.5, "neural": 1.1}},
     "rows": [
         {"series": "rooms", "points": 10**7, "rooms": 10, "fits": True, "open_to_first_picture_s": 0.5, "packed_bytes": 12e7,
-         "resident_bytes": 34e7, "milliseconds": {"raw": {"p50": 31.0}, "filled": {"p50": 42.0}, "neural": {"p50": 250.0}}},
+         "resident_bytes": 90e7, "resident_before_bytes": 56e7,
+         "milliseconds": {"raw": {"p50": 31.0}, "filled": {"p50": 42.0}, "neural": {"p50": 250.0}}},
         {"series": "rooms", "points": 10**9, "rooms": 1000, "fits": False, "why": "does not fit: needs 13 GB"},
     ],
 }
@@ -37,10 +42,12 @@ VERSUS = {
     }],
 }
 ERRORS = {
-    "machine": MACHINE, "scans": ["/a/plant.laz"], "size": [960, 720], "front": {"filled": ["filter: 4 levels"]},
+    "machine": MACHINE, "scans": ["/a/plant.laz"], "size": [960, 720],
     "rows": [
-        {"group": "filter", "name": "4 levels", "milliseconds": 9.0, "time": 0.5, "psnr": None, "largest": 0.0, "mask": None},
-        {"group": "filter", "name": "off", "milliseconds": 8.0, "time": 0.6, "psnr": 31.26, "largest": 9.0, "mask": 0.5},
+        {"group": "filter", "name": "4 levels", "view": "filled",
+         "milliseconds": 9.0, "time": 0.5, "psnr": None, "largest": 0.0, "mask": None},
+        {"group": "filter", "name": "off", "view": "filled",
+         "milliseconds": 8.0, "time": 0.6, "psnr": 31.26, "largest": 9.0, "mask": 0.5},
     ],
 }
 
@@ -56,6 +63,21 @@ def test_a_block_is_replaced_and_the_rest_kept():
 
 def block(name: str, files: dict) -> str:
     return filled(f"<!-- {name} -->\n<!-- /{name} -->", files)
+
+
+def test_what_is_said_of_a_bench_is_what_its_file_says():
+    """Also where the file is of a version that recorded less."""
+    made = block("frames", {"frame-plant_room": BENCH})
+    assert "2 cores of an X, software OpenGL (llvmpipe (LLVM))" in made
+    assert "| plant room, 11.6 M points, 960x720, balanced, level of detail 4 points per pixel | 1 / 3" in made
+    steps = "from the files", "cache to first picture", "cache to every point in view", "cache to full quality"
+    times = dict.fromkeys(steps, 1e3)
+    opened = {"scans": ["a/big_hall.e57"], "milliseconds": times}
+    assert "- Opening the big hall: 1.0 s" in block("frames", {"frame-plant_room": BENCH, "open-plant_room": opened})
+    newer = {**BENCH, "software": False, "opengl": "H200", "quality": "fast", "approximations": []}
+    opened["file_bytes"] = 79_400_000
+    made = block("frames", {"frame-plant_room": newer, "open-plant_room": opened})
+    assert "X, OpenGL (H200)" in made and "points, 960x720, fast | 1 / 3" in made and "big hall (79 MB E57): 1.0 s" in made
 
 
 def test_every_size_of_the_demo_has_its_line():
@@ -82,6 +104,7 @@ def test_versus_gives_times_and_whether_the_opponent_is_fair():
 def test_errors_mark_the_front_and_equal_pictures():
     made = block("errors", {"error-demo": ERRORS})
     assert "| **filter: 4 levels** | 9 | 0.50 | equal | 0 |  |" in made
+    assert "by more than noise" in made
     assert "| filter: off | 8 | 0.60 | 31.3 | 9 | 50.000% |" in made
 
 
@@ -90,7 +113,7 @@ def test_documents_are_renewed_and_missing_benches_named(tmp_path, capsys):
     document.write_text("<!-- frames -->\n<!-- /frames -->\n")
     (tmp_path / "frame-plant_room.json").write_text(json.dumps(BENCH))
     assert main(tmp_path, [document]) == 0
-    assert "balanced | 1 / 3" in document.read_text()
+    assert "pixel | 1 / 3" in document.read_text()
     assert "not there: ablation, error-demo, evaluate, scale, stability, versus-plant_room" in capsys.readouterr().out
 
 
@@ -100,6 +123,8 @@ def test_figures_run_every_bench_the_readme_needs():
     from viewer.bench import KINDS
 
     assert {arguments[0] for arguments in FIGURES.values()} == set(KINDS)
+    source = inspect.getsource(readme)
+    assert [name for name in FIGURES if f'"{name}"' not in source] == [], "nothing reads them"
 
 
 def test_a_scan_that_is_not_there_is_named_and_its_bench_left_out(tmp_path, capsys):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 SCANS = Path("../shared/data/scans")
-PLANT, STUDIO, STREETS = "plant_room.laz", "studio.laz", "autzen_trim.laz"
+PLANT, STREETS = "plant_room.laz", "autzen_trim.laz"
 FIGURES: dict[str, tuple[str, ...]] = {
     "grid": ("grid",),
     "open-plant_room": ("open", PLANT),
@@ -18,13 +18,10 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "frame-plant_room": ("frame", PLANT),
     "frame-plant_room-fast": ("frame", PLANT, "--quality", "fast"),
     "frame-plant_room-lod4": ("frame", PLANT, "--lod", "4"),
-    "frame-plant_room-views": ("frame", PLANT, "--along", "views", "--repeats", "3"),
-    "frame-demo-sizes": ("frame", "--size", "960x720,1920x1440,3840x2160", "--along", "views"),
-    "frame-studio-views": ("frame", STUDIO, "--along", "views", "--repeats", "3"),
+    "frame-demo-sizes": ("frame", "--size", "960x720,1920x1440,3840x2160", "--along", "views", "--repeats", "3"),
     "raster": ("raster",),
     "void": ("error", STREETS, "--only", "void"),
     "error-demo": ("error",),
-    "error-plant_room": ("error", PLANT, "--repeats", "3"),
     "versus-plant_room": ("versus", PLANT),
     "versus-procedural": ("versus", "--procedural", "25M"),
     "scale": ("scale",),

@@ -93,7 +93,8 @@ def run_frames(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
     return {
         **given, "sizes": [list(size) for size in sizes], "along": along,
         "cameras": [camera.name for camera in made], "repeats": repeats, "raster": facts["raster"],
-        "network": facts["network"], "device": facts["device"], "approximations": facts["approximations"], "runs": runs,
+        "network": facts["network"], "quality": settings.quality, "device": facts["device"],
+        "approximations": facts["approximations"], "runs": runs,
     }
 
 

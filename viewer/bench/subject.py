@@ -38,8 +38,12 @@ class Subject:
         return [self.procedural.label] if self.procedural is not None else [str(scan) for scan in self.scans]
 
     def facts(self, scene: "Scene", device: "Device") -> dict:
-        """For the JSON: scans, points, OpenGL renderer and driver version."""
-        return {"scans": self.names, "points": scene.count, "opengl": device.renderer, "driver": device.version}
+        """For the JSON: scans, bytes where all are files, points, OpenGL renderer, its driver's version, whether it runs on the
+        processor."""
+        files = [scan for scan in self.scans if scan.is_file()]
+        size = sum(scan.stat().st_size for scan in files) if files and len(files) == len(self.scans) else None
+        return {"scans": self.names, "file_bytes": size, "points": scene.count, "opengl": device.renderer,
+                "driver": device.version, "software": device.software}
 
 
 def machine() -> dict:
