@@ -62,10 +62,14 @@ python_packages() {
     done
 }
 
+nvidia_driver() {
+    [[ -e /proc/driver/nvidia/version ]] || nvidia-smi >/dev/null 2>&1
+}
+
 # A machine without an NVIDIA driver has no use for the gigabytes of CUDA packages torch brings on Linux.
 install_torch() {
     local pip=(.venv/bin/python -m pip install -q)
-    if [[ -e /proc/driver/nvidia/version ]] || nvidia-smi >/dev/null 2>&1; then
+    if nvidia_driver; then
         "${pip[@]}" -c .ci/constraints.txt "torch==$TORCH"
     elif .venv/bin/python -c "import torch, sys; sys.exit(torch.__version__.split('+')[0] != '$TORCH')" 2>/dev/null; then
         :
@@ -90,8 +94,12 @@ main() {
         [[ ${#missing[@]} -eq 0 ]] || require_packages "${missing[@]}"
     fi
 
-    local wanted
-    wanted=$(cat pyproject.toml .ci/constraints.txt .ci/setup.sh viewer/__init__.py <(pwd) | sha256sum | cut -d' ' -f1)
+    local wanted extras=dev
+    if nvidia_driver; then
+        extras=dev,cuda  # OpenGL's buffers are mapped into CUDA there, and that is tested
+    fi
+    wanted=$(cat pyproject.toml .ci/constraints.txt .ci/setup.sh viewer/__init__.py <(pwd) <(echo "$extras") | sha256sum |
+        cut -d' ' -f1)
     if [[ $(cat .venv/.stamp 2>/dev/null) == "$wanted" ]] && .venv/bin/python -c '' 2>/dev/null; then
         return
     fi
@@ -115,7 +123,7 @@ main() {
     fi
     rm -f .venv/.stamp
     install_torch
-    .venv/bin/python -m pip install -q -c .ci/constraints.txt -e '.[dev]'
+    .venv/bin/python -m pip install -q -c .ci/constraints.txt -e ".[$extras]"
     echo "$wanted" >.venv/.stamp
     say "done"
 }
