@@ -2,7 +2,8 @@
 
 A gap of a few pixels is a hole where, in blocks of 2 or 4 pixels, of each two consecutive neighbours at least one holds a
 measured pixel.  A larger one is a hole where something is measured in each of sixteen directions: in a window that grows
-with its distance, at any of several distances, so that a hole may be nearer to one of its sides.  That is asked at cells of
+with its distance, at any of several distances, so that a hole may be nearer to one of its sides.  The largest is a share of
+the picture's side, so that pictures of any size are answered alike.  That is asked at cells of
 4 pixels; smoothed and asked again at pixels, the answer has no corners of its own.  Each window meets the one beside it, so
 that no gap wide enough to see through goes unseen; beyond the picture what lies at its border goes on.
 
@@ -18,39 +19,42 @@ from torch import Tensor
 from model.pyramid import RING, clamped, parents, quads, shifted
 
 REACH_SHARE = 16
-"""A hole is looked across to 1 / 16 of the picture's longer side, and three eighths of that more."""
+"""Holes are looked across to 1 / 16 of the picture's longer side, and three eighths of that more.  With 1 / 20 sparse ground
+seen from the air had gaps again; with this the frame of two pumps, seen from so far that it is as narrow, is filled."""
 FINE_LEVELS = 2
 """Blocks of 2 and of 4 pixels; the latter are the cells of what follows."""
 AROUND = tuple((dx, dy) for dy in range(-2, 3) for dx in range(-2, 3) if max(abs(dx), abs(dy)) == 2)
-"""(dx, dy), in cells, to the sixteen windows of a cell each that are nearest; those of the next distance lie twice as far."""
+"""(dx, dy), in cells, to the sixteen windows of a cell each that are nearest; at other distances so many times as far."""
 SMOOTH = (1, 2, 3, 4, 5, 4, 3, 2, 1)
 """Weights along rows and columns of cells: whole numbers, so that sums are exact in any order."""
 MOST = sum(SMOOTH) ** 2
 """What the weights of a cell's neighbourhood add up to."""
 
 
-def _levels(width: int, height: int) -> int:
-    """The coarsest level: blocks of 2**levels pixels are no larger than the reach; at least 1."""
-    return max(1, (max(width, height) // REACH_SHARE).bit_length() - 1)
-
-
 def fine_levels(width: int, height: int) -> int:
-    """Levels of blocks whose neighbours are asked: 1 or 2."""
-    return min(FINE_LEVELS, _levels(width, height))
+    """Levels of blocks whose neighbours are asked: blocks of 4 pixels only where they are no larger than the reach."""
+    return FINE_LEVELS if max(width, height) >= REACH_SHARE << FINE_LEVELS else 1
 
 
-def distances(width: int, height: int) -> int:
-    """How many distances there are to look at: 2, 4, 8, ... cells; none in a picture smaller than 128 pixels."""
-    return max(0, _levels(width, height) - FINE_LEVELS)
+def strides(width: int, height: int) -> list[int]:
+    """Cells from one of the sixteen windows to the next, for each distance, ascending; none where no side has 128 pixels.
 
-
-def window_reach(number: int) -> int:
-    """Cells on each side of a window's middle at distance ``number``: 0, 1, 3, 6, 12, ...
-
-    A window is three quarters as wide as it is far, where half would meet the one beside it: between such, a few sparse points
-    were seen through by chance; windows as wide as they are far took single leaves for a wall.
+    Each is half the next, so that nothing between two distances is missed.
     """
-    return (3 << number) // 4
+    stride, out = (max(width, height) // REACH_SHARE >> FINE_LEVELS) // 2, []
+    while stride:
+        out.insert(0, stride)
+        stride //= 2
+    return out
+
+
+def window_reach(stride: int) -> int:
+    """Cells on each side of a window's middle: 0, 1, 2, 3, 3, 4, 5, 6, ...
+
+    A window is about three quarters as wide as it is far, where half would meet the one beside it: between such, a few sparse
+    points were seen through by chance; windows as wide as they are far took single leaves for a wall.
+    """
+    return 3 * stride // 4
 
 
 def surrounded(mask: Tensor) -> Tensor:
@@ -82,7 +86,7 @@ def _blocks(mask: Tensor) -> list[Tensor]:
 
 def _around(cells: Tensor, mask: Tensor) -> Tensor:
     """(H, W), of MOST: how far the cells around a pixel see something in every direction."""
-    return _at_pixels(_seen_around(cells, distances(mask.shape[1], mask.shape[0])), mask)
+    return _at_pixels(_seen_around(cells, strides(mask.shape[1], mask.shape[0])), mask)
 
 
 def _between_neighbours(level: Tensor) -> Tensor:
@@ -92,13 +96,13 @@ def _between_neighbours(level: Tensor) -> Tensor:
     return torch.stack(pairs).amin(0)
 
 
-def _seen_around(cells: Tensor, count: int) -> Tensor:
-    """(h, w) 1 where something is seen in each direction, at any of ``count`` distances."""
+def _seen_around(cells: Tensor, distances: list[int]) -> Tensor:
+    """(h, w) 1 where something is seen in each direction, at any of the distances."""
     seen = torch.zeros(len(AROUND), *cells.shape)
-    for number in range(count):
-        reach = window_reach(number)
+    for stride in distances:
+        reach = window_reach(stride)
         window = F.max_pool2d(cells[None, None], 2 * reach + 1, stride=1, padding=reach)[0, 0]
-        here = [clamped(window, dx << number, dy << number) for dx, dy in AROUND]
+        here = [clamped(window, dx * stride, dy * stride) for dx, dy in AROUND]
         seen = torch.maximum(seen, torch.stack(here))
     return seen.amin(0)
 

@@ -1,10 +1,12 @@
 """Hole or void by the picture alone, on shapes of which everybody knows the answer; the shader is held against this twin."""
 
+import itertools
+
 import numpy as np
 import pytest
 import torch
 
-from model.surrounded import AROUND, MOST, SMOOTH, distances, far_inside, fine_levels, surrounded, window_reach
+from model.surrounded import AROUND, MOST, SMOOTH, far_inside, fine_levels, strides, surrounded, window_reach
 
 
 def disc(side: int, radius: float, x: float | None = None, y: float | None = None) -> torch.Tensor:
@@ -83,7 +85,7 @@ def test_any_size(size, seed):
     inside = surrounded(mask)
     assert inside.shape == size and (inside | ~mask).all()
     assert not surrounded(torch.zeros_like(mask)).any() and surrounded(torch.ones_like(mask)).all()
-    assert 1 <= fine_levels(width, height) <= 2 and (distances(width, height) > 0) == (max(size) >= 128)
+    assert 1 <= fine_levels(width, height) <= 2 and (strides(width, height) != []) == (max(size) >= 128)
 
 
 def test_far_inside_is_away_from_any_void():
@@ -98,8 +100,24 @@ def test_far_inside_is_away_from_any_void():
 
 def test_windows_meet_the_ones_beside_them():
     assert len(set(AROUND)) == 16 and sum(SMOOTH) ** 2 == MOST
-    for number in range(8):
-        assert 2 * window_reach(number) + 1 >= 1 << number, "as wide as the step from one to the next"
-        if number:
-            more = window_reach(number) - window_reach(number - 1)
-            assert more <= 2 * window_reach(number - 1) + 1, "wider windows are made of narrower ones without gaps"
+    for side in range(128, 8192, 64):
+        steps = strides(side, side // 2)
+        assert steps[0] == 1 and abs(8 * steps[-1] - side / 16) < 8, "from the nearest cells to the reach"
+        assert all(2 * window_reach(stride) + 1 >= stride for stride in steps), "as wide as the step from one to the next"
+        passes = [window_reach(b) - window_reach(a) > 2 * window_reach(a) + 1 for a, b in itertools.pairwise(steps)]
+        assert sum(passes) <= 1 and not any(passes[1:]), "wider windows are made of narrower ones in one pass, the first in two"
+
+
+@pytest.mark.parametrize("shape, alike", [("notch", 0.04), ("sparse", 0.2)])
+def test_pictures_of_any_size_are_answered_alike(shape, alike):
+    """One view in pictures of 640 to 1280 pixels, points and gaps in proportion; sparse ones as far apart as still closes."""
+    shares = []
+    for side in (640, 768, 960, 1100, 1280):
+        if shape == "notch":
+            mask = disc(side, 0.3 * side) & ~disc(side, 0.07 * side, 0.7 * side)
+        else:
+            mask = torch.zeros(side, side, dtype=torch.bool)
+            places = torch.rand(700, 2, generator=torch.Generator().manual_seed(5)) * 0.6 + 0.2
+            mask[(places[:, 0] * side).long(), (places[:, 1] * side).long()] = True
+        shares.append(float(surrounded(mask).float().mean()))
+    assert max(shares) - min(shares) < alike * max(shares), shares

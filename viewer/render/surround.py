@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
-from model.surrounded import FINE_LEVELS, MOST, SMOOTH, distances, fine_levels, window_reach
+from model.surrounded import FINE_LEVELS, MOST, SMOOTH, fine_levels, strides, window_reach
 from viewer.render import shader
 from viewer.render.filter import level_sizes
 
@@ -22,19 +22,20 @@ class Surround:
     def __init__(self, programs: shader.Programs, size: tuple[int, int], weights: "Sequence[moderngl.Texture]"):
         context = programs.context
         self.context = context
-        self._distances, blocks = distances(*size), fine_levels(*size)
+        self._strides, blocks = strides(*size), fine_levels(*size)
         cells = level_sizes(size, FINE_LEVELS)[-1]
         self.holes = context.texture(cells, 1, dtype="u4")
         self._inputs = {"blocks": weights[0]} | ({"cells": weights[1]} if blocks == 2 else {})
-        around = {"AROUND": 1, "MOST": MOST} if self._distances else {}
+        around = {"AROUND": 1, "MOST": MOST} if self._strides else {}
         self._holes = programs.compute("surround_holes.comp", BLOCKS=blocks, **around)
-        self._owned = [self.holes]
-        if not self._distances:
+        self._owned, self._windows = [self.holes], []
+        if not self._strides:
             return
-        self._windows = [weights[1], *(context.texture(cells, 1, dtype="f1") for _ in range(self._distances - 1))]
+        self._windows = [weights[1], *(context.texture(cells, 1, dtype="f1") for _ in self._strides[1:])]
         self._seen = context.texture(cells, 1, dtype="u4")
+        self._between = context.texture(cells, 1, dtype="f1")  # where one pass is not enough: of one cell to five, no other
         self._rows, self._around = (context.texture(cells, 1, dtype="f2") for _ in range(2))
-        self._owned += [*self._windows[1:], self._seen, self._rows, self._around]
+        self._owned += [*self._windows[1:], self._seen, self._between, self._rows, self._around]
         self._inputs["around"] = self._around
         self._widen = programs.compute("surround_widen.comp")
         self._look = [programs.compute("surround_look.comp", FIRST=first) for first in (1, None)]
@@ -43,18 +44,27 @@ class Surround:
 
     def run(self) -> None:
         """Writes ``holes``."""
-        for number in range(self._distances):
-            window = self._windows[number]
+        for number, (stride, window) in enumerate(zip(self._strides, self._windows, strict=True)):
             if number:
-                self._widen["by"] = window_reach(number) - window_reach(number - 1)
-                self._pass(self._widen, window, {"window": self._windows[number - 1]})
+                before = self._strides[number - 1]
+                self._make_wider(self._windows[number - 1], window, window_reach(before), window_reach(stride))
             look = self._look[min(number, 1)]
-            look["distance_shift"] = number
+            look["stride"] = stride
             self._pass(look, self._seen, {"window": window})
-        if self._distances:
+        if self._strides:
             self._pass(self._smooth_rows, self._rows, {"seen": self._seen})
             self._pass(self._smooth, self._around, {"rows": self._rows})
         self._pass(self._holes, self.holes, self._inputs)
+
+    def _make_wider(self, narrow: moderngl.Texture, wide: moderngl.Texture, reach: int, wanted: int) -> None:
+        """Windows of ``reach`` cells on each side into ones of ``wanted``; no pass by more than they are wide."""
+        while reach < wanted:
+            by = min(wanted - reach, 2 * reach + 1)
+            reach += by
+            target = wide if reach == wanted else self._between
+            self._widen["by"] = by
+            self._pass(self._widen, target, {"window": narrow})
+            narrow = target
 
     def _pass(self, program: moderngl.ComputeShader, output: moderngl.Texture, inputs: dict[str, moderngl.Texture]) -> None:
         for unit, (name, texture) in enumerate(inputs.items()):
