@@ -38,7 +38,7 @@ DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "cro
             "perceptual_weight", "coverage_weight", "steady_weight", "average")
 """Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
 
-CROPS = 2
+CROPS = 3
 """Version of how crops are drawn; raised when the same seed draws others."""
 
 
