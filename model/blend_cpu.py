@@ -31,7 +31,7 @@ from model.blend_rows import (
 from model.compiled import compiled
 from model.unet import BLENDS, CONTRAST_AT, MEAN_BLOCK, MOST_STRAYS, STRAYS
 
-_MAY_TAKE = (1e30, *(MOST_STRAYS * stray for stray in STRAYS[1:]))  # the finest blend has no bound
+_MAY_TAKE = (1e30, *(MOST_STRAYS * stray for stray in STRAYS))  # the finest blend has no bound
 _LEAST_ROWS = 32
 """Of a thread, since 15 above and below them are blurred too."""
 

@@ -37,8 +37,8 @@ NOISE = 0.03
 smaller one, all of a larger.  With the whole of it, and of each pixel, the network drew worms on brick and wood."""
 LEAST_CONTRAST = 0.001
 """By so much of full light the correction may change even where nothing varies."""
-STRAYS = (0.0, 0.273, 0.12, 0.058)
-"""Standard deviation of what points that stray, each for itself by 1, leave between one blur and the next."""
+STRAYS = (0.273, 0.12, 0.058)
+"""Standard deviation of what points that stray, each for itself by 1, leave between one blur and the next, the first on."""
 MOST_STRAYS = 2.5
 """So many of these a blend may take away where all is measured, but for the finest, which it may have whole.  What is more
 stands out: unbound, the network took faint numbers off an even tank, whatever lettering it was taught."""
@@ -159,7 +159,7 @@ class CompactUNet(nn.Module):
                 variance = (sums[:, 4:] / sums[:, 3:4] - _luma(smoother).square()).clamp_min(0.0)
                 sums = torch.cat([sums[:, :4], (variance + LEAST_STRAY**2).sqrt() * sums[:, 3:4]], 1)
             else:
-                most = MOST_STRAYS * STRAYS[number] * sums[:, 4:5] / sums[:, 3:4]
+                most = MOST_STRAYS * STRAYS[number - 1] * sums[:, 4:5] / sums[:, 3:4]
                 bound = (most / _luma(change).abs().clamp_min(1e-6)).clamp_max(1.0)
                 sure = ((density - MEASURED[0]) / (MEASURED[1] - MEASURED[0])).clamp(0.0, 1.0)
                 change = change * (1.0 - sure * (1.0 - bound))

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.gl
 def test_real_scan_agrees_with_twin(context, shared_data, scan):
     path = shared_data / "scans" / scan
     if not path.is_file():
-        pytest.skip(f"{path} is not there")
+        pytest.skip(f"{path} is not there: real scans are never committed")
     scene = open_scene([path])
     renderer = Renderer(context, scene)
     try:

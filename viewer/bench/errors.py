@@ -164,7 +164,8 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
 
 def front(found: list[dict]) -> dict[str, list[str]]:
     """By view: names of the approximations that nothing beats, the exact frame included, fastest first.  What is nearer and not
-    slower by more than NOISE beats, and so does what is as near and faster by more than that."""
+    slower by more than NOISE beats, and so does what is as near and faster by more than that; what is equal to the
+    exact frame must save more than that, too."""
     out = {}
     for view in dict.fromkeys(row["view"] for row in found):
         mine = [row for row in found if row["view"] == view and row["group"] != "exact"]

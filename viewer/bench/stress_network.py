@@ -107,4 +107,3 @@ def network_rows(seed: int, size: tuple[int, int], quality: str = "fast", scales
         apart = max(float((truth[s] - truth[1.0]).abs().mean()) for s in scales)
         rows.append(row(f"{quality}: mean difference between scales {min(scales):g} to {max(scales):g}", apart, SCALE_LIMIT))
     return rows, table
-
