@@ -67,8 +67,8 @@ def lonely(stand: Stand, seed: int, size: tuple[int, int] = (1000, 1000)) -> lis
 def doubles(stand: Stand, seed: int, size=(64, 48)) -> list[dict]:
     """Every point a thousand times, and one point alone a thousand times: colour errors, and pixels moved.
 
-    ``auto`` averages points within so many spacings, and a spacing is measured smaller where points repeat: both are drawn with
-    that of the points that are there once.
+    ``auto`` averages points within so many spacings, and a spacing is an estimate, of other points in a larger scan: both are
+    drawn with that of the points that are there once.
     """
     rng = np.random.default_rng(seed)
     camera = axis_camera(size)

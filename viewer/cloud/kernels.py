@@ -238,14 +238,16 @@ def gather_steps(points, starts, sizes, xyz):
 
 
 @compiled(nogil=True)
-def neighbour_distances(xyz, queries, k, squared, out):
-    """Squared distance from each query (a column of xyz) to its k-th nearest other point, by full search.
+def neighbour_distances(xyz, queries, k, squared, out, tallies):
+    """Squared distance from each query (a column of xyz) to the k-th nearest place that holds other points, by full search.
+    Points in one and the same place count once: what is in a file twice lies no closer together.
 
     xyz: (3, n) float64, n > k; rows, so that the first loop runs in vector instructions.  queries: (m,) int64.
-    squared: scratch, (n,) float64.  out: (m,) float64.
+    squared: scratch, (n,) float64.  out: (m,) float64, of the last place where there are fewer than k, 0 where there is none.
+    tallies: (m, 3) int64, other points in the query's own place, places found, and points in these.
     """
     xs, ys, zs = xyz[0], xyz[1], xyz[2]
-    nearest = np.empty(k)
+    nearest, which = np.empty(k), np.empty(k, np.int64)
     for j in range(queries.shape[0]):
         nearest[:] = np.inf
         q = queries[j]
@@ -253,15 +255,31 @@ def neighbour_distances(xyz, queries, k, squared, out):
         for i in range(xs.shape[0]):
             dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
             squared[i] = (dx * dx + dy * dy) + dz * dz
-        squared[q] = np.inf
-        worst = np.inf
+        worst, found, same, repeated = np.inf, 0, 0, False
         for i in range(xs.shape[0]):
             d = squared[i]
             if d < worst:
-                at = k - 1
+                if d == 0.0:
+                    same += 1
+                    continue
+                at, again = min(found, k - 1), False
+                for n in range(found):
+                    if nearest[n] == d:
+                        m = which[n]
+                        again |= (xs[m] == xs[i]) & (ys[m] == ys[i]) & (zs[m] == zs[i])
+                if again:
+                    repeated = True
+                    continue
                 while at > 0 and nearest[at - 1] > d:
-                    nearest[at] = nearest[at - 1]
+                    nearest[at], which[at] = nearest[at - 1], which[at - 1]
                     at -= 1
-                nearest[at] = d
+                nearest[at], which[at] = d, i
+                found = min(found + 1, k)
                 worst = nearest[k - 1]
-        out[j] = worst
+        out[j] = nearest[found - 1] if found else 0.0
+        held = found
+        if repeated:
+            held = -same
+            for i in range(xs.shape[0]):
+                held += squared[i] <= out[j]
+        tallies[j, 0], tallies[j, 1], tallies[j, 2] = same - 1, found, held
