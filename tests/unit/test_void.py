@@ -24,7 +24,7 @@ def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
     beside = [set(cells) for cells in void._walks()[:, :, 0].tolist()]
     below = void._centres()[:, 2] < 0
     enclosed = (~scanned).mean() <= 1 / void.ENCLOSES
-    closed, left = surrounded.copy(), set(np.flatnonzero(~scanned).tolist())
+    closed, left, through = surrounded.copy(), set(np.flatnonzero(~scanned).tolist()), 0
     while left:
         hole, new = set(), {min(left)}
         while new:
@@ -33,11 +33,13 @@ def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
             new = set().union(*(beside[cell] for cell in new)) & left
         cells = list(hole)
         closed[cells] = surrounded[cells].mean() >= 0.5 or (enclosed and below[cells].all())
+        through += 0 if below[cells].all() else below[cells].sum()
     for cell in np.flatnonzero(scanned):
         open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
         closed[cell] |= bool(open_or_not) and all(open_or_not)
     around, in_room = scanned.mean() >= 1 / void.AROUND, closed.mean() > void.ROOM
-    return np.where(closed & (below | in_room), SEALED, closed) if around or in_room else np.full_like(closed, OPEN, int)
+    sealed = closed & (below & (through <= below.sum() / void.GROUND) | in_room)
+    return np.where(sealed, SEALED, closed) if around or in_room else np.full_like(closed, OPEN, int)
 
 
 def test_what_is_seen_from_outside_is_left_to_the_picture(seed):
@@ -125,6 +127,20 @@ def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
     height = void._centres()[:, 2]
     assert closed[height < 0.3].all()
     assert (closed[height < 0] == SEALED).all() and (closed[height > 0] != SEALED).all()  # the network may open a wall's top
+
+
+def test_what_one_sees_between_things_without_ground_is_not_cut_at_the_horizon(seed):
+    """Six pillars around the eye on a disc too small for them: what is between them is one hole above the horizon and below."""
+    rng = np.random.default_rng(seed)
+    angle = np.repeat(np.arange(6) * np.pi / 3, 8_000) + rng.uniform(-0.35, 0.35, 48_000)
+    height = rng.uniform(-1.5, 4.0, 48_000)
+    points = np.column_stack([3 * np.cos(angle), 3 * np.sin(angle), height])
+    floor = rng.uniform(-1, 1, (9_000, 3)) * (1, 1, 0) - (0, 0, 1.5)
+    roof = rng.uniform(-4, 4, (9_000, 3)) * (1, 1, 0) + (0, 0, 4)
+    points = np.concatenate([points, floor, roof])
+    closed = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8))).closed(np.zeros(3)).ravel()
+    below = void._centres()[:, 2] < 0
+    assert not (closed == SEALED).any() and (closed[below] == CLOSED).any()
 
 
 def test_all_rays_of_a_picture_have_in_common_what_is_said(seed):

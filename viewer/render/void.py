@@ -5,8 +5,8 @@ over a street and the space around a statue are not.  The directions around the 
 cube; a cell is surrounded where, walking from it in eight directions, each meets a scanned cell within 60 degrees.  Cells
 without a point that touch are one hole, and get one answer: closed where most of them are surrounded, or where the hole lies
 below the horizon of a camera that the scan encloses (what a tripod hid, seen from low down).  What is closed is filled, and the
-network may open it where that could be sky, seen between branches, say: not in a room, and not below the horizon.  Where the
-scan is not around the camera, all of it is in the picture, and these directions say nothing.
+network may open it where that could be sky, seen between branches, say: not in a room, and not below the horizon where there is
+ground all around.  Where the scan is not around the camera, all of it is in the picture, and these directions say nothing.
 World axes, z up, no OpenGL.
 """
 
@@ -35,6 +35,10 @@ ROOM = 0.9
 """Share of all directions that close around a camera inside a room, at least; over a street a third stay open."""
 AROUND = 3
 """A scan is around the camera where at least one in so many directions holds a point: a statue seen from outside is not."""
+GROUND = 10
+"""There is ground all around a camera where no more than one in so many directions below the horizon belongs to a hole that
+goes on above it.  Close to a statue one sees between its bushes; sealed, that hole would end at the horizon in a straight
+line."""
 OPEN, CLOSED, SEALED = 0, 1, 2
 """What a direction is: void; filled; filled, and not the network's to open."""
 _SAMPLES = 24576
@@ -145,8 +149,9 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
 
     scanned (cells,) bool and closed (cells,) int8: from close_directions; closed is changed.  walks: as in _walks; the first
     cell of each is taken for a neighbour.  below: (cells,) bool.  enclosing: ENCLOSES.  hole, queue: scratch, (cells,) int32.
+    Returns how many cells below belong to holes that go on above.
     """
-    cells = len(scanned)
+    cells, through = len(scanned), 0
     hole[:] = -1
     enclosed = enclosing * (cells - scanned.sum()) <= cells
     for first in range(cells):
@@ -168,6 +173,7 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
         answer = 2 * surrounded >= size or (enclosed and lies_below)
         for i in range(size):
             closed[queue[i]] = answer
+            through += below[queue[i]] and not lies_below
     for cell in range(cells):
         if not scanned[cell]:
             continue
@@ -179,6 +185,7 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
                 of_them_open += closed[beside] == 0
         if holes > 0 and of_them_open == 0:
             closed[cell] = 1
+    return through
 
 
 def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
@@ -226,12 +233,14 @@ class Surroundings:
         mark_directions(self._points, eye, SIDE, scanned)
         mark_near(self._blocks, self._marked, self._first, self._near, self._side, eye, SIDE, scanned)
         close_directions(scanned, walks, _NEEDED, closed)
-        settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
+        through = settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
         in_room = np.count_nonzero(closed) > ROOM * len(closed)
         if not in_room and AROUND * np.count_nonzero(scanned) < len(closed):
             closed[:] = OPEN  # the picture's pixels tell more than cells of six degrees
-        else:
-            closed[(closed > 0) & (in_room | self._below)] = SEALED
+        elif in_room:
+            closed[closed > 0] = SEALED
+        elif GROUND * through <= np.count_nonzero(self._below):
+            closed[(closed > 0) & self._below] = SEALED
         return closed.reshape(6 * SIDE, SIDE)
 
 
