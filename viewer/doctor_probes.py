@@ -172,7 +172,7 @@ def interop_item(programs: "Programs") -> dict:
         except PointglassError as error:
             found[name] = str(error)
     works = [name for name, problem in found.items() if problem is None]
-    broken = [problem for problem in found.values() if problem is not None]
+    broken = list(dict.fromkeys(problem for problem in found.values() if problem is not None))  # both may say the same
     where = _gl_cuda_device()
     if not works:
         return item("interop", "warn", "; ".join(broken) + where, "frames are copied through memory, which is right but slower")

@@ -13,6 +13,7 @@ from model.reconstruct import PACKED_IN, PACKED_OUT
 from viewer.doctor_probes import interop_item
 from viewer.errors import DeviceError
 from viewer.render.bridge import ReadBackBridge, make_bridge, works
+from viewer.render.context import unshared
 from viewer.render.cuda_bridge import MAPPERS, CudaBridge
 from viewer.render.shader import Programs
 
@@ -111,6 +112,19 @@ def test_the_order_is_core_then_bindings_then_a_copy_and_says_why(monkeypatch, d
     bridge.release()
     bridge, why = make_bridge(programs, (8, 8), "cpu")
     assert bridge.kind == "read-back" and why is None
+    bridge.release()
+
+
+def test_cuda_is_not_asked_about_the_buffers_of_another_driver(monkeypatch, driver, programs):
+    """It may crash: then there would be no picture at all."""
+    install(monkeypatch, driver)
+    monkeypatch.setattr("viewer.render.cuda_bridge.unshared", unshared)
+    bridge, why = make_bridge(programs, (8, 8), "cuda")
+    renderer = str(programs.context.info["GL_RENDERER"])
+    assert bridge.kind == "read-back" and why and renderer in why and "only NVIDIA's OpenGL" in why
+    found = interop_item(programs)
+    assert found["status"] == "warn" and found["value"].count(renderer) == 1
+    assert not driver.log
     bridge.release()
 
 

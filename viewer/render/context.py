@@ -86,3 +86,16 @@ def describe_device(context: "moderngl.Context") -> Device:
         storage_limit=int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]),
         texture_limit=int(info["GL_MAX_TEXTURE_SIZE"]),
     )
+
+
+def unshared(context: "moderngl.Context") -> str | None:
+    """Why this OpenGL shares nothing with CUDA, found out without asking CUDA; None for NVIDIA's own.
+
+    Asked to map a buffer of another's, Mesa's on a machine whose driver came without OpenGL, CUDA may take the process down
+    instead of saying no: github.com/mp3guy/ElasticFusion/issues/222.
+    """
+    device = describe_device(context)
+    if "nvidia" in device.vendor.lower():
+        return None
+    return (f"{device.renderer} draws, and only NVIDIA's OpenGL shares buffers with CUDA; in a container it needs "
+            "NVIDIA_DRIVER_CAPABILITIES=all")

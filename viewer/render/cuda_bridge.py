@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from model.reconstruct import PACKED_IN, PACKED_OUT
 from viewer.errors import DeviceError
 from viewer.render.bridge import Network, works
+from viewer.render.context import unshared
 
 if TYPE_CHECKING:
     import moderngl
@@ -168,12 +169,14 @@ class CudaBridge:
 
     mappers: names of MAPPERS to try, in order (default: all).
     Raises DeviceError, saying what each of them met, where none works: another GPU draws than computes, the packages are
-    missing, VirtualGL.
+    missing, VirtualGL; and without trying any where another's driver draws.
     """
 
     def __init__(self, programs: "Programs", size: tuple[int, int], mappers: tuple[str, ...] = tuple(MAPPERS)):
         import torch
 
+        if (problem := unshared(programs.context)) is not None:
+            raise DeviceError(f"OpenGL's buffers cannot be mapped into CUDA here ({problem})")
         self._context, self.size = programs.context, size
         width, height = size
         self._shapes = (height, width, PACKED_IN), (height, width, PACKED_OUT)
