@@ -31,3 +31,9 @@ def programs(cuda):
     yield made
     made.release()
     context.release()
+
+
+def pytest_runtest_logreport(report):
+    """What failed is told at once, not only at an end that a test which hangs would keep from coming."""
+    if report.failed:
+        print(f"\n{report.nodeid} ({report.when}):\n{report.longreprtext}", flush=True)

@@ -8,17 +8,24 @@ Leaves FOLDER/results.json (every part's figures; rewritten after each part, so 
 FOLDER/log.txt and two plots.  Each part is a process of its own with a time limit: one that fails or hangs does not end the
 rest.  The exit code is 1 where a part failed.  Needs no window, no open3d, no imgui; makes its scans itself.
 
-On a bare machine that has torch but cannot reach a registry, carry these as wheels (Python 3.12, Linux), and the loaders of
-OpenGL (libegl1 libglvnd0 libgl1 libopengl0 libglx0 libgles2) as packages:
+On a bare machine that has torch but cannot reach a registry, carry the wheels (Python 3.12, Linux) and OpenGL's loaders:
 
     python3 -m pip download --no-deps --only-binary=:all: --python-version 3.12 --implementation cp \\
         --platform manylinux_2_28_x86_64 --platform manylinux_2_27_x86_64 --platform manylinux_2_24_x86_64 \\
         --platform manylinux_2_17_x86_64 --platform manylinux2014_x86_64 --platform manylinux1_x86_64 -d .whl \\
         moderngl glcontext laspy lazrs platformdirs
+    mkdir -p .gl && (cd .gl && apt-get download libegl1 libglvnd0 libopengl0 libgl1 libglx0 libgles2)
 
-and there, before this script: ``python3 -m pip install --no-index --no-deps --target /tmp/site .whl/*.whl`` and
-``export PYTHONPATH=/tmp/site``.  numba, numpy, scipy, pillow, tqdm, matplotlib, safetensors and pytest are expected there, and
-cuda-core, cuda-bindings and cuda-pathfinder: where the doctor's ``interop`` says that they are not installed, add them above.
+and there, in one command (525 s of this script and what comes before it fit into 600):
+
+    for f in .gl/*.deb; do dpkg -x "$f" /; done; ldconfig
+    python3 -m pip install -q --no-index --no-deps --target /tmp/site .whl/*.whl && export PYTHONPATH=/tmp/site
+    python3 tests/gpu/run.py --out "$OUT"
+
+ldconfig is what lets glcontext find them.  Where the doctor then names llvmpipe, or no driver, tell the loader where NVIDIA's
+is: ``export __EGL_VENDOR_LIBRARY_FILENAMES=`` and the path of its 10_nvidia.json.  numba, numpy, scipy, pillow, tqdm,
+matplotlib, safetensors and pytest are expected there, and cuda-core, cuda-bindings and cuda-pathfinder: where the doctor's
+``interop`` says that they are not installed, add them above (15 MB).
 This file imports nothing beyond Python's own library.
 """
 
@@ -80,8 +87,10 @@ def _versus(plan: Plan, work: Path) -> list[str]:
 
 
 def _tests(_plan: Plan, _work: Path) -> list[str]:
-    # without the project's own options: one of them is of pytest-timeout, which a bare machine has not
-    return ["-m", "pytest", "tests/gpu", "-q", "-rfEs", "-p", "no:cacheprovider", "-o", "addopts=", "--durations=5"]
+    # without the project's own options: one of them is of pytest-timeout, which a bare machine has not.  Every test by name,
+    # and where one hangs: what a driver keeps from returning is cut short, and the log is all there is of it.
+    return ["-m", "pytest", "tests/gpu", "-v", "--tb=short", "-rfEs", "-p", "no:cacheprovider", "-o", "addopts=",
+            "-o", "faulthandler_timeout=60", "--durations=5"]
 
 
 PARTS = (

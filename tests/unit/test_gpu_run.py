@@ -90,6 +90,17 @@ def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path):
     assert done.returncode == 0 and "test_interop.py" in done.stdout and " error" not in done.stdout, done.stdout + done.stderr
 
 
+def test_what_fails_among_its_tests_is_told_before_the_end(run, tmp_path):
+    """A test after it may hang in a driver, and the part is then cut short."""
+    tests = next(part for part in run.PARTS if part.name == "tests").command(run.DRY, tmp_path)
+    done = subprocess.run([sys.executable, *tests, "-k", "two_bridges or doctor_finds"], cwd=SCRIPT.parents[2],
+                          env=os.environ | {"POINTGLASS_EXPECT_GPU": "1", "CUDA_VISIBLE_DEVICES": ""},
+                          capture_output=True, text=True, timeout=240)  # fmt: skip
+    told, _, rest = done.stdout.partition("= ERRORS =")
+    assert done.returncode == 1 and rest, done.stdout + done.stderr
+    assert told.count("a GPU was expected") >= 2 and "test_interop.py::test_two_bridges_at_once" in told
+
+
 def parts_of(run, *commands: list[str], seconds: float = 20.0, **named):
     return [run.Part(f"part{i}", seconds, lambda *_, c=c: c, **named) for i, c in enumerate(commands)]
 
