@@ -86,7 +86,7 @@ def test_both_rasterisers_give_the_same_bytes(renderer_of, seed):
 
 def test_pages_and_bands_change_no_pixel(context, renderer_of, monkeypatch, seed):
     scene = scanned(seed)
-    camera, settings = camera_in(scene, seed), Settings()
+    camera, settings = camera_in(scene, seed), Settings(raster="compute")
     whole = [renderer_of(scene).render(camera, settings, views=ALL).image(v) for v in ALL]
     from viewer.render import raster
 
