@@ -127,6 +127,16 @@ def test_what_is_odd_about_a_scan_is_said():
     ]  # fmt: skip
 
 
+def test_what_was_said_about_a_scene_goes_with_it_and_what_was_saved_stays():
+    made, _ = session()
+    odd, plain = room(), room()
+    odd.meta["warnings"].append("3 points without coordinates left out")
+    made.accept(Loaded(odd, survey(odd)))
+    made.notices.toast("Saved a.png")
+    made.accept(Loaded(plain, survey(plain)))
+    assert [toast.text for toast in made.notices.toasts] == ["Saved a.png"]
+
+
 def test_a_cancelled_load_leaves_the_scene():
     started = threading.Event()
 

@@ -19,10 +19,11 @@ class Message:
 
 @dataclass(frozen=True)
 class Toast:
-    """A line that goes by itself.  until: on the session's clock."""
+    """A line that goes by itself.  until: on the session's clock.  of_scene: it is about the scene shown, and goes with it."""
 
     text: str
     until: float
+    of_scene: bool = False
 
 
 class Notices:
@@ -37,10 +38,16 @@ class Notices:
         """Opens a dialog."""
         self.message = Message(title, text)
 
-    def toast(self, text: str, *, seconds: float = TOAST_SECONDS, instead_of: str | None = None) -> None:
-        """Shows a line for a moment.  instead_of: toasts that begin so go at once."""
+    def toast(
+        self, text: str, *, seconds: float = TOAST_SECONDS, instead_of: str | None = None, of_scene: bool = False
+    ) -> None:
+        """Shows a line for a moment.  instead_of: toasts that begin so go at once.  of_scene: as in Toast."""
         kept = [toast for toast in self.toasts if instead_of is None or not toast.text.startswith(instead_of)]
-        self.toasts = [*kept[-2:], Toast(text, self._clock() + seconds)]
+        self.toasts = [*kept[-2:], Toast(text, self._clock() + seconds, of_scene)]
+
+    def leave_scene(self) -> None:
+        """Forgets what was said about the scene that is no longer shown."""
+        self.toasts = [toast for toast in self.toasts if not toast.of_scene]
 
     def expire(self) -> bool:
         """Forgets the toasts whose time is over.  Returns whether there were any."""

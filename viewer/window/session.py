@@ -215,8 +215,9 @@ class Session:
             state, self._start = looking(start.position, start.view_rotation[2], state.speed), None
         self.flight.begin(state, loaded.seen)
         self.picture.begin(loaded.scene.count)
+        self.notices.leave_scene()
         for note in loading.notes(loaded.scene.meta)[:3]:
-            self.notices.toast(note, seconds=_NOTE_SECONDS)
+            self.notices.toast(note, seconds=_NOTE_SECONDS, of_scene=True)
 
     @property
     def title(self) -> str:
