@@ -4,6 +4,7 @@ import csv
 import threading
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -15,10 +16,14 @@ from viewer.progress import progress
 from viewer.settings import Settings
 from viewer.window import controls
 from viewer.window.capture import FrameTimes, save_png, stamped
+from viewer.window.keeping import Keeper
 from viewer.window.loading import Loaded
 from viewer.window.present import composite, split_column
 from viewer.window.session import Session
 from viewer.window.start import survey
+
+if TYPE_CHECKING:
+    from viewer.window.painter import Painter
 
 
 def test_a_still_session_needs_one_picture():
@@ -183,6 +188,34 @@ def test_captures_never_overwrite_and_leave_nothing_half_written(tmp_path):
     assert len(set(paths)) == 3 and sorted(tmp_path.iterdir()) == sorted(paths)
     with pytest.raises(InputError, match="cannot be written"):
         save_png(tmp_path / "no" / "folder.png", image)
+
+
+class NoPainter:
+    """Stands in where no picture is to be made."""
+
+    def settle(self):
+        pass
+
+
+def test_without_a_scan_there_is_nothing_to_keep_and_it_says_so(tmp_path):
+    made = Session(Settings(view="filled"), (640, 400), load_network=lambda settings: None)
+    keeper = Keeper(made, cast("Painter", NoPainter()), tmp_path)
+    assert keeper.screenshot() is None and keeper.record() is None and made.recording is None
+    assert [toast.text for toast in made.notices.toasts] == ["Nothing to record yet: drop a scan here first"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_recording_without_a_frame_leaves_no_empty_file(tmp_path):
+    made, _ = session()
+    keeper = Keeper(made, cast("Painter", NoPainter()), tmp_path)
+    keeper.record()
+    assert made.recording is not None and keeper.record() is None and made.recording is None
+    assert made.notices.toasts[-1].text == "No frame was drawn meanwhile: nothing saved" and not list(tmp_path.iterdir())
+    keeper.record()
+    assert made.recording is not None
+    made.recording.add(1.0, stats(raster=1.0), (64, 48), ("raw",))
+    path = keeper.record()
+    assert path is not None and made.notices.toasts[-1].text == f"Saved 1 frame to {path}"
 
 
 def test_recording_has_a_row_a_frame(tmp_path):

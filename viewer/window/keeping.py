@@ -16,6 +16,9 @@ class Keeper:
 
     def screenshot(self) -> Path | None:
         """Saves the picture as PNG and says where."""
+        if self._session.scene is None:
+            self._session.notices.toast("Nothing to save yet: drop a scan here first", instead_of="Nothing to ")
+            return None
         try:
             image = self._painter.full_picture()
             if image is None:
@@ -32,16 +35,22 @@ class Keeper:
         """Starts recording frame times, or stops and saves them."""
         session = self._session
         self._painter.settle()
+        if session.recording is None and session.scene is None:
+            session.notices.toast("Nothing to record yet: drop a scan here first", instead_of="Nothing to ")
+            return None
         if session.recording is None:
             session.recording = capture.FrameTimes()
             session.notices.toast("Recording frame times; F9 stops")
             return None
         times, session.recording = session.recording, None
+        if not len(times):
+            session.notices.toast("No frame was drawn meanwhile: nothing saved")
+            return None
         path = capture.stamped("pointglass-frames", ".csv", self._folder)
         try:
             times.save(path)
         except PointglassError as error:
             session.notices.say("The frame times were not saved", str(error))
             return None
-        session.notices.toast(f"Saved {len(times)} frames to {path}")
+        session.notices.toast(f"Saved {len(times)} {'frame' if len(times) == 1 else 'frames'} to {path}")
         return path
