@@ -53,11 +53,14 @@ def check_interface_hides(d: Driver) -> None:
     d.session.notices.toasts = []
     shown = d.canvas()
     d.key("F10")
+    assert [toast.text for toast in d.session.notices.toasts] == ["Interface hidden; F10 or Esc shows it"]
+    said = d.canvas()
+    d.session.notices.toasts = []
     hidden = d.canvas()
+    assert not np.array_equal(said, hidden), "a toast is seen with the interface hidden, too"
     assert not np.array_equal(shown, hidden) and np.array_equal(hidden, d.rendered())
     d.key("F10")
-    d.session.notices.toasts = []
-    assert d.session.interface
+    assert d.session.interface and not d.session.notices.toasts
 
 
 def check_bad_file_gives_a_dialog_and_the_scene_stays(d: Driver) -> None:

@@ -58,6 +58,27 @@ def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
     d.session.panel = False
 
 
+def check_the_panel_folds_where_the_window_becomes_too_narrow(d: Driver) -> None:
+    def resize(*size):
+        d.glfw.set_window_size(d.app.window, *size)
+        d.until(lambda: d.session.size == size)
+
+    resize(900, 400)
+    d.session.panel = True
+    resize(880, 400)
+    assert d.session.panel, "there is room"
+    resize(330, 240)
+    assert not d.session.panel
+    d.session.panel = True  # brought back by hand: it stays
+    resize(320, 240)
+    assert d.session.panel
+    picture, shown = d.bare(), d.canvas()
+    changed = np.flatnonzero((picture != shown).any(axis=(0, 2)))
+    assert changed[0] >= 10 and changed[-1] <= 320 - 10, "it keeps within the window, and the figures make room for it"
+    d.session.panel = False
+    resize(*SIZE)
+
+
 def check_neural_view(d: Driver) -> None:
     d.key("4")
     assert d.session.choice.shown_settings.view == "neural"

@@ -93,10 +93,11 @@ class Driver:
         """The picture alone, at rest: the interface hidden."""
         self.until(lambda: not (self.session.flight.moving or self.session.needs_picture))
         shown, self.session.interface = self.session.interface, False
+        said, self.session.notices.toasts = self.session.notices.toasts, []
         try:
             return self.canvas()
         finally:
-            self.session.interface = shown
+            self.session.interface, self.session.notices.toasts = shown, said
 
     def rendered(self) -> np.ndarray:
         from viewer.window.present import composite

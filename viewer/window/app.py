@@ -95,7 +95,7 @@ class App:
             "screenshot": self._keeper.screenshot,
             "record": self._keeper.record,
             "help": lambda: setattr(self.session, "help", not self.session.help),
-            "interface": lambda: setattr(self.session, "interface", not self.session.interface),
+            "interface": self.session.show_or_hide_interface,
             "escape": self.escape,
         }
         self.hands = Hands(self)
@@ -207,14 +207,15 @@ class App:
         over = self.hands.over_handle and not imgui.get_io().want_capture_mouse
         if over or session.dragging_handle:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-        if session.interface:
+        if not session.help:  # which covers the middle, and at small sizes everything
             hud.draw_start(session, look)
+        if session.interface:
             hud.draw_handle(session, look, hovered=over)
-            if not session.help:  # which covers the middle, and at small sizes everything
+            if not session.help:
                 hud.draw_hud(session, look, fps=self.painter.frame_rate)
                 panels.draw_panel(session, look)
-            hud.draw_recording(session, look)
-            hud.draw_toasts(session, look)
+                hud.draw_recording(session, look)
+        hud.draw_toasts(session, look)  # hidden interface or not: they go by themselves
         dialogs.draw_help(session, look, self.hands.key_name)
         dialogs.draw_load(session, look)
         dialogs.draw_message(session, look)

@@ -99,7 +99,9 @@ def _group(group: str, look: Theme, key_name: Callable[[Control], str]) -> None:
     text_in(theme.ACCENT, group)
     imgui.pop_font()
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
-    if imgui.begin_table(group, 2, flags, ImVec2(look.px(_GROUP_WIDTH), 0)):
+    style = imgui.get_style()
+    room = imgui.get_io().display_size.x - look.px(28) - 2 * style.window_padding.x - style.scrollbar_size
+    if imgui.begin_table(group, 2, flags, ImVec2(min(look.px(_GROUP_WIDTH), room), 0)):
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_fixed, look.px(124))
         imgui.table_setup_column("", imgui.TableColumnFlags_.width_stretch)
         for control in CONTROLS[group]:
@@ -107,7 +109,9 @@ def _group(group: str, look: Theme, key_name: Callable[[Control], str]) -> None:
             imgui.table_next_column()
             imgui.text_unformatted(key_name(control))
             imgui.table_next_column()
+            imgui.push_text_wrap_pos(0.0)
             text_in(theme.DIM, control.help)
+            imgui.pop_text_wrap_pos()
         imgui.end_table()
     imgui.dummy(ImVec2(0, look.px(4)))
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from viewer.window.theme import Theme
 
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
+NARROW = 660.0
+"""Logical pixels of the window below which figures and panel have not room side by side: the panel takes it alone."""
 
 
 class Host(Protocol):
@@ -38,7 +40,9 @@ class Hands:
         self._host = host
         self.pointer = (0.0, 0.0)
         self._by_key = {getattr(host.glfw, f"KEY_{key}"): control for key, control in by_key().items()}
+        self._narrow = False
         self._connect()
+        self._fold_where_narrow()
 
     def _connect(self) -> None:
         glfw, window = self._host.glfw, self._host.window
@@ -137,6 +141,15 @@ class Hands:
     def on_resize(self, _window, width: int, height: int) -> None:
         self._host.wake()
         self._host.session.resize((width, height))
+        if width and height:
+            self._fold_where_narrow()
+
+    def _fold_where_narrow(self) -> None:
+        """Folds the panel when the window becomes too narrow for it beside the figures; its button brings it back."""
+        narrow = self._host.glfw.get_window_size(self._host.window)[0] < self._host.theme.px(NARROW)
+        if narrow and not self._narrow:
+            self._host.session.panel = False
+        self._narrow = narrow
 
     def _density(self) -> float:
         """Framebuffer pixels per logical pixel."""

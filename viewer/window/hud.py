@@ -3,6 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.window import theme
+from viewer.window.hands import NARROW
 from viewer.window.session import Session
 from viewer.window.theme import Theme, packed, text_in
 
@@ -25,12 +26,16 @@ def count_text(number: int) -> str:
     return str(number)
 
 
+def _panel_alone(session: Session, look: Theme) -> bool:
+    """Whether the panel is open where the window has no room for anything beside it."""
+    return session.panel and session.scene is not None and imgui.get_io().display_size.x < look.px(NARROW)
+
+
 def draw_hud(session: Session, look: Theme, *, fps: float | None) -> None:
     """Top left.  fps: frames a second while something moves, None at rest."""
-    stats = session.picture.stats
-    if session.scene is None or stats is None:
+    stats, px = session.picture.stats, look.px
+    if session.scene is None or stats is None or _panel_alone(session, look):
         return
-    px = look.px
     imgui.set_next_window_pos(ImVec2(px(MARGIN), px(MARGIN)))
     imgui.set_next_window_bg_alpha(0.9)
     imgui.begin("hud", None, PASSIVE)
@@ -153,11 +158,13 @@ def draw_toasts(session: Session, look: Theme) -> None:
 
 
 def draw_recording(session: Session, look: Theme) -> None:
-    """A red dot and the number of frames, top centre, while frame times are recorded."""
+    """A red dot and the number of frames, top centre or where the figures have made room, while frame times are recorded."""
     if session.recording is None:
         return
     size, px = imgui.get_io().display_size, look.px
-    imgui.set_next_window_pos(ImVec2(size.x / 2, px(MARGIN)), 0, ImVec2(0.5, 0.0))
+    at_left = _panel_alone(session, look)
+    place = ImVec2(px(MARGIN) if at_left else size.x / 2, px(MARGIN))
+    imgui.set_next_window_pos(place, 0, ImVec2(0.0 if at_left else 0.5, 0.0))
     imgui.begin("recording", None, PASSIVE)
     at, line = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
     imgui.get_window_draw_list().add_circle_filled(
@@ -181,10 +188,15 @@ def draw_start(session: Session, look: Theme) -> None:
         ImVec2(centre.x - half.x, centre.y - half.y), ImVec2(centre.x + half.x, centre.y + half.y),
         packed(theme.LINE), px(12), px(2),
     )  # fmt: skip
+    formats, several = "E57, LAS, LAZ, COPC or PLY", "several files make one scene"
+    one_line = imgui.calc_text_size(f"{formats}; {several}").x < 2 * half.x - px(24)
+    explained = (f"{formats}; {several}",) if one_line else (formats, several)
     lines = (
-        ("Drop a scan here", look.bold, theme.TITLE + 4, theme.TEXT, -44),
-        ("E57, LAS, LAZ, COPC or PLY; several files make one scene", look.regular, theme.FONT_SIZE, theme.DIM, 2),
-        ("F1 shows the controls", look.regular, theme.FONT_SIZE, theme.DIM, 30),
+        ("Drop a scan here", look.bold, theme.TITLE + 4, theme.TEXT, -44 if one_line else -54),
+        *(
+            (text, look.regular, theme.FONT_SIZE, theme.DIM, 28 * number + (2 if one_line else -12))
+            for number, text in enumerate((*explained, "F1 shows the controls"))
+        ),
     )
     for text, font, height, colour, offset in lines:
         imgui.push_font(font, height)

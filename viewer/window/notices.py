@@ -45,6 +45,10 @@ class Notices:
         kept = [toast for toast in self.toasts if instead_of is None or not toast.text.startswith(instead_of)]
         self.toasts = [*kept[-2:], Toast(text, self._clock() + seconds, of_scene)]
 
+    def drop(self, text: str) -> None:
+        """Forgets the toasts that say ``text``."""
+        self.toasts = [toast for toast in self.toasts if toast.text != text]
+
     def leave_scene(self) -> None:
         """Forgets what was said about the scene that is no longer shown."""
         self.toasts = [toast for toast in self.toasts if not toast.of_scene]

@@ -24,13 +24,14 @@ def draw_panel(session: Session, look: Theme) -> None:
     if not session.panel:
         _folded(session, look)
         return
-    imgui.set_next_window_size_constraints(ImVec2(px(WIDTH), 0), ImVec2(px(WIDTH), size.y - 2 * px(MARGIN)))
+    width = min(px(WIDTH), size.x - 2 * px(MARGIN))
+    imgui.set_next_window_size_constraints(ImVec2(width, 0), ImVec2(width, size.y - 2 * px(MARGIN)))
     flags = (OVERLAY & ~imgui.WindowFlags_.no_scrollbar) | imgui.WindowFlags_.always_auto_resize
-    imgui.begin("panel", None, flags)
+    imgui.begin("panel", None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)  # toasts stay above it
     imgui.push_font(look.regular, theme.FONT_SIZE - 1)
     old = session.choice.shown_settings
     _heading("View", look)
-    imgui.same_line(px(WIDTH - 16) - imgui.calc_text_size("hide").x - 2 * imgui.get_style().frame_padding.x)
+    imgui.same_line(width - px(16) - imgui.calc_text_size("hide").x - 2 * imgui.get_style().frame_padding.x)
     imgui.push_style_color(imgui.Col_.button, (0, 0, 0, 0))
     imgui.push_style_color(imgui.Col_.text, theme.DIM)
     if imgui.small_button("hide"):

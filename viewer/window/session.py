@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from viewer.cloud.scene import Scene
 
 _NOTE_SECONDS = 10.0
+_HIDDEN = "Interface hidden; F10 or Esc shows it"
 _RESIZED = 0.3
 """Seconds that a window must have kept its size for it to be the one wanted."""
 
@@ -183,6 +184,13 @@ class Session:
             self.flight.step_back(self.size[0] / self.size[1])
             self.picture.renew()
 
+    def show_or_hide_interface(self) -> None:
+        """Hides what is laid over the picture, and says for a moment how it comes back; or shows it again."""
+        self.interface = not self.interface
+        self.notices.drop(_HIDDEN)
+        if not self.interface:
+            self.notices.toast(_HIDDEN, seconds=2.0)
+
     def move_split(self, x: float) -> None:
         """The comparison's line was dragged.  x: pixels of the framebuffer."""
         self.choice.split_at = min(max(x / max(self.size[0], 1), 0.0), 1.0)
@@ -246,4 +254,4 @@ class Session:
         elif self.loads.current is not None:
             self.cancel_load()
         elif not self.interface:
-            self.interface = True
+            self.show_or_hide_interface()
