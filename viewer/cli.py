@@ -28,61 +28,66 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"pointglass {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
 
-    view = commands.add_parser("view", help="open the window (what `pointglass SCAN` does)")
+    def command(name: str, text: str) -> argparse.ArgumentParser:
+        """text: in the list of commands, and, as a sentence, above the options of this one."""
+        return commands.add_parser(name, help=text, description=f"{text[:1].upper()}{text[1:]}.")
+
+    view = command("view", "open the window (what `pointglass SCAN` does)")
     add_scans(view, least="*")
     add_exposures(view)
     add_settings(view)
     add_memory(view)
 
-    demo = commands.add_parser("demo", help="the shipped scan, in a window or as pictures")
+    demo = command("demo", "the shipped scan, in a window or as pictures")
     demo.add_argument("--out", type=Path, default=Path("out/demo"), help="where pictures go without a display")
     add_settings(demo)
 
-    render = commands.add_parser("render", help="pictures of a list of cameras")
+    render = command("render", "pictures of a list of cameras")
     add_scans(render)
     add_exposures(render)
     render.add_argument("--cameras", type=Path, required=True, metavar="F",
                         help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
-    render.add_argument("--out", type=Path, required=True, metavar="DIR")
+    render.add_argument("--out", type=Path, required=True, metavar="DIR", help="where pictures go, as NAME.png of each camera")
     render.add_argument("--size", metavar="WxH", help="picture size (default: the cameras' own)")
     render.add_argument("--aux", action="store_true", help="also depth, mask and stats of each picture")
     render.add_argument("--shard", metavar="i/n", help="only every n-th camera, starting at the i-th (from 0)")
     add_settings(render)
     add_memory(render)
 
-    info = commands.add_parser("info", help="what a scan holds")
+    info = command("info", "what a scan holds")
     add_scans(info)
-    info.add_argument("--json", action="store_true")
+    info.add_argument("--json", action="store_true", help="everything that is known, for programs")
 
-    convert = commands.add_parser("convert", help="build the grid into a folder")
-    convert.add_argument("scans", nargs="+", type=Path, metavar="SCAN")
-    convert.add_argument("--out", type=Path, required=True, metavar="DIR")
+    convert = command("convert", "build the grid into a folder")
+    convert.add_argument("scans", nargs="+", type=Path, metavar="SCAN",
+                         help="PLY, LAS, LAZ, COPC or E57 files; several make one grid, or with --each one each")
+    convert.add_argument("--out", type=Path, required=True, metavar="DIR",
+                         help="a new or empty folder for the grid; open it like a scan")
     convert.add_argument("--each", action="store_true",
                          help="a grid for every scan (SCAN may be a folder of them), in DIR/NAME; what is up to date is kept")
     convert.add_argument("--shard", metavar="i/n", help="--each, but only every n-th scan, starting at the i-th (from 0)")
     add_exposures(convert)
 
-    bench = commands.add_parser("bench", help="run time, measured")
+    bench = command("bench", "run time, measured")
     bench_arguments(bench)
     add_settings(bench, view=False)
 
-    simulate = commands.add_parser("simulate", help="scan a procedural place with the virtual scanner",
-                                   description="Scans a procedural place with the virtual scanner.")
+    simulate = command("simulate", "scan a procedural place with the virtual scanner")
     simulate.add_argument("--out", type=Path, required=True, metavar="FILE.laz",
                           help="the scan, .laz or .las; eight cameras for `render` go beside it, as FILE_cameras.json")
     simulate.add_argument("--points", type=int, default=1_200_000, metavar="N", help="1000 or more (default 1200000)")
-    simulate.add_argument("--seed", type=int, default=1)
+    simulate.add_argument("--seed", type=int, default=1, help="another seed, another place (default 1)")
 
-    train = commands.add_parser("train", help="train the network on registered rooms")
+    train = command("train", "train the network on registered rooms")
     train_command.add_arguments(train)
     train.add_argument("--tune", type=Path, metavar="SCAN.e57",
                        help="adapt the shipped weights to the photographs inside an E57, in minutes (default 10)")
 
-    evaluate = commands.add_parser("evaluate", help="judge pictures against registered truth")
+    evaluate = command("evaluate", "judge pictures against registered truth")
     evaluation_command.add_arguments(evaluate)
 
-    doctor = commands.add_parser("doctor", help="what works here, what is used, what to do")
-    doctor.add_argument("--json", action="store_true")
+    doctor = command("doctor", "what works here, what is used, what to do")
+    doctor.add_argument("--json", action="store_true", help="the same, for programs")
     return parser
 
 

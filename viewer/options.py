@@ -23,6 +23,14 @@ class Parser(argparse.ArgumentParser):
         finally:
             self._mixing = False
 
+    def parse_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
+        found, left = self.parse_known_args(args, namespace)
+        if left:
+            command = getattr(found, "command", None)
+            of = f"{self.prog} {command}" if command else self.prog
+            raise InputError(f"unrecognized arguments: {' '.join(left)} (see `{of} --help`)")
+        return found
+
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see `{self.prog} --help`)")
 
@@ -35,6 +43,7 @@ def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
             continue
         texts = "; ".join(f"{key}: {text}" for key, text in table.items()).replace("%", "%%")
         default = getattr(defaults, name)
+        texts += f" (default {default})"
         parser.add_argument(f"--{name.replace('_', '-')}", choices=list(table), default=default, help=texts)
     parser.add_argument("--filter-strength", type=float, default=defaults.filter_strength, metavar="X",
                         help="multiplies the filter's depth tolerance; smaller keeps fewer points (default 1)")

@@ -98,7 +98,7 @@ def load_scene(folder: Path) -> StationScene:
             [shot(view) for view in data.get("path", [])],
         )
     except FileNotFoundError:
-        raise DataError(f"{folder}: no scene.json in this folder") from None
+        raise DataError(f"{folder}: {'no scene.json in this folder' if folder.exists() else 'no such folder'}") from None
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{folder / 'scene.json'}: not a scene description ({error!r})") from None
     shots = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]

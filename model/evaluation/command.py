@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="the paper's table instead, for a ScanNet++ or any other data folder: two sizes, 100 %% and 10 %%")
     parser.add_argument("--split", default="val", help="of ScanNet++ (--paper-table): train, val, test or a file in splits/")
     parser.add_argument("--camera", choices=["dslr", "iphone"], default="dslr", help="of ScanNet++ (--paper-table)")
-    parser.add_argument("--json", type=Path, metavar="F")
+    parser.add_argument("--json", type=Path, metavar="F", help="every figure")
     parser.add_argument("--plot", type=Path, metavar="F", help="PSNR and distance against ms (.png, .svg, .pdf)")
 
 

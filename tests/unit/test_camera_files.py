@@ -126,6 +126,7 @@ def test_camera_path_there_and_back(tmp_path_factory, values):
 @pytest.mark.parametrize("data, said", [
     ("{not json", "not JSON"),
     ({"images": []}, "neither a transforms.json"),
+    ({}, r"keys \(none\)"),
     (transforms(frames=[]), "holds no cameras"),
     (transforms(k2=0.1), r"frame 0 \(one\): distortion k2 = 0.1"),
     (transforms(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE"),

@@ -162,7 +162,9 @@ def test_no_cache_keeps_nothing(scan, cameras, tmp_path, monkeypatch, command):
     (("info", "{grid}", "{scan}"), "grid: a folder made by convert is opened alone"),
     (("render", "{scan}", "{grid}", "--cameras", "{cameras}", "--out", "{out}"), "a folder made by convert is opened alone"),
     (("convert", "{grid}", "--out", "{out}"), "give the scans it was made from"),
-    (("evaluate", "{out}"), "scene.json"),
+    (("evaluate", "{out}"), "no such folder"),
+    (("info", "{scan}", "--jsn"), "(see `pointglass info --help`)"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{text}"), "notes.laz: cannot make this folder (a file has"),
     (("dance",), "dance"),
 ])
 def test_bad_input_is_one_line_exit_2_and_leaves_nothing(scan, cameras, tmp_path, capsys, arguments, said):

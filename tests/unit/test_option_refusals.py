@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from viewer.cli import main
+from viewer.cli import COMMANDS, main
 
 
 def refused(capsys, *arguments) -> str:
@@ -153,6 +153,20 @@ def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monke
     assert sorted(p.name for p in tmp_path.iterdir()) == ["x.las", "x_cameras.json"]
     assert len(seen) >= 3 and all(label == "scanning" and 0 < done <= total == 2200 for label, done, total in seen)
     assert seen[-1][1] > 0.8 * 2200
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_help_of_a_command_says_what_it_does_and_explains_every_option(command, capsys):
+    from viewer.cli import _parser
+
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    assert capsys.readouterr().out.splitlines()[0].startswith(f"usage: pointglass {command} ")
+    commands = next(action for action in _parser()._actions if isinstance(action.choices, dict))
+    assert isinstance(commands.choices, dict)
+    of_this = commands.choices[command]
+    assert of_this.description and of_this.description.endswith(".")
+    assert not [action.dest for action in of_this._actions if not action.help]
 
 
 def test_the_help_of_simulate_names_the_cameras_file(capsys):

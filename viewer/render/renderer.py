@@ -168,7 +168,8 @@ class Renderer:
         return History(memory, self.scene, self._filter_for(settings), settings.filter_strength)
 
     def _approximations(self, settings: Settings) -> list[str]:
-        return [] if settings.lod is None else [f"level of detail: {settings.lod:g} points per pixel"]
+        unit = "point" if settings.lod == 1 else "points"
+        return [] if settings.lod is None else [f"level of detail: {settings.lod:g} {unit} per pixel"]
 
     def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None",
                 streaming: bool) -> Rasteriser:

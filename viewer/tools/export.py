@@ -48,7 +48,8 @@ def export_pictures(
         try:
             out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise InputError(f"{out}: cannot make this folder ({error.strerror}); choose another --out") from None
+            why = "a file has this name" if out.is_file() else error.strerror
+            raise InputError(f"{out}: cannot make this folder ({why}); choose another --out") from None
         with progress(len(cameras), "rendering", "picture") as meter:
             for camera in cameras:
                 write_together(out, _files(renderer.render(camera, settings, views), camera.name, settings.view, aux=aux))

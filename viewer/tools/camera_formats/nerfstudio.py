@@ -29,7 +29,7 @@ def read_json(path: Path, size: tuple[int, int] | None) -> list[Camera]:
         return [_picture(path, data, frame, n, size) for n, frame in enumerate(data["frames"])]
     if isinstance(data, dict) and isinstance(data.get("camera_path"), list):
         return [_path_frame(path, data, frame, n, size) for n, frame in enumerate(data["camera_path"])]
-    keys = f"keys {', '.join(map(shown, list(data)[:5]))}" if isinstance(data, dict) else shown(data)
+    keys = f"keys {', '.join(map(shown, list(data)[:5])) or '(none)'}" if isinstance(data, dict) else shown(data)
     raise InputError(
         f'{path}: neither a transforms.json (a list "frames") nor a camera_path.json (a list "camera_path"): {keys}'
     )
