@@ -30,6 +30,28 @@ def _brightness(scene):
     return np.stack([(word >> s) & 0xFF for s in (0, 8, 16)], 1).astype(float)
 
 
+def test_the_matching_of_stations_is_told_as_a_step_of_its_own_and_can_be_cancelled(tmp_path):
+    from viewer.errors import Cancelled
+    from viewer.progress import set_sink
+
+    xyz, rgb, station = _stations(1, 3000)
+    path, steps = write_las(tmp_path / "a.laz", xyz, rgb, source=station + 7), []
+
+    def sink(label, done, total):
+        steps.append(label)
+        return label != "matching the brightness"
+
+    set_sink(sink)
+    try:
+        open_scene([path], cache=False, match=False)
+        assert list(dict.fromkeys(steps)) == ["reading", "building the grid"]
+        with pytest.raises(Cancelled):
+            open_scene([path], cache=False)
+    finally:
+        set_sink(None)
+    assert steps[-1] == "matching the brightness"
+
+
 @pytest.mark.parametrize("kind", ["laz", "laz 16-bit", "e57", "three plys"])
 def test_stations_are_matched_in_every_format_that_tells_them_apart(tmp_path, kind):
     xyz, rgb, station = _stations(1)

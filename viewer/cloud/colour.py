@@ -13,6 +13,7 @@ import numpy as np
 
 from viewer.cloud.exposure import Matching
 from viewer.cloud.source import Chunk, Source
+from viewer.progress import progress
 
 _RAMP = np.array([
     (68, 1, 84), (72, 40, 120), (62, 73, 137), (49, 104, 142), (38, 130, 142),
@@ -115,7 +116,10 @@ class Colours:
         """
         warnings, kinds, bits = [], set(), 8
         if self._match:
-            self.matched = self._matching.solve([file.shift for file in self._files])
+            with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
+                meter.update(0)
+                self.matched = self._matching.solve([file.shift for file in self._files])
+                meter.update(0)
         for number, file in enumerate(self._files):
             if len(file.colourless) < len(file.scans):
                 kinds.add("rgb")
