@@ -135,7 +135,7 @@ def _render(options: argparse.Namespace) -> int:
     finally:
         renderer.release()
         context.release()
-    print(f"{count} pictures in {options.out}")
+    print(f"{count} {'picture' if count == 1 else 'pictures'} in {options.out}")
     return 0
 
 
@@ -155,7 +155,7 @@ def _convert(options: argparse.Namespace) -> int:
 
         shard = parse_shard(options.shard) if options.shard else (0, 1)
         made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched")
-        print(f"{len(made)} grids in {options.out}")
+        print(f"{len(made)} {'grid' if len(made) == 1 else 'grids'} in {options.out}")
         return 0
     convert(options.scans, options.out, match=options.exposures == "matched")
     print(f"grid in {options.out}")

@@ -8,7 +8,7 @@ from viewer.window import theme
 from viewer.window.controls import CONTROLS, Control
 from viewer.window.hud import OVERLAY
 from viewer.window.session import Session
-from viewer.window.theme import Theme, text_in
+from viewer.window.theme import Theme, fitted, text_in
 
 _MODAL = (
     imgui.WindowFlags_.no_decoration
@@ -126,7 +126,7 @@ def draw_load(session: Session, look: Theme) -> None:
     _centre()
     imgui.begin("load", None, OVERLAY | imgui.WindowFlags_.always_auto_resize)
     imgui.push_font(look.bold, theme.FONT_SIZE)
-    imgui.text_unformatted(work.title)
+    imgui.text_unformatted(fitted(work.title, width))
     imgui.pop_font()
     fraction = work.fraction
     bar = fraction if fraction is not None else -0.6 * imgui.get_time()  # below zero: it only says that work goes on

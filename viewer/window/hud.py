@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, imgui
 from viewer.window import theme
 from viewer.window.hands import NARROW
 from viewer.window.session import Session
-from viewer.window.theme import Theme, packed, text_in
+from viewer.window.theme import Theme, fitted, packed, text_in
 
 OVERLAY = (
     imgui.WindowFlags_.no_decoration
@@ -16,6 +16,7 @@ OVERLAY = (
 )
 PASSIVE = OVERLAY | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_inputs
 MARGIN = 14.0
+_TITLE_WIDTH = 258.0  # as wide as the figures beneath it
 
 
 def count_text(number: int) -> str:
@@ -40,7 +41,7 @@ def draw_hud(session: Session, look: Theme, *, fps: float | None) -> None:
     imgui.set_next_window_bg_alpha(0.9)
     imgui.begin("hud", None, PASSIVE)
     imgui.push_font(look.bold, theme.FONT_SIZE)
-    imgui.text_unformatted(session.title)
+    imgui.text_unformatted(fitted(session.title, px(_TITLE_WIDTH)))
     imgui.pop_font()
     total = sum(stats["stages"].values()) if stats["stages"] else stats["total_ms"]
     rate = "at rest" if fps is None else f"{fps:.1f} fps" if fps < 10 else f"{fps:.0f} fps"

@@ -99,3 +99,21 @@ def text_in(colour: ImVec4, text: str) -> None:
     imgui.push_style_color(imgui.Col_.text, colour)
     imgui.text_unformatted(text)
     imgui.pop_style_color()
+
+
+def fitted(text: str, width: float) -> str:
+    """The text, or as much of its beginning and end as ``width`` pixels hold in the present font."""
+    if imgui.calc_text_size(text).x <= width:
+        return text
+    least, most = 0, len(text)  # characters kept
+    while least < most:
+        kept = (least + most + 1) // 2
+        if imgui.calc_text_size(_elided(text, kept)).x <= width:
+            least = kept
+        else:
+            most = kept - 1
+    return _elided(text, least)
+
+
+def _elided(text: str, kept: int) -> str:
+    return f"{text[: kept - kept // 2]}…{text[len(text) - kept // 2 :]}"
