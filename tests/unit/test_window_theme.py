@@ -31,6 +31,7 @@ def test_a_name_too_long_keeps_its_beginning_and_its_end():
     context = imgui.create_context()
     try:
         io = imgui.get_io()
+        io.set_ini_filename("")  # leaves no file behind
         io.backend_flags |= imgui.BackendFlags_.renderer_has_textures
         io.display_size = (640, 400)
         Theme(1.0)
