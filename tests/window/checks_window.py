@@ -84,8 +84,9 @@ def check_neural_view(d: Driver) -> None:
     assert d.session.choice.shown_settings.view == "neural"
     d.until(lambda: d.session.choice.network_load is None, 60.0)
     assert d.session.notices.message is None, d.session.notices.message
-    d.until(lambda: not d.session.needs_picture)
-    assert d.session.picture.stats["network"] and np.array_equal(d.bare(), d.rendered())
+    d.until(lambda: d.session.drawn == ("neural",) and not d.session.needs_picture)  # not the filled one of a size just changed
+    assert d.session.picture.stats["network"], (d.session.drawn, d.session.approximations)
+    assert np.array_equal(d.bare(), d.rendered())
     d.key("V")
     assert d.session.choice.sides == ("raw", "neural") and d.bare().std() > 5
     d.key("V")
