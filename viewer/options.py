@@ -1,6 +1,7 @@
 """Options that several commands share: scans, settings, exposures, memory; and what reads them."""
 
 import argparse
+from difflib import get_close_matches
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,6 +18,7 @@ class Parser(argparse.ArgumentParser):
         # The commands' own parsers do the mixing.  What follows "--" begins with a dash, perhaps, which mixing would not heed.
         if self._mixing or self._subparsers is not None or "--" in (args or ()):
             return super().parse_known_args(args, namespace)
+        self._refuse_unknown(args or ())
         self._mixing = True
         try:
             return self.parse_known_intermixed_args(args, namespace)
@@ -30,6 +32,14 @@ class Parser(argparse.ArgumentParser):
             of = f"{self.prog} {command}" if command else self.prog
             raise InputError(f"unrecognized arguments: {' '.join(left)} (see `{of} --help`)")
         return found
+
+    def _refuse_unknown(self, args) -> None:
+        """Before anything is missed that was only misspelt."""
+        known = self._option_string_actions
+        for name in (arg.partition("=")[0] for arg in args if arg.startswith("--")):
+            if not any(option.startswith(name) for option in known):
+                meant = get_close_matches(name, known, 1)
+                self.error(f"unrecognized arguments: {name}{f', did you mean {meant[0]}?' if meant else ''}")
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see `{self.prog} --help`)")

@@ -154,3 +154,16 @@ def test_ply_reader_agrees_with_open3d(tmp_path):
         order, other = np.lexsort(ours.round(3).T), np.lexsort(theirs.round(3).T)
         assert np.abs(ours[order] - theirs[other]).max() <= scene.step
         assert np.array_equal(colours[order], rgb[other])
+
+
+def test_units_that_differ_are_told_from_units_that_are_unknown(tmp_path):
+    xyz, rgb = surface(500)
+    metres, other = (write_e57(tmp_path / f"{name}.e57", [E57Scan(xyz, rgb)]) for name in "ab")
+    unknown = write_ply(tmp_path / "c.ply", xyz, rgb)
+    feet = write_las(tmp_path / "d.las", xyz, rgb, wkt='PROJCS["Oregon",UNIT["foot",0.3048]]')
+    same, half_known, mixed = (
+        " ".join(open_scene(metres, file, cache=False).meta["warnings"]) for file in (other, unknown, feet)
+    )
+    assert "unit" not in same
+    assert "not all of the files tell their unit of length" in half_known and "differ" not in half_known
+    assert "the files differ in their units of length" in mixed

@@ -307,3 +307,12 @@ def test_a_training_stopped_while_places_are_built_leaves_no_folder(tmp_path, mo
     monkeypatch.setattr(procedural.ProceduralPlace, "views", property(stopped))
     assert main(["train", "--procedural", "1", "--out", str(tmp_path / "a" / "b")]) == 130
     assert capsys.readouterr().err == "pointglass: stopped\n" and not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (("render", "x.laz", "--camras", "f", "--out", "o"), "--camras, did you mean --cameras? (see `pointglass render --help`)"),
+    (("train", "--out", "o", "--minute=3", "--perceptul=d"), "--perceptul, did you mean --perceptual?"),  # --minute is short
+    (("bench", "frame", "--zzz"), "unrecognized arguments: --zzz (see `pointglass bench --help`)"),
+])
+def test_what_is_misspelt_is_told_before_what_is_missing(words, said, capsys):
+    assert said in refused(capsys, *words)

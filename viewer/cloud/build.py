@@ -63,8 +63,11 @@ def build_scene(files: list[Path], allocate, *, match: bool = True) -> Scene:
         "match": match,
         "warnings": [],
     }
-    if len({source.metres_per_unit for source in sources}) > 1:
+    units = {source.metres_per_unit for source in sources}
+    if len(units - {None}) > 1:
         meta["warnings"].append("the files differ in their units of length; they are shown as if they agreed")
+    elif len(units) > 1:
+        meta["warnings"].append("not all of the files tell their unit of length; they are shown as if it were the same")
     elif len({source.crs for source in sources}) > 1:
         meta["warnings"].append(
             "the files differ in their coordinate reference system; they are shown as if they agreed"
