@@ -162,7 +162,7 @@ def test_units_that_differ_are_told_from_units_that_are_unknown(tmp_path):
     unknown = write_ply(tmp_path / "c.ply", xyz, rgb)
     feet = write_las(tmp_path / "d.las", xyz, rgb, wkt='PROJCS["Oregon",UNIT["foot",0.3048]]')
     same, half_known, mixed = (
-        " ".join(open_scene(metres, file, cache=False).meta["warnings"]) for file in (other, unknown, feet)
+        " ".join(open_scene([metres, file], cache=False).meta["warnings"]) for file in (other, unknown, feet)
     )
     assert "unit" not in same
     assert "not all of the files tell their unit of length" in half_known and "differ" not in half_known
