@@ -68,36 +68,42 @@ class Photograph:
         return (usable if self.lens.plain else straighten(usable, self.lens)) == 255
 
 
-def check_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]]) -> None:
+def check_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]], depths: Iterable[Path] = ()) -> None:
     """Decodes every picture (a torn file has a good header).  wanted: files and their (width, height), None for any.
+    depths: those of them that must hold one number a pixel.
 
-    DataError names the first ten files that are missing, unreadable or of another size.
+    DataError names the first ten files that are missing, unreadable, of another size or no depth.
     """
     wanted = list(dict.fromkeys(wanted))
-    if wrong := wrong_pictures(where, wanted):
+    if wrong := wrong_pictures(where, wanted, depths):
         more = f" and {len(wrong) - 10} more" if len(wrong) > 10 else ""
         raise DataError(f"{where}: {len(wrong)} of {len(wanted)} files cannot be used: {'; '.join(wrong[:10])}{more}; "
                         "download or extract them again")
 
 
-def wrong_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]]) -> list[str]:
+def wrong_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]],
+                   depths: Iterable[Path] = ()) -> list[str]:
     """What is wrong with each of the pictures that cannot be used, as :func:`check_pictures` judges them."""
+    flat = set(depths)
     with ThreadPoolExecutor() as pool:
-        return [text for text in pool.map(lambda item: _wrong(where, *item), wanted) if text]
+        return [text for text in pool.map(lambda item: _wrong(where, *item, item[0] in flat), wanted) if text]
 
 
-def _wrong(where: Path, path: Path, size: tuple[int, int] | None) -> str | None:
+def _wrong(where: Path, path: Path, size: tuple[int, int] | None, depth: bool) -> str | None:
     name = path.relative_to(where) if path.is_relative_to(where) else path
     if not path.is_file():
         return f"{name} is missing"
     try:
         if path.suffix == ".npy":
-            rows, columns = np.load(path, mmap_mode="r").shape
-            found = (columns, rows)
+            array = np.load(path, mmap_mode="r")
+            rows, columns = array.shape
+            found, numbers = (columns, rows), array.dtype.kind in "iuf" and array.size > 0
         else:
             with Image.open(path) as image:
                 image.load()
-                found = image.size
+                found, numbers = image.size, image.mode in ("F", "L") or image.mode.startswith("I")
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         return f"{name} cannot be read ({error})"
+    if depth and not numbers:
+        return f"{name} is no depth picture: expected one number a pixel"
     return None if size in (None, found) else f"{name} has {found[0]}x{found[1]} pixels, not {size[0]}x{size[1]}"

@@ -42,7 +42,7 @@ def load_rgbd(folder: Path, *, held_out: int = HELD_OUT, step: int | None = None
         raise DataError(f"{folder}: its pictures have several sizes; split it into folders of one size each")
     wanted: list[tuple[Path, tuple[int, int] | None]] = [(f.path, (f.width, f.height)) for f in frames]
     check_pictures(folder, [*wanted, *((f.depth_path, None) for f in frames),
-                            *((f.mask, (f.width, f.height)) for f in frames if f.mask)])
+                            *((f.mask, (f.width, f.height)) for f in frames if f.mask)], [f.depth_path for f in frames])
     views = frames[held_out // 2 :: held_out]
     others = [frame for index, frame in enumerate(frames) if index % held_out != held_out // 2]
     chosen = [others[k] for k in np.unique(np.linspace(0, len(others) - 1, min(len(others), MOST_FRAMES)).astype(int))]

@@ -87,6 +87,8 @@ def _tum(folder: Path, unit: float | None) -> list[Frame]:
     pictures, depths, poses = (_listed(folder / name) for name in ("rgb.txt", "depth.txt", "groundtruth.txt"))
     try:
         rows = np.array([[time, *map(float, words[:7])] for time, words in poses], np.float64).reshape(-1, 8)
+        if not np.isfinite(rows).all():
+            raise ValueError("numbers that are not finite")
         turns = Rotation.from_quat(rows[:, 4:])
     except ValueError:
         raise DataError(f"{folder / 'groundtruth.txt'}: expected lines of: timestamp tx ty tz qx qy qz qw") from None

@@ -19,16 +19,12 @@ import numpy as np
 from model.data.lens import Lens
 from model.data.photo_place import PhotoPlace
 from model.data.photos import Photograph, check_pictures
+from model.data.ply import PlyHeader, read_points, scatter
 from model.data.truth import DataError, Scan
 
 SPLITS = {"train": "nvs_sem_train", "val": "nvs_sem_val", "test": "nvs_test"}
 TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))
 FROM_NERFSTUDIO = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])  # its own inverse
-PLY_TYPES = {
-    "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
-    "int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4",
-    "float64": "f8",
-}
 
 
 @dataclass(frozen=True)
@@ -53,7 +49,10 @@ def scenes(root: Path, split: str) -> list[str]:
     if not path.is_file():
         there = ", ".join(sorted(p.stem for p in folder.glob("*.txt"))) or "none"
         raise DataError(f"{path}: no such split; there are: {there}")
-    return [line.strip() for line in path.read_text().splitlines() if line.strip()]
+    try:
+        return [line.strip() for line in path.read_text().splitlines() if line.strip()]
+    except ValueError as error:
+        raise DataError(f"{path}: not a list of scenes ({error}); download it again") from None
 
 
 def load_scannetpp(root: Path, scene: str, camera: str = "dslr", *, part: str = "all", every: int = 1,
@@ -93,12 +92,14 @@ def _photographs(home: Path, camera: str, part: str) -> list[Photograph]:
     if not pictures.is_dir():
         raise DataError(f"{pictures}: no pictures; {kind.remedy}")
     facts = _json(folder / "nerfstudio" / "transforms.json")
-    frames = [*facts.get("frames", []), *facts.get("test_frames", [])]
-    if not all(isinstance(frame, dict) and "file_path" in frame for frame in frames):
+    shots, held_out = (_list(folder / "nerfstudio" / "transforms.json", facts, key) for key in ("frames", "test_frames"))
+    frames = [*shots, *held_out]
+    if not all(isinstance(frame, dict) and isinstance(frame.get("file_path"), str) for frame in frames):
         raise DataError(f"{folder / 'nerfstudio/transforms.json'}: frames without file_path; download it again")
     bad = {Path(f["file_path"]).name for f in frames if f.get("is_bad")}
     lists = _json(folder / "train_test_lists.json")
-    tests = set(lists.get("test", [])) or {Path(f["file_path"]).name for f in facts.get("test_frames", [])}
+    named = _list(folder / "train_test_lists.json", lists, "test")
+    tests = {str(name) for name in named} or {Path(f["file_path"]).name for f in held_out}
     if part == "test" and not tests:
         raise DataError(f"{folder}: neither train_test_lists.json nor transforms.json names test pictures; choose part='all'")
     masked = bool(lists.get("has_masks", facts.get("has_mask", (folder / kind.masks).is_dir())))
@@ -130,6 +131,13 @@ def _json(path: Path) -> dict:
     if not isinstance(data, dict):
         raise DataError(f"{path}: not a JSON object; download it again")
     return data
+
+
+def _list(path: Path, facts: dict, key: str) -> list:
+    """What the file's ``facts`` list under a key; nothing where they do not have it."""
+    if not isinstance(found := facts.get(key, []), list):
+        raise DataError(f"{path}: {key} is no list; download it again")
+    return found
 
 
 def _nerfstudio_lens(path: Path, facts: dict) -> Lens:
@@ -203,92 +211,3 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: cannot be read ({error}); download it again") from None
     return [(number, line.split()) for number, line in enumerate(lines, 1) if not line.startswith("#")]
-
-
-@dataclass(frozen=True)
-class PlyHeader:
-    """Where a binary PLY's vertices and triangles lie.  faces: how many, 0 where there are none or other elements between."""
-
-    start: int
-    vertex: np.dtype
-    vertices: int
-    face: np.dtype | None
-    faces: int
-
-    @staticmethod
-    def read(path: Path) -> "PlyHeader":
-        """Raises DataError where it is no binary PLY of coloured vertices, or shorter than its header says."""
-        order, elements = None, []
-        with path.open("rb") as file:
-            for number in range(200):
-                line = file.readline(4096)
-                words = line.decode("latin-1").split()
-                if (number == 0) != (words == ["ply"]) or not line.endswith(b"\n"):
-                    raise DataError(f"{path}: not a PLY file; download it again")
-                if words[:1] == ["format"]:
-                    order = {"binary_little_endian": "<", "binary_big_endian": ">"}.get(words[1])
-                elif words[:1] == ["element"]:
-                    elements.append((words[1], int(words[2]), []))
-                elif words[:1] == ["property"] and elements:
-                    elements[-1][2].append(words[1:])
-                elif words == ["end_header"]:
-                    break
-            start = file.tell()
-        if order is None or not elements or elements[0][0] != "vertex":
-            raise DataError(f"{path}: expected a binary PLY that begins with vertices; download it again")
-        try:
-            vertex = np.dtype([(name, order + PLY_TYPES[kind]) for kind, name in elements[0][2]])
-        except (KeyError, ValueError):
-            raise DataError(f"{path}: vertex properties not understood: {elements[0][2]}") from None
-        if missing := [n for n in ("x", "y", "z", "red", "green", "blue") if n not in (vertex.names or ())]:
-            raise DataError(f"{path}: its vertices have no {', '.join(missing)}")
-        face, faces, size = None, 0, path.stat().st_size - start
-        if len(elements) > 1 and elements[1][0] == "face" and [p[0] for p in elements[1][2]] == ["list"]:
-            _, length, kind, _ = elements[1][2][0]
-            face = np.dtype([("n", order + PLY_TYPES[length]), ("v", order + PLY_TYPES[kind], 3)])
-            faces = elements[1][1]
-        needed = elements[0][1] * vertex.itemsize + (faces * face.itemsize if face else 0)
-        if size < needed or not elements[0][1]:
-            raise DataError(f"{path}: truncated or empty: {size:,} of {needed:,} bytes; download it again")
-        return PlyHeader(start, vertex, elements[0][1], face, faces)
-
-
-def _vertices(path: Path, header: PlyHeader) -> tuple[np.ndarray, np.ndarray]:
-    rows = np.memmap(path, header.vertex, "r", header.start, (header.vertices,))
-    xyz = np.stack([rows[axis].astype(np.float64) for axis in "xyz"], 1)
-    rgb = np.stack([rows[name] for name in ("red", "green", "blue")], 1)
-    if rgb.dtype.kind == "f" and rgb.size and rgb.max() <= 1:
-        rgb = rgb * 255
-    return xyz, np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
-
-
-def read_points(path: Path, header: PlyHeader, hidden: Path) -> Scan:
-    """All points of a PLY but those that are not finite or whose indices ``hidden`` lists (where that file is)."""
-    xyz, rgb = _vertices(path, header)
-    keep = np.asarray(np.isfinite(xyz).all(axis=1))
-    if hidden.is_file():
-        try:
-            keep[np.array(hidden.read_text().split(), np.int64)] = False
-        except (ValueError, IndexError) as error:
-            raise DataError(f"{hidden}: not a list of point indices ({error}); download it again") from None
-    return Scan(xyz[keep], rgb[keep], np.zeros(int(keep.sum()), np.uint8))
-
-
-def scatter(path: Path, header: PlyHeader, count: int) -> Scan:
-    """Points scattered evenly over the triangles of a PLY, seeded, colours between their corners'."""
-    if header.face is None or not header.faces:
-        raise DataError(f"{path}: has no triangles to scatter points on")
-    xyz, rgb = _vertices(path, header)
-    start = header.start + header.vertices * header.vertex.itemsize
-    faces = np.memmap(path, header.face, "r", start, (header.faces,))
-    corners = faces["v"].astype(np.int64)
-    if (faces["n"] != 3).any() or corners.min() < 0 or corners.max() >= header.vertices:
-        raise DataError(f"{path}: faces that are no triangles of its vertices; download it again")
-    a, b, c = (xyz[corners[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    rng = np.random.default_rng(0)
-    pick = rng.choice(len(area), count, p=area / area.sum())
-    s, t = rng.random((2, count, 1))
-    s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
-    mixed = [v[corners[pick, 0]] * (1 - s - t) + v[corners[pick, 1]] * s + v[corners[pick, 2]] * t for v in (xyz, rgb)]
-    return Scan(mixed[0], np.rint(mixed[1]).astype(np.uint8), np.zeros(count, np.uint8))

@@ -15,7 +15,7 @@ from PIL import Image
 
 from model.data.photos import wrong_pictures
 from model.data.truth import DataError, Scan
-from model.synth.panorama import Panorama, Passer, from_z_up, to_z_up, with_passers
+from model.synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
 from model.synth.scanner import ScannerModel, VirtualScanner
 
 
@@ -75,21 +75,32 @@ class StationScene:
         return instrument_scan(self, seed, model) if kind[1] < INSTRUMENT_SHARE else scan_stations(self, seed, model)
 
 
+def _shot(folder: Path, entry: dict, scale: float) -> Shot:
+    """Raises KeyError, TypeError or ValueError, saying what is wrong, where an entry is no picture with a camera."""
+    made = Shot(folder, str(entry["rgb"]), str(entry["depth"]), int(entry["w"]), int(entry["h"]), float(entry["fl"]),
+                np.asarray(entry["camera_to_world"], np.float64).reshape(4, 4), scale)
+    turn = made.camera_to_world[:3, :3]
+    if not (np.isfinite(made.camera_to_world).all() and np.allclose(turn @ turn.T, np.eye(3), atol=1e-2)):
+        raise ValueError(f"{made.rgb_file}: camera_to_world is no rotation and shift")
+    if not (0 < made.fl < np.inf and made.width > 0 and made.height > 0):
+        raise ValueError(f"{made.rgb_file}: {made.width}x{made.height} pixels, fl {made.fl:g}: not a camera")
+    return made
+
+
 def load_scene(folder: Path) -> StationScene:
     """Reads ``scene.json``.  Every picture it names must be there, be readable and have the size it says.
 
-    DataError names the first ten files that are not so, each with what is wrong.
+    DataError names the first ten files that are not so, each with what is wrong, or what in ``scene.json`` is no scene.
     """
     folder = Path(folder)
     try:
         data = json.loads((folder / "scene.json").read_text())
         scale = float(data["depth_scale"])
+        if not 0 < scale < np.inf:
+            raise ValueError(f"depth_scale {scale:g}: expected the steps of a depth picture in a metre")
 
         def shot(entry: dict) -> Shot:
-            return Shot(
-                folder, entry["rgb"], entry["depth"], int(entry["w"]), int(entry["h"]), float(entry["fl"]),
-                np.asarray(entry["camera_to_world"], np.float64).reshape(4, 4), scale,
-            )
+            return _shot(folder, entry, scale)
 
         scene = StationScene(
             str(data.get("scene", folder.name)),
@@ -97,13 +108,17 @@ def load_scene(folder: Path) -> StationScene:
             [shot(view) for view in data["views"]],
             [shot(view) for view in data.get("path", [])],
         )
+        alike = all(len(faces) == FACES and len({(f.width, f.height, f.fl) for f in faces}) == 1 for faces in scene.stations)
+        if not (scene.stations and alike):
+            raise ValueError(f"stations of {FACES} faces of one size and focal length are needed")
     except FileNotFoundError:
         raise DataError(f"{folder}: {'no scene.json in this folder' if folder.exists() else 'no such folder'}") from None
     except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{folder / 'scene.json'}: not a scene description ({error!r})") from None
+        said = error if isinstance(error, ValueError) else repr(error)
+        raise DataError(f"{folder / 'scene.json'}: not a scene description ({said})") from None
     shots = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
     pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in shots for name in (s.rgb_file, s.depth_file))
-    if wrong := wrong_pictures(folder, pictures):
+    if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in shots]):
         raise DataError(f"{folder}: {len(wrong)} pictures named in scene.json cannot be used: {'; '.join(wrong[:10])}")
     return scene
 
