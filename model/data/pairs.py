@@ -190,6 +190,8 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
                 finite = raster.depth[torch.isfinite(raster.depth)]
                 pose = _neighbour_pose(shot, float(finite.median()) if len(finite) else 1.0, rng)
                 beside = project_scan(scan, shot, rank_seed, reduce, pose)
+                if isinstance(place, PhotographedPlace):
+                    beside = beside.coloured_as(seen)  # or it would be a change that the network has to make up for
                 other = raster_of(beside, spoiling.keep(beside, patches=False), apart)
                 kept = keep_mask(other.depth, preset, strength=strength)
                 flow = flow_to(shot, pose, camera, reduce)

@@ -86,10 +86,10 @@ def wrong_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | N
     """What is wrong with each of the pictures that cannot be used, as :func:`check_pictures` judges them."""
     flat = set(depths)
     with ThreadPoolExecutor() as pool:
-        return [text for text in pool.map(lambda item: _wrong(where, *item, item[0] in flat), wanted) if text]
+        return [text for text in pool.map(lambda item: _wrong(where, *item, depth=item[0] in flat), wanted) if text]
 
 
-def _wrong(where: Path, path: Path, size: tuple[int, int] | None, depth: bool) -> str | None:
+def _wrong(where: Path, path: Path, size: tuple[int, int] | None, *, depth: bool) -> str | None:
     name = path.relative_to(where) if path.is_relative_to(where) else path
     if not path.is_file():
         return f"{name} is missing"

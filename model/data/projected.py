@@ -1,6 +1,6 @@
 """A scan as a camera sees it: its points in their pixels, before any are left out, and what is made of those kept."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,10 +17,11 @@ from model.station_weights import station_weights
 
 @dataclass(frozen=True)
 class Projected:
-    """A scan seen from a shot, before decimation: the points inside the picture, in random order.
+    """A scan seen from a shot, before decimation: the points inside the picture, in the scan's order.
 
     index (M,) int64 pixel, z (M,) float32, rgb (M, 3) uint8, station (M,) uint8, rank (M,) float32 in 0..1: a decimation to a
-    share s keeps the points of rank < s.  weight (M,) int64 by where the scanners stood, None where the scan does not say.
+    share s keeps the points of rank < s.  point (M,) int64 rows of the scan, rising.  weight (M,) int64 by where the scanners
+    stood, None where the scan does not say.
     """
 
     index: Tensor
@@ -28,13 +29,23 @@ class Projected:
     rgb: Tensor
     station: Tensor
     rank: Tensor
+    point: Tensor
     camera: SimpleNamespace
     weight: Tensor | None = None
 
     def chosen(self, keep: Tensor) -> "Projected":
         """The points of ``keep`` (M,) bool."""
         index, z, rgb, station, rank = (part[keep] for part in (self.index, self.z, self.rgb, self.station, self.rank))
-        return Projected(index, z, rgb, station, rank, self.camera, None if self.weight is None else self.weight[keep])
+        weight = None if self.weight is None else self.weight[keep]
+        return Projected(index, z, rgb, station, rank, self.point[keep], self.camera, weight)
+
+    def coloured_as(self, other: "Projected") -> "Projected":
+        """The same, points that ``other`` sees of the same scan in the colours that they have there."""
+        if not len(other.point):
+            return self
+        place = torch.searchsorted(other.point, self.point).clamp_max(len(other.point) - 1)
+        both = other.point[place] == self.point
+        return replace(self, rgb=torch.where(both[:, None], other.rgb[place], self.rgb))
 
     def raster(self, soft: SoftZ) -> Raster:
         """The points in their pixels, through the soft z-buffer."""
@@ -62,7 +73,7 @@ def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
     if scan.places is not None and told_apart(scan.places):
         places = torch.from_numpy(((scan.places - matrix[:3, 3]) @ to_view).astype(np.float32))
         weight = station_weights(x[inside], y[inside], z, station.long(), places)
-    return Projected(index, z, rgb, station, rank[inside], camera, weight)
+    return Projected(index, z, rgb, station, rank[inside], torch.nonzero(inside)[:, 0], camera, weight)
 
 
 def raster_of(seen: Projected, keep: Tensor, spacing: float) -> Raster:

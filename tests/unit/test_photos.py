@@ -15,6 +15,7 @@ from model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
 from model.data.photos import Photograph
 from model.data.projected import project_scan, raster_of
 from model.data.truth import MemoryPicture, Scan
+from model.objective import inside_flow, warp
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -176,3 +177,19 @@ def test_photographs_make_training_pairs():
     dense = max(pairs, key=lambda pair: pair.where["density"])
     measured = dense.input[3] > 0
     assert np.abs(dense.input[:3] * 255 - dense.truth[:3])[:, measured].mean() < 25  # tones aside, the same picture
+
+
+def test_a_neighbouring_picture_of_a_photographed_place_shows_the_photographs_colours_too(monkeypatch):
+    """Or the network would be told to show in one what only the other was given: the scan's colours for the photograph's."""
+    monkeypatch.setattr("model.data.pairs._density", lambda rng: 1.0)
+    scan, lens = wall_scan(), Lens("PINHOLE", 96, 72, 60, 60, 48, 36)
+    view = replace(straight_view(1), z=cast(rays_of(lens), look(1))[1].astype(np.float32))
+    place = PhotoPlace("box", replace(scan, rgb=255 - scan.rgb), [view])
+    (pair,) = place_pairs(place, seed=3, scans=1, variants=1, preset="auto", neighbours=True)
+    assert pair.neighbour is not None and pair.flow is not None
+    near, x = (torch.from_numpy(picture.astype(np.float32))[None] for picture in (pair.neighbour, pair.input))
+    flow = torch.from_numpy(pair.flow.astype(np.float32))[None]
+    back = warp(near, flow)
+    both = inside_flow(flow)[0, 0] & (back[0, 3] > 0.5) & (x[0, 3] > 0.5)
+    apart, otherwise = (float((back - shown)[0, :3, both].abs().mean()) for shown in (x, 1 - x))
+    assert both.sum() > 500 and apart < 0.2 * otherwise
