@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.light import to_srgb
+from model.light import to_linear, to_srgb
 
 from .light import Lighting
 from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
@@ -106,8 +106,8 @@ class Place:
         """The truth from a pinhole camera.
 
         camera_to_world: (4,4) OpenGL axes; fx, fy, cx, cy: pixels, pixel centres at +0.5; samples: rays per pixel side
-        for the colours.  Returns rgb (H,W,3) uint8 and depth (H,W) float32: metres along the view axis at the pixel's
-        centre, inf for nothing.
+        for the colours, whose mean is taken in linear light.  Returns rgb (H,W,3) uint8 and depth (H,W) float32: metres along
+        the view axis at the pixel's centre, inf for nothing.
         """
         total = np.zeros((height * width, 3))
         for i in range(samples):
@@ -115,10 +115,10 @@ class Place:
                 origins, rays, _ = pixel_rays(
                     camera_to_world, fx, fy, cx, cy, width, height, (i + 0.5) / samples, (j + 0.5) / samples
                 )
-                total += self.trace(origins, rays).rgb
+                total += to_linear(self.trace(origins, rays).rgb)
         origins, rays, cosine = pixel_rays(camera_to_world, fx, fy, cx, cy, width, height, 0.5, 0.5)
         depth = (self.ranges(origins, rays) * cosine).astype(np.float32).reshape(height, width)
-        rgb = np.round(total / samples**2 * 255).astype(np.uint8).reshape(height, width, 3)
+        rgb = np.round(to_srgb(total / samples**2) * 255).astype(np.uint8).reshape(height, width, 3)
         return rgb, depth
 
 

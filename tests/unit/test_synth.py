@@ -8,9 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from model.light import to_linear, to_srgb
 from model.synth import demo, shapes
 from model.synth.builder import frame_along
-from model.synth.place import Place
+from model.synth.place import Place, pixel_rays
 from model.synth.scanner import IDEAL, ScannerModel, VirtualScanner
 
 
@@ -178,6 +179,15 @@ def test_truth_depth_equals_noiseless_ranges(place):
         np.testing.assert_allclose(exact[0, 0], z[i], rtol=2e-6)
     near = np.abs(depth[v[seen].astype(int), u[seen].astype(int)] - z[seen])
     assert np.median(near) < 0.02
+
+
+def test_a_true_pixel_is_the_mean_of_the_light_of_its_rays(place):
+    """As the soft z-buffer averages, and as :mod:`model.synth.outdoors` does."""
+    camera = demo.looking((4.5, 3.0, 1.5), (1.0, 1.0, 1.0)), 50.0, 50.0, 32, 24, 64, 48
+    rgb, _ = place.render(*camera, samples=2)
+    rays = [place.trace(*pixel_rays(*camera, du, dv)[:2]).rgb for du in (0.25, 0.75) for dv in (0.25, 0.75)]
+    expected, of_values = (255 * mean.reshape(48, 64, 3) for mean in (to_srgb(to_linear(rays).mean(0)), np.mean(rays, 0)))
+    assert np.abs(rgb - expected).max() <= 0.51 < 10 < np.abs(rgb - of_values).max()
 
 
 def test_thin_objects_are_hit(place):
