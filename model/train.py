@@ -7,7 +7,6 @@ logs lie in a folder of the weights' name in it, so that every network has its o
 process draws its own crops and the gradients are averaged (DistributedDataParallel); the first process keeps the results.
 """
 
-import contextlib
 import json
 import math
 import os
@@ -18,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-import torch.distributed as dist
 from torch import nn
 
 from model.data.crops import Ahead, Crops
@@ -28,9 +26,10 @@ from model.interrupts import to_its_end
 from model.memory import keep_freed_memory
 from model.objective import Objective
 from model.record import EARLIER, Facts, pairs_facts, refuse_other, start_fact
+from model.torchrun import Process, of_the_first, processes
 from model.training_log import TrainingLog
 from model.unet import make_network
-from model.weights import load_weights, save_weights, weights_name
+from model.weights import WeightsError, load_weights, save_weights, weights_name
 from model.whole import write_whole
 from model.widen import started_from
 
@@ -108,38 +107,6 @@ class TrainConfig:
         return self.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))))
 
 
-@dataclass(frozen=True)
-class Process:
-    """This process among those of a ``torchrun``; alone otherwise."""
-
-    rank: int
-    count: int
-    device: torch.device
-
-    @property
-    def first(self) -> bool:
-        return self.rank == 0
-
-
-@contextlib.contextmanager
-def processes(device: str):
-    """Joins the others where ``torchrun`` started us, and leaves them at the end.  device: auto, cuda or cpu."""
-    rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
-    cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
-    chosen = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))) if cuda else torch.device("cpu")
-    if cuda:
-        torch.cuda.set_device(chosen)
-        torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = True
-    joined = count > 1 and not dist.is_initialized()
-    if joined:
-        dist.init_process_group("nccl" if cuda else "gloo")
-    try:
-        yield Process(rank, count, chosen)
-    finally:
-        if joined:
-            dist.destroy_process_group()
-
-
 class Trainer:
     """The state of a run: network, its average, optimiser and step.  ``load`` and ``save`` keep all of it.
 
@@ -192,20 +159,32 @@ class Trainer:
             self.model = nn.parallel.DistributedDataParallel(self.network, device_ids=ids, broadcast_buffers=False)
 
     def save(self, weights: Path, facts: Facts, notes: dict) -> None:
-        """Checkpoint and weights, each written beside and renamed; by the first process alone."""
+        """Weights and checkpoint, each written beside and renamed; by the first process alone.
+
+        Raises DataError, and then leaves both as they were, where the weights are beyond half precision.
+        """
         if not self.process.first:
             return
         state = {
             "network": self.network.state_dict(), "averaged": self.averaged.state_dict(), "made_from": json.dumps(facts),
             "optimiser": self.optimiser.state_dict(), "step": self.step, "spent": self.spent,
         }
+        try:
+            save_weights(weights, self.averaged, self.config.quality, filtered=self.config.filtered,
+                         notes={**notes, "step": self.step})
+        except WeightsError as error:
+            raise self._diverged(error) from None
         write_whole(self.checkpoint, lambda beside: torch.save(state, beside))
-        save_weights(weights, self.averaged, self.config.quality, filtered=self.config.filtered,
-                     notes={**notes, "step": self.step})
         self.saved = self.step
 
+    def _diverged(self, why: object) -> DataError:
+        kept = f"what step {self.saved} had learned is kept" if self.saved else "nothing is kept"
+        return DataError(f"{self.config.state}: learning broke down at step {self.step + 1} ({why}); {kept}; choose a lower "
+                         "--rate, and another --out")
+
     def advance(self, batch, objective: Objective, rate: float) -> dict[str, torch.Tensor]:
-        """One step.  Returns the terms of the loss."""
+        """One step.  Returns the terms of the loss.  Raises DataError, with nothing learned, where they have no finite slope:
+        such a step would leave no weight that is a number."""
         self.whole = False
         for group in self.optimiser.param_groups:
             group["lr"] = rate
@@ -214,7 +193,8 @@ class Trainer:
             loss, terms = objective(made[: len(batch.x)], made[len(batch.x) :], batch)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
+        if not torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0).isfinite():
+            raise self._diverged(f"loss {float(loss.detach()):g}")
         self.optimiser.step()
         keep = min(self.config.average, (1 + self.step) / (10 + self.step))
         for mine, new in zip(self.averaged.state_dict().values(), self.network.state_dict().values(), strict=True):
@@ -228,7 +208,7 @@ def train(config: TrainConfig, on_step=None) -> Path:
     """Trains and returns the path of the weights (the averaged network).
 
     on_step: called with the number of steps done after each.  Raises DataError where pairs or checkpoint do not fit, and
-    then has changed nothing.
+    then has changed nothing, and where learning breaks down.
     """
     out = Path(config.out)
     if config.threads:
@@ -260,7 +240,7 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
     with Ahead(crops, config.batch, config.neighbours, process.rank, loaders) as ahead:
         try:
             while trainer.step < config.steps:
-                trainer.spent = _of_the_first(process, trainer.spent)
+                trainer.spent = of_the_first(process, trainer.spent)
                 if limit and trainer.spent >= limit:
                     break
                 batch = ahead.batch(trainer.step).to(process.device)
@@ -281,15 +261,6 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
             if trainer.whole and trainer.step > trainer.saved:
                 save()
             raise
-
-
-def _of_the_first(process: Process, seconds: float) -> float:
-    """The first process's clock: all must take the same steps at the same rates."""
-    if process.count == 1:
-        return seconds
-    shared = torch.tensor([seconds], dtype=torch.float64, device=process.device)
-    dist.broadcast(shared, 0)
-    return float(shared.item())
 
 
 def config_from(path: Path) -> TrainConfig:

@@ -20,7 +20,8 @@ class TrainingLog:
     """
 
     def __init__(self, out: Path, step: int, *, shown: bool):
-        self.shown, self.sums, self.count, self.last = shown, defaultdict(float), 0, 0.0
+        self.shown, self.count, self.last = shown, 0, 0.0
+        self.sums: defaultdict[str, float | Tensor] = defaultdict(float)
         if shown:
             _cut(out / "log.jsonl", step)
         self.file = (out / "log.jsonl").open("a") if shown else None
@@ -47,11 +48,11 @@ class TrainingLog:
         if self.file is None:
             return
         for name, value in terms.items():
-            self.sums[name] += float(value)
+            self.sums[name] = self.sums[name] + value.double()  # where it was made: to ask for a number is to wait for a GPU
         self.count += 1
         if step % EVERY:
             return
-        means = {name: value / self.count for name, value in self.sums.items()}
+        means = {name: float(value) / self.count for name, value in self.sums.items()}
         pace = (spent - self.last) / self.count if self.last else spent / step
         self.file.write(json.dumps({"step": step, "seconds": round(spent, 1), "rate": rate, **means}) + "\n")
         self.file.flush()

@@ -15,6 +15,8 @@ from model.unet import INPUT_CHANNELS, SIZES, make_network
 from model.whole import write_whole
 
 FORMAT = "pointglass-weights-3"
+_NUMBERS = ("F16", "BF16", "F32", "F64")
+"""What tensors may hold, in safetensors' words: ours are F16."""
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -39,7 +41,7 @@ def shipped() -> list[str]:
 
 
 def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool, notes: dict | None = None) -> None:
-    """Writes fp16 weights beside and renames."""
+    """Writes fp16 weights beside and renames.  Raises WeightsError, with nothing written, for values that they cannot hold."""
     from safetensors.torch import save_file
 
     header = {
@@ -47,6 +49,9 @@ def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool
         "channels": str(INPUT_CHANNELS), "notes": json.dumps(notes or {}),
     }
     tensors = {k: v.detach().to("cpu", torch.float16).contiguous() for k, v in network.state_dict().items()}
+    for name, value in network.state_dict().items():
+        if value.is_floating_point() and not tensors[name].isfinite().all():
+            raise WeightsError(f"{name} holds values beyond half precision")
 
     def save(beside: Path) -> None:
         save_file(tensors, str(beside), header)
@@ -78,8 +83,12 @@ def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:
             if names != set(expected):
                 raise WeightsError(f"{path}: its tensors are not those of the {quality} network; retrain it")
             for name, value in expected.items():
-                if tuple(file.get_slice(name).get_shape()) != tuple(value.shape):
+                stored = file.get_slice(name)
+                kind = stored.get_dtype()
+                if tuple(stored.get_shape()) != tuple(value.shape):
                     raise WeightsError(f"{path}: tensor {name} has another shape than the {quality} network's; retrain it")
+                if kind not in _NUMBERS:
+                    raise WeightsError(f"{path}: tensor {name} holds {kind}, not {'/'.join(_NUMBERS)}; retrain it")
             state = {name: file.get_tensor(name).to(expected[name].dtype) for name in names}
     except (SafetensorError, OSError) as error:
         raise WeightsError(f"{path}: cannot be read as safetensors ({error})") from None

@@ -50,6 +50,8 @@ def _bad_weights(folder):
     save_file({"a": torch.zeros(2)}, str(folder / "names.safetensors"), header)
     save_file({**good, "head.bias": torch.zeros(5)}, str(folder / "shape.safetensors"), header)
     save_file({**good, "head.bias": torch.full_like(good["head.bias"], float("nan"))}, str(folder / "nan.safetensors"), header)
+    for name, kind in (("whole", torch.int16), ("complex", torch.complex64)):
+        save_file({**good, "head.bias": good["head.bias"].to(kind)}, str(folder / f"{name}.safetensors"), header)
     save_file(good, str(folder / "size.safetensors"), {**header, "quality": "enormous"})
     (folder / "text.safetensors").write_text("not weights")
     (folder / "empty.safetensors").write_bytes(b"")
@@ -58,7 +60,7 @@ def _bad_weights(folder):
 @pytest.mark.parametrize("name, said", [
     ("foreign", "not pointglass weights"), ("names", "its tensors are not those"), ("shape", "another shape"),
     ("nan", "not finite"), ("size", "unknown network"), ("text", "cannot be read"), ("empty", "cannot be read"),
-    ("missing", "no such weights"),
+    ("missing", "no such weights"), ("whole", "holds I16, not F16"), ("complex", "holds C64"),
 ])
 def test_bad_weights_are_refused_by_name(tmp_path, name, said):
     _bad_weights(tmp_path)

@@ -20,8 +20,10 @@ from model.data.truth import DataError
 from model.interrupts import to_its_end
 from model.recipes import RECIPES, Recipe, Stage, follow
 from model.signals import STOPS
+from model.torchrun import Process
 from model.train import TrainConfig, Trainer
 from model.weights import load_weights
+from viewer.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = Recipe(0.05, 0.2, (
@@ -253,3 +255,45 @@ def test_a_recipe_stopped_before_a_place_is_done_leaves_nothing_and_says_one_lin
     to(process.pid, number)
     _, error = process.communicate(timeout=60)
     assert (process.returncode, error) == (130, "pointglass: stopped\n") and not list(tmp_path.iterdir())
+
+
+def test_learning_that_breaks_down_is_one_line_and_what_was_learned_stays(pairs, rooms, tmp_path, capsys, monkeypatch):
+    """A step whose gradient is not a number leaves no weight that is one: nothing to go on from, and nothing to draw with."""
+    train.train(_config(pairs, tmp_path, steps=3))
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.suffix in (".safetensors", ".pt")}
+    make, made = train.Objective.forward, []
+
+    def broken(self, *given):
+        loss, terms = make(self, *given)
+        made.append(loss)
+        return loss * (float("nan") if len(made) == 2 else 1.0), terms
+
+    monkeypatch.setattr(train.Objective, "forward", broken)
+    with pytest.raises(DataError, match=r"step 5 \(loss nan\); what step 3 had learned is kept; choose a lower --rate"):
+        train.train(_config(pairs, tmp_path, steps=9, save_every=1e9))
+    assert len(before) == 2 and all(path.read_bytes() == content for path, content in before.items())
+    monkeypatch.undo()
+    assert main(["train", str(rooms[0]), "--out", str(tmp_path / "wild"), "--quality", "fast", "--batch", "2", "--crop", "32",
+                 "--device", "cpu", "--steps", "60", "--rate", "1e6"]) == 2
+    error = capsys.readouterr().err
+    assert "learning broke down" in error and error.count("\n") == 1
+    assert not (tmp_path / "wild" / "fast-filtered.safetensors").exists()
+
+
+def test_weights_that_half_precision_cannot_hold_are_not_written(tmp_path):
+    trainer = Trainer(TrainConfig((), str(tmp_path), quality="fast", device="cpu"), Process(0, 1, torch.device("cpu")))
+    trainer.config.state.mkdir()
+    with torch.no_grad():
+        trainer.averaged.get_parameter("stem.bias")[0] = 1e5
+    with pytest.raises(DataError, match=r"stem\.bias holds values beyond half precision"):
+        trainer.save(tmp_path / "fast-filtered.safetensors", {}, {})
+    assert not [path for path in tmp_path.rglob("*") if path.is_file()]
+
+
+def test_a_log_holds_the_means_of_its_steps(tmp_path, monkeypatch):
+    monkeypatch.setattr(training_log, "EVERY", 4)
+    with training_log.TrainingLog(tmp_path, 0, shown=True) as log:
+        for step in range(1, 9):
+            log.step(step, {"loss": torch.tensor(float(step))}, 0.1, float(step))
+    lines = [json.loads(line) for line in (tmp_path / "log.jsonl").read_text().splitlines()]
+    assert [(line["step"], line["loss"]) for line in lines] == [(4, 2.5), (8, 6.5)]
