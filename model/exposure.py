@@ -39,11 +39,12 @@ def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing:
     low = xyz.min(0) if len(xyz) else 0.0
     steps = np.floor((xyz - low) / (VOXEL_SPACINGS * spacing)).astype(np.int64)
     means, voxels, owners = _voxel_means(steps, rgb, scan, count)
+    own = [(voxels[mine], means[mine]) for mine in (owners == number for number in range(count))]
     rows, weights, ratios = [], [], []
     for a in range(count):
         for b in range(a + 1, count):
-            _, ia, ib = np.intersect1d(voxels[owners == a], voxels[owners == b], assume_unique=True, return_indices=True)
-            first, second = means[owners == a][ia], means[owners == b][ib]
+            _, ia, ib = np.intersect1d(own[a][0], own[b][0], assume_unique=True, return_indices=True)
+            first, second = own[a][1][ia], own[b][1][ib]
             usable = np.minimum(first, second).min(1, initial=255) > DARKEST
             usable &= np.maximum(first, second).max(1, initial=0) < BRIGHTEST
             shared[a, b] = shared[b, a] = int(usable.sum())
