@@ -65,7 +65,7 @@ def _problem(path: Path, shot: Shot) -> str | None:
             if image.size != (shot.width, shot.height):
                 return f"{path} is {image.width}x{image.height}, not {shot.width}x{shot.height}"
             image.load()
-    except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
+    except (UnidentifiedImageError, OSError, SyntaxError, ValueError, Image.DecompressionBombError):
         return f"{path} cannot be read as a picture"
     return None
 

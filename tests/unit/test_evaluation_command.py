@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 
-def test_pictures_missing_or_of_another_size_are_refused_naming_ten(room, tmp_path):
+def test_pictures_missing_or_of_another_size_are_refused_naming_ten(room, tmp_path, monkeypatch):
     scene = load_scene(room)
     shots = [scene.views[k % 4] for k in range(4)]
     wide = [SimpleNamespace(rgb_file=f"w{k:02}.jpg", width=48, height=36) for k in range(12)]
@@ -42,6 +42,9 @@ def test_pictures_missing_or_of_another_size_are_refused_naming_ten(room, tmp_pa
     Image.new("RGB", (40, 36)).save(tmp_path / "v1.png")
     (tmp_path / "v2.png").write_bytes((tmp_path / "v0.png").read_bytes()[:60])
     with pytest.raises(DataError, match=r"2 pictures.*v1\.png is 40x36, not 48x36; .*v2\.png cannot be read"):
+        open_outside({"x": tmp_path}, shots, [], [1.0])
+    with monkeypatch.context() as small, pytest.raises(DataError, match=r"4 pictures.*v0\.png cannot be read"):
+        small.setattr(Image, "MAX_IMAGE_PIXELS", 10)  # a header may claim any size
         open_outside({"x": tmp_path}, shots, [], [1.0])
     for name in ("v1.png", "v2.png", "p0.png"):
         Image.new("RGB", (48, 36)).save(tmp_path / name)
