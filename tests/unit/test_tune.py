@@ -10,7 +10,9 @@ from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
 
 from model.data.projected import scan_spacing
 from model.weights import load_weights, weights_dir
+from viewer.cloud.colour import Colours
 from viewer.cloud.e57_images import read_photographs
+from viewer.cloud.source import open_source
 from viewer.errors import InputError
 from viewer.tools import tune as tuning
 from viewer.tools.tune import agreement, read_points, registered_pictures, tune
@@ -36,6 +38,21 @@ def test_points_are_thinned_and_keep_their_colours(points, photographed):
     assert abs(len(scan.xyz) - 50_000) < 1500 and scan.rgb.dtype == np.uint8 and scan.station.max() == 0
     order = {tuple(np.round(x, 6)): tuple(c) for x, c in zip(*points, strict=True)}
     assert all(order[tuple(np.round(x, 6))] == tuple(c) for x, c in zip(scan.xyz[:500], scan.rgb[:500], strict=True))
+
+
+def test_points_are_learned_from_in_the_colours_that_the_viewer_shows(points, tmp_path):
+    """Those nobody photographed are black in the file, and no colour to learn from."""
+    xyz, rgb = points[0], points[1].copy()
+    rgb[np.random.default_rng(4).random(len(rgb)) < 0.2] = 0
+    path = write_photos(tmp_path / "a.e57", [pinhole(*PLACES[0])], xyz, rgb)
+    scan = read_points(path)
+    assert len(scan.xyz) == np.count_nonzero(rgb.any(1)) and scan.rgb.any(1).all()
+    sources = [open_source(path)]
+    colours, chunks = Colours(sources), list(sources[0].chunks())
+    colours.add(0, 0, chunks[0])
+    colours.decide((0.0, 1.0))
+    shown = colours.apply(0, 0, chunks[0])
+    assert len(chunks) == 1 and np.array_equal(scan.rgb, shown[shown.any(1)])
 
 
 def test_exposure_is_matched_to_the_points_and_registered_pictures_fit(photographed):

@@ -20,7 +20,6 @@ from model.data.photo_place import PhotoPlace
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
 from model.data.truth import MemoryPicture, Scan
 from model.depth_filter import keep_mask
-from model.exposure import match_exposures
 from model.folders import made_folder
 from model.light import TO_LINEAR, TO_SRGB
 from model.metrics import masked_psnr
@@ -28,6 +27,7 @@ from model.places import places_of
 from model.project import network_input
 from model.train import TrainConfig, train
 from model.weights import load_weights, save_weights, weights_dir, weights_name
+from viewer.cloud.colour import Colours
 from viewer.cloud.e57_images import Photo, read_photographs
 from viewer.cloud.source import open_source
 from viewer.errors import InputError
@@ -62,28 +62,34 @@ class Agreement:
 
 
 def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
-    """The coloured points of a scan file, thinned at random to about ``most``, stations' exposures matched as on opening.
+    """The coloured points of a scan file as the viewer shows them, thinned at random to about ``most``.
 
-    Raises InputError where the points have no colours.
+    Colours are decided over the whole file and matched between stations and runs, as on opening.  Points that nobody
+    photographed are left out.  Raises InputError where the points have no colours.
     """
     source = open_source(path)
-    rng = np.random.default_rng(seed)
-    share = min(1.0, most / max(source.count or 1, 1))
-    parts = []
-    with progress(source.count or 0, f"reading {path.name}", " points") as meter:
+    colours, rng = Colours([source]), np.random.default_rng(seed)
+    first, parts = 0, []
+    with progress(2 * (source.count or 0), f"reading {path.name}", " points") as meter:
         for chunk in source.chunks():
             if chunk.rgb is None:
                 raise InputError(f"{path}: its points have no colours, which tuning compares the photographs with")
-            pick = np.flatnonzero(np.isfinite(chunk.xyz).all(1) & (rng.random(len(chunk.xyz)) < share))
-            rgb = chunk.rgb[pick] if chunk.rgb.dtype == np.uint8 else ((chunk.rgb[pick] + 128.0) / 257.0).astype(np.uint8)
+            colours.add(0, first, chunk)
+            first += len(chunk.xyz)
+            meter.update(len(chunk.xyz) + chunk.invalid)
+        facts, _ = colours.decide((0.0, 1.0))
+        share, first = min(1.0, most / max(first, 1)), 0
+        for chunk in source.chunks():
+            rgb = colours.apply(0, first, chunk)
+            shown = rgb.any(1) if facts["uncoloured"] else np.ones(len(rgb), bool)
+            pick = np.flatnonzero(shown & np.isfinite(chunk.xyz).all(1) & (rng.random(len(chunk.xyz)) < share))
             station = np.broadcast_to(np.minimum(chunk.scan, 255), len(chunk.xyz))[pick].astype(np.uint8)
-            parts.append((chunk.xyz[pick], rgb, station))
+            parts.append((chunk.xyz[pick], rgb[pick], station))
+            first += len(chunk.xyz)
             meter.update(len(chunk.xyz) + chunk.invalid)
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if len(xyz) < 1000:
         raise InputError(f"{path}: {len(xyz)} usable points are too few to tune with")
-    if station.max() > 0:
-        rgb = match_exposures(xyz, rgb, station)
     return Scan(xyz, rgb, station, places_of(scan.position for scan in source.scans))
 
 
