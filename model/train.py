@@ -12,9 +12,8 @@ import math
 import os
 import pickle
 import time
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import nn
@@ -261,10 +260,3 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
             if trainer.whole and trainer.step > trainer.saved:
                 save()
             raise
-
-
-def config_from(path: Path) -> TrainConfig:
-    """The configuration saved beside a run's results."""
-    data, names = json.loads(path.read_text()), {f.name for f in fields(TrainConfig)}
-    known: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in data.items() if k in names}
-    return TrainConfig(**known)

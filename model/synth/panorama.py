@@ -87,7 +87,7 @@ class Panorama:
 
 @dataclass(frozen=True)
 class Passer:
-    """Somebody who walks by while one station scans: an upright capsule.  foot (3,) on the floor, z up; metres."""
+    """Somebody who walks by while one station scans: an upright cylinder.  foot (3,) on the floor, z up; metres."""
 
     foot: np.ndarray
     height: float
