@@ -12,6 +12,7 @@ import math
 import os
 import pickle
 import time
+import warnings
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -139,7 +140,8 @@ class Trainer:
             raise DataError(f"{earlier}: {EARLIER}")
         if path.is_file():
             try:
-                saved = torch.load(path, weights_only=True, map_location=self.process.device)
+                with warnings.catch_warnings(action="ignore"):  # of what is no checkpoint torch says more than the line below
+                    saved = torch.load(path, weights_only=True, map_location=self.process.device)
                 if (kept := json.loads(saved.get("made_from", "{}"))).get("crops") != CROPS:
                     raise DataError(f"{path}: {EARLIER}")
                 refuse_other(out, f"{self.config.name} was", kept, facts)

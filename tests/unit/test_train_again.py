@@ -67,6 +67,7 @@ def test_moved_together_with_its_rooms_it_goes_on(rooms, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("torn", [b"", b"\x80\x04]q\x00."])
+@pytest.mark.filterwarnings("error")
 def test_what_is_no_checkpoint_is_one_line(rooms, run, capsys, torn):
     (run / "fast-filtered" / "checkpoint.pt").write_bytes(torn)
     assert main(_line(run, rooms[0], steps=4)) == 2
