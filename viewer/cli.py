@@ -19,6 +19,7 @@ from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
 from viewer.options import Parser, add_exposures, add_memory, add_scans, add_settings, memory_of, settings_of
 from viewer.progress import progress
+from viewer.words import counted
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
 
@@ -135,7 +136,7 @@ def _render(options: argparse.Namespace) -> int:
     finally:
         renderer.release()
         context.release()
-    print(f"{count} {'picture' if count == 1 else 'pictures'} in {options.out}")
+    print(f"{counted(count, 'picture')} in {options.out}")
     return 0
 
 
@@ -155,7 +156,7 @@ def _convert(options: argparse.Namespace) -> int:
 
         shard = parse_shard(options.shard) if options.shard else (0, 1)
         made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched")
-        print(f"{len(made)} {'grid' if len(made) == 1 else 'grids'} in {options.out}")
+        print(f"{counted(len(made), 'grid')} in {options.out}")
         return 0
     convert(options.scans, options.out, match=options.exposures == "matched")
     print(f"grid in {options.out}")

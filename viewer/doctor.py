@@ -20,6 +20,7 @@ from model.processors import usable_processors
 from viewer.cloud.residency import available_memory
 from viewer.doctor_probes import GB, PROBES, item
 from viewer.paths import cache_dir
+from viewer.words import counted
 
 LIBRARIES = (
     "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "pillow", "platformdirs", "pye57",
@@ -109,7 +110,7 @@ def _memory() -> dict:
 
 def _processor() -> dict:
     cores = usable_processors()
-    return item("processor", "ok", f"{cores} {'core' if cores == 1 else 'cores'} for this process")
+    return item("processor", "ok", f"{counted(cores, 'core')} for this process")
 
 
 def _cache() -> dict:

@@ -26,6 +26,7 @@ from viewer.render.stages import Stages
 from viewer.render.stations import Places, Trust, weighs
 from viewer.render.void import Surroundings
 from viewer.settings import MEMORY, VIEWS, Memory, Settings
+from viewer.words import counted
 
 if TYPE_CHECKING:
     import moderngl
@@ -168,8 +169,7 @@ class Renderer:
         return History(memory, self.scene, self._filter_for(settings), settings.filter_strength)
 
     def _approximations(self, settings: Settings) -> list[str]:
-        unit = "point" if settings.lod == 1 else "points"
-        return [] if settings.lod is None else [f"level of detail: {settings.lod:g} {unit} per pixel"]
+        return [] if settings.lod is None else [f"level of detail: {counted(settings.lod, 'point')} per pixel"]
 
     def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None",
                 streaming: bool) -> Rasteriser:

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from viewer.window.controls import Control, by_key
 from viewer.window.session import Session
+from viewer.window.theme import NARROW
 
 if TYPE_CHECKING:
     from viewer.window.theme import Theme
 
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
-NARROW = 660.0
-"""Logical pixels of the window below which figures and panel have not room side by side: the panel takes it alone."""
 
 
 class Host(Protocol):

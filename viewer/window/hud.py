@@ -3,9 +3,9 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.window import theme
-from viewer.window.hands import NARROW
 from viewer.window.session import Session
 from viewer.window.theme import Theme, fitted, packed, text_in
+from viewer.words import counted
 
 OVERLAY = (
     imgui.WindowFlags_.no_decoration
@@ -29,7 +29,7 @@ def count_text(number: int) -> str:
 
 def _panel_alone(session: Session, look: Theme) -> bool:
     """Whether the panel is open where the window has no room for anything beside it."""
-    return session.panel and session.scene is not None and imgui.get_io().display_size.x < look.px(NARROW)
+    return session.panel and session.scene is not None and imgui.get_io().display_size.x < look.px(theme.NARROW)
 
 
 def draw_hud(session: Session, look: Theme, *, fps: float | None) -> None:
@@ -174,7 +174,7 @@ def draw_recording(session: Session, look: Theme) -> None:
     imgui.dummy(ImVec2(px(14), line))
     imgui.same_line()
     number = len(session.recording)
-    imgui.text_unformatted(f"{number} {'frame' if number == 1 else 'frames'} · F9 stops")
+    imgui.text_unformatted(f"{counted(number, 'frame')} · F9 stops")
     imgui.end()
 
 

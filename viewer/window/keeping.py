@@ -6,6 +6,7 @@ from viewer.errors import PointglassError
 from viewer.window import capture
 from viewer.window.painter import Painter
 from viewer.window.session import Session
+from viewer.words import counted
 
 
 class Keeper:
@@ -52,5 +53,5 @@ class Keeper:
         except PointglassError as error:
             session.notices.say("The frame times were not saved", str(error))
             return None
-        session.notices.toast(f"Saved {len(times)} {'frame' if len(times) == 1 else 'frames'} to {path}")
+        session.notices.toast(f"Saved {counted(len(times), 'frame')} to {path}")
         return path

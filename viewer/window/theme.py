@@ -10,6 +10,8 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 FONT_SIZE = 16.0
 SMALL = 14.0
 TITLE = 20.0
+NARROW = 660.0
+"""Logical pixels of the window below which figures and panel have not room side by side: the panel takes it alone."""
 
 
 def _colour(text: str, alpha: float = 1.0) -> ImVec4:
