@@ -29,7 +29,7 @@ from viewer.progress import progress
 MAGIC, VERSION = "pointglass grid", 4
 # How colours are made; how points are ordered and their spacing is measured: a grid in the cache made otherwise is made anew,
 # a folder of convert stays as it is.
-COLOURS, ORDER = 2, 5
+COLOURS, ORDER = 3, 5
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1")}

@@ -3,8 +3,8 @@
 Colour fields 16 bits wide hold 8-bit values in many files: a file whose largest value is at most 255 is read as 8-bit.
 A scan without colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; both are said in the
 notes.  Points that no photograph covered are black in many files, among coloured ones: where black is far too common to be
-a colour, it is taken for none, and such points hide what is behind them but show nothing.  Frame: height is the file's
-third axis.
+a colour, it is taken for none, and such points hide what is behind them but show nothing; so do those at the dark rim of what a
+scanner did not see (viewer.cloud.rim).  Frame: height is the file's third axis.
 """
 
 from dataclasses import dataclass, field
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from viewer.cloud.exposure import Matching
+from viewer.cloud.rim import DARK
 from viewer.cloud.source import Chunk, Source
 from viewer.progress import progress
 
@@ -25,8 +26,6 @@ _RAMP = np.array([
 _EVERY = 16  # points, of which one is looked at for black ones
 _LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0
 """Black is no colour in a file where it is a hundredth of the points, and eight times as common as the next levels each."""
-_RIM = 16
-"""Levels below which a colour in such a file is the rim of what was not photographed: the black, blended in."""
 
 
 @dataclass
@@ -115,6 +114,7 @@ class Colours:
         Returns meta["colour"] and the warnings a person should see.
         """
         warnings, kinds, bits = [], set(), 8
+        lost = 0.0  # points without a colour, of those that were looked at
         if self._match:
             with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
                 meter.update(0)
@@ -128,9 +128,12 @@ class Colours:
                     f"{file.name}: 8-bit colour in 16-bit fields (largest value {file.largest}), read as 8-bit"
                 )
             bits = max(bits, 16 if file.shift else 8)
-            if self._match and (share := file.uncoloured):
+            if self._match and (share := file.uncoloured or self._matching.rims.get(number, 0.0)):
                 self._unlit.add(number)
-                warnings.append(f"{file.name}: {share:.0%} of the points have no colour; they are filled in from around")
+                lost += share * file.looked
+                those = "" if file.uncoloured else ", at the dark rim of what the scanner did not see,"
+                said = f"{_percent(share)} of the points{those} have no colour; they are filled in from around"
+                warnings.append(f"{file.name}: {said}")
             if not file.colourless:
                 continue
             low, high = _percentiles(file.intensity)
@@ -154,8 +157,7 @@ class Colours:
         if len(kinds) > 1:
             note += f"; parts without colour shown by {' and '.join(sorted(kinds - {'rgb'}))}"
         looked = sum(file.looked for file in self._files)
-        missing = sum(file.uncoloured * file.looked for file in self._files) if self._match else 0.0
-        return {"source": source, "bits": bits, "note": note, "uncoloured": missing / max(looked, 1)}, warnings
+        return {"source": source, "bits": bits, "note": note, "uncoloured": lost / max(looked, 1)}, warnings
 
     def apply(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
         """(n, 3) uint8 colours of a chunk.  first: as in ``add``."""
@@ -166,7 +168,7 @@ class Colours:
             if self._unlit:
                 highest = colours[:, 0] | colours[:, 1] | colours[:, 2]
                 if source in self._unlit:
-                    colours[highest < _RIM] = 0
+                    colours[highest < DARK] = 0  # black, and its rim: the black, blended in
                 else:
                     colours[highest == 0] = 1  # black here is a colour
             return colours
@@ -182,6 +184,11 @@ def height_colours(z: np.ndarray, low: float, high: float) -> np.ndarray:
     place = np.clip(place, 0, 1) * (len(_RAMP) - 1)
     knots = np.arange(len(_RAMP))
     return np.stack([np.interp(place, knots, _RAMP[:, c]) + 0.5 for c in range(3)], axis=1).astype(np.uint8)
+
+
+def _percent(share: float) -> str:
+    """0.15 -> 15%, 0.0005 -> 0.05%."""
+    return f"{share:.0%}" if share >= 0.01 else f"{100 * share:.1g}%"
 
 
 def _percentiles(histogram: np.ndarray) -> tuple[int, int]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from model.exposure import exposures_of
 from model.passes import Passes, solve_passes
+from viewer.cloud.rim import rim_share
 from viewer.cloud.source import Chunk
 
 SAMPLE = 1_000_000
@@ -28,6 +29,8 @@ class Matching:
         self._rng = np.random.default_rng(0)
         self._gains: np.ndarray | None = None
         self._passes: Passes | None = None
+        self.rims: dict[int, float] = {}
+        """After ``solve``, by source: the share of its points at the dark rim of what was photographed, if any."""
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
         """Keeps a share of the chunk's points, ``first`` being the running number of its first.  Chunks without colour count
@@ -66,14 +69,19 @@ class Matching:
         parts, self._parts = self._parts, []
         if not parts:
             return {"exposures": None, "passes": None}
-        source_of = {number: key[0] for key, number in self._number.items()}
-        shift = np.array([shifts[source_of[number]] for number in range(len(self._number))], np.uint8)
+        source = np.zeros(len(self._number), np.int64)
+        for key, station in self._number.items():
+            source[station] = key[0]
+        shift = np.array([shifts[file] for file in source], np.uint8)
         xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
         del parts
         rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
         exposures = self._solve_stations(xyz, rgb, number) if 2 <= len(self._number) <= MOST_STATIONS else None
         if self._gains is not None:
             rgb = _multiplied(rgb, self._gains[number])
+        for file in np.unique(source):
+            mine = source[number] == file
+            self.rims[int(file)] = rim_share(xyz[mine], rgb[mine])
         lit = np.flatnonzero(rgb.max(axis=1) >= DARKEST)
         passes = solve_passes(xyz[lit], rgb[lit], at[lit])
         self._passes = passes if passes.worth else None
