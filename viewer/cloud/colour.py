@@ -108,8 +108,8 @@ class Colours:
         elif chunk.intensity is not None:
             file.intensity += np.bincount(chunk.intensity, minlength=65536)
 
-    def decide(self, heights: tuple[float, float]) -> tuple[dict, list[str]]:
-        """Ends pass 1.  heights: the range of the third axis a height ramp should span.
+    def decide(self, heights: tuple[float, float], turns: dict[int, np.ndarray]) -> tuple[dict, list[str]]:
+        """Ends pass 1.  heights: the range of the third axis a height ramp should span.  turns: as in Matching.solve.
 
         Returns meta["colour"] and the warnings a person should see.
         """
@@ -118,7 +118,7 @@ class Colours:
         if self._match:
             with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
                 meter.update(0)
-                self.matched = self._matching.solve([file.shift for file in self._files])
+                self.matched = self._matching.solve([file.shift for file in self._files], turns)
                 meter.update(0)
         for number, file in enumerate(self._files):
             if len(file.colourless) < len(file.scans):

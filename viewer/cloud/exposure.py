@@ -29,6 +29,7 @@ class Matching:
         self._rng = np.random.default_rng(0)
         self._gains: np.ndarray | None = None
         self._passes: Passes | None = None
+        self._turns: dict[int, np.ndarray] = {}
         self.rims: dict[int, float] = {}
         """After ``solve``, by source: the share of its points at the dark rim of what was photographed, if any."""
 
@@ -37,7 +38,7 @@ class Matching:
         for nothing."""
         if chunk.rgb is None or isinstance(chunk.scan, np.ndarray) or len(chunk.xyz) == 0:
             return
-        number = self._numbers(source, chunk)
+        number = self._numbers(source, first, chunk)
         pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
         pick = pick[np.isfinite(chunk.xyz[pick]).all(axis=1)]
         self._parts.append((chunk.xyz[pick], chunk.rgb[pick], number[pick], first + pick))
@@ -51,8 +52,10 @@ class Matching:
         order = self._rng.permutation(len(part[0]))
         return tuple(a[order] for a in part)
 
-    def _numbers(self, source: int, chunk: Chunk) -> np.ndarray:
-        """(n,) station number of each point, the same in both passes."""
+    def _numbers(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
+        """(n,) station number of each point, the same in both passes but where the order of points told more."""
+        if source in self._turns:
+            return self._turned(source, first + np.arange(len(chunk.xyz)))
         if chunk.station is None:
             key = (source, int(chunk.scan), 0)
             return np.full(len(chunk.xyz), self._number.setdefault(key, len(self._number)), np.int32)
@@ -60,8 +63,16 @@ class Matching:
         keys = [(source, int(chunk.scan), int(i)) for i in ids]
         return np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)[index]
 
-    def solve(self, shifts: list[int]) -> dict[str, dict | None]:
-        """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.
+    def _turned(self, source: int, at: np.ndarray) -> np.ndarray:
+        """(n,) station numbers of a source's points with the running numbers ``at``, by its turns."""
+        turns = self._turns[source]
+        keys = [(source, 0, -station) for station in range(len(turns) + 1)]
+        numbers = np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)
+        return numbers[np.searchsorted(turns, at, side="right")]
+
+    def solve(self, shifts: list[int], turns: dict[int, np.ndarray]) -> dict[str, dict | None]:
+        """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.  turns: by source, the
+        ascending running numbers of points with which the next station begins, where the points' order told.
 
         Returns meta["exposures"] - stations, matched and the smallest and largest gain; None for a single station - and
         meta["passes"] - the variance left within voxels, and whether that was worth it; None without colours.
@@ -69,12 +80,17 @@ class Matching:
         parts, self._parts = self._parts, []
         if not parts:
             return {"exposures": None, "passes": None}
+        xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
+        del parts
+        for file, where in turns.items():
+            if [key[0] for key in self._number].count(file) == 1:  # else the file tells its stations itself
+                mine = number == next(n for key, n in self._number.items() if key[0] == file)
+                self._turns[file] = where
+                number[mine] = self._turned(file, at[mine])
         source = np.zeros(len(self._number), np.int64)
         for key, station in self._number.items():
             source[station] = key[0]
         shift = np.array([shifts[file] for file in source], np.uint8)
-        xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
-        del parts
         rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
         exposures = self._solve_stations(xyz, rgb, number) if 2 <= len(self._number) <= MOST_STATIONS else None
         if self._gains is not None:
@@ -103,7 +119,7 @@ class Matching:
         assert chunk.rgb is not None
         rgb = (chunk.rgb >> shift).astype(np.uint8)
         if self._gains is not None:
-            rgb = _multiplied(chunk.rgb, self._gains[self._numbers(source, chunk)] * np.float32(1 / 257 if shift else 1))
+            rgb = _multiplied(chunk.rgb, self._gains[self._numbers(source, first, chunk)] * np.float32(1 / 257 if shift else 1))
         return rgb if self._passes is None else self._passes.apply(rgb, first)
 
 

@@ -20,6 +20,7 @@ from viewer.cloud.scatter import scatter
 from viewer.cloud.scene import STEPS, Scene
 from viewer.cloud.source import Source
 from viewer.cloud.spacing import measure_spacing
+from viewer.cloud.standpoints import Standpoints
 from viewer.cloud.survey import Survey, survey_points
 from viewer.errors import InputError
 
@@ -61,10 +62,12 @@ def build_grid(
     """
     clock = _Clock({} if stages is None else stages)
     with ThreadPoolExecutor(processors(), "grid") as pool:
-        survey = survey_points(sources, colours)
+        stands = Standpoints(sources)
+        survey = survey_points(sources, () if colours is None else (colours, stands))
         _check_any(sources, survey)
         if colours is not None:
-            meta["colour"], said = colours.decide(_heights(survey))
+            turns = stands.solve(survey.kept)
+            meta["colour"], said = colours.decide(_heights(survey), turns)
             meta |= colours.matched
             meta["warnings"] += said
         clock.lap("count")
@@ -86,9 +89,10 @@ def build_grid(
             smallest = 1 / 16 if coinciding > _COINCIDING else max(steps, 1 / 16)
             size = power_of_two(layout.cell_size * smallest / (4 * _STEPS_APART))
             if survey.cell_size > size:
-                finer = survey_points(sources, None, size)
+                finer = survey_points(sources, cell_size=size)
                 if finer.count != survey.count or finer.cell_size >= layout.cell_size:
                     break
+                finer.kept.update(survey.kept)
                 survey = finer
             layout = choose_layout(survey, size)
         if coarsest and coarsest[1] is not layout and coinciding > _PARTED * coarsest[3]:
@@ -181,6 +185,7 @@ def _list_scans(sources: list[Source], survey: Survey, points: np.ndarray, meta:
         survey.kept.update(((0, i), int(n)) for i, n in enumerate(np.bincount(points[:, 2] >> 24)))
     meta["scans"] = [
         {"name": scan.name, "count": survey.kept.get((s, i), 0), "position": scan.position and list(scan.position)}
+        | ({"inferred": True} if scan.inferred else {})
         for s, source in enumerate(sources)
         for i, scan in enumerate(source.scans)
     ]

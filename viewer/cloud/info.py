@@ -80,7 +80,8 @@ def format_text(info: dict) -> str:
         rows.append(("passes", f"runs of points photographed apart were matched, {gone} (--exposures as-scanned leaves them)"))
     for scan in info["scans"]:
         place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
-        rows.append(("scan", f"{scan['name']}: {scan['count']:,} points, {place}"))
+        how = ", told by the order of the points" if scan.get("inferred") else ""
+        rows.append(("scan", f"{scan['name']}: {scan['count']:,} points, {place}{how}"))
     if info["stations"] == "weighed":
         rows.append(("stations", "colours come from those that looked the way the eye looks (--stations equal averages them)"))
     if grid := info.get("grid"):

@@ -31,11 +31,12 @@ def scatter(sources: list[Source], colours: Colours | None, survey: Survey, layo
     Raises InputError where a file is no longer what the survey saw.
     """
     blocks = _Blocks(survey, layout, points, pool, processors)
-    first = 0
+    first, begun = 0, dict[int, int]()
     for number, chunk in numbered_chunks(sources, "building the grid"):
         xyz = np.ascontiguousarray(chunk.xyz, np.float64)
         rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
-        scan = _scan_numbers(sources, number, chunk)
+        begun.setdefault(number, first)
+        scan = _scan_numbers(sources, number, chunk, first - begun[number])
         for start in range(0, len(xyz), BLOCK):
             rows = slice(start, start + BLOCK)
             intensity = None if chunk.intensity is None else chunk.intensity[rows]
@@ -106,8 +107,12 @@ class _Blocks:
         self._placing = []
 
 
-def _scan_numbers(sources: list[Source], number: int, chunk: Chunk) -> np.ndarray:
+def _scan_numbers(sources: list[Source], number: int, chunk: Chunk, first: int) -> np.ndarray:
+    """(n,) uint8 scan numbers of a chunk's points.  first: the running number in the source of its first."""
     if isinstance(chunk.scan, np.ndarray):
         return chunk.scan
     before = sum(len(source.scans) for source in sources[:number])
-    return np.full(len(chunk.xyz), min(before + chunk.scan, 255), np.uint8)
+    if len(turns := sources[number].turns) == 0:
+        return np.full(len(chunk.xyz), min(before + chunk.scan, 255), np.uint8)
+    station = np.searchsorted(turns, np.arange(first, first + len(chunk.xyz)), side="right")
+    return np.minimum(before + station, 255).astype(np.uint8)

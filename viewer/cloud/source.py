@@ -18,10 +18,12 @@ CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class ScanInfo:
-    """One scanner station (or one file that does not say).  position: (x, y, z) of the scanner, file coordinates."""
+    """One scanner station (or one file that does not say).  position: (x, y, z) of the scanner, file coordinates.
+    inferred: the file does not say, its points' order does (viewer.cloud.standpoints)."""
 
     name: str
     position: tuple[float, float, float] | None = None
+    inferred: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,8 @@ class Source:
 
     count: points in the file as its header has it (None: unknown).  precision: relative resolution of the stored
     coordinates (2**-24 for float32).  metres_per_unit: None where the file does not say.
+    turns: (len(scans) - 1,) ascending running numbers of points in the source from which on they are the next scan's, where
+    chunks do not say.
     """
 
     path: Path
@@ -59,6 +63,7 @@ class Source:
     precision: float = 2.0**-53
     scans: list[ScanInfo] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    turns: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields the points from the beginning.  Raises InputError where the file is damaged."""

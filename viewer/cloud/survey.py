@@ -3,14 +3,14 @@
 Frame: file coordinates.  Memory: three chunks (two worked on, one being read) and the histogram.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
-from viewer.cloud.colour import Colours
 from viewer.cloud.histogram import Histogram, OutOfReach
 from viewer.cloud.source import Chunk, Source
 from viewer.errors import InputError
@@ -36,21 +36,31 @@ class Survey:
         return int(self.counts.sum())
 
 
-def survey_points(sources: list[Source], colours: Colours | None, cell_size: float | None = None) -> Survey:
-    """Counts all points.  colours: takes note of every chunk.  cell_size: to begin with; None looks at the first chunk.
+class Watcher(Protocol):
+    """Takes note of every chunk of pass 1."""
+
+    def forget(self) -> None:
+        """Pass 1 begins anew."""
+
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """A chunk of source number ``source``.  first: the running number of its first point, over all sources."""
+
+
+def survey_points(sources: list[Source], watchers: Sequence[Watcher] = (), cell_size: float | None = None) -> Survey:
+    """Counts all points; each watcher sees every chunk.  cell_size: to begin with; None looks at the first chunk.
 
     Starts again with larger cells where the scan turns out far wider than its beginning.
     """
     while True:
-        if colours is not None:
-            colours.forget()
+        for watcher in watchers:
+            watcher.forget()
         try:
-            return _survey(sources, colours, cell_size)
+            return _survey(sources, watchers, cell_size)
         except OutOfReach as wider:
             cell_size = wider.cell_size
 
 
-def _survey(sources: list[Source], colours: Colours | None, cell_size: float | None) -> Survey:
+def _survey(sources: list[Source], watchers: Sequence[Watcher], cell_size: float | None) -> Survey:
     expected = sum(source.count or 0 for source in sources)
     invalid, first = 0, 0
     with ExitStack() as opened:
@@ -63,8 +73,8 @@ def _survey(sources: list[Source], colours: Colours | None, cell_size: float | N
                 histogram = opened.enter_context(Histogram(chunk.xyz, expected, cell_size))
             key = None if isinstance(chunk.scan, np.ndarray) else (number, chunk.scan)
             histogram.add(np.ascontiguousarray(chunk.xyz, np.float64), key)
-            if colours is not None:
-                colours.add(number, first, chunk)
+            for watcher in watchers:
+                watcher.add(number, first, chunk)
             first += len(chunk.xyz)
         if histogram is None:
             histogram = opened.enter_context(Histogram(np.zeros((1, 3)), 0))

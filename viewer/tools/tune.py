@@ -77,7 +77,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
             colours.add(0, first, chunk)
             first += len(chunk.xyz)
             meter.update(len(chunk.xyz) + chunk.invalid)
-        facts, _ = colours.decide((0.0, 1.0))
+        facts, _ = colours.decide((0.0, 1.0), {})
         share, first = min(1.0, most / max(first, 1)), 0
         for chunk in source.chunks():
             rgb = colours.apply(0, first, chunk)

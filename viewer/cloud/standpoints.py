@@ -1,0 +1,79 @@
+"""Files that do not say where their scanners stood: their stations are told by the order of the points, where it tells.
+
+Pass 1 keeps stretches of points in file order (``add``); :mod:`viewer.cloud.sweeps` finds the stations in them; a source is
+given them as its scans (``solve``), so that pass 2 numbers its points by station as it does those of a file that says.
+That is worth 2 to 3 dB where surfaces shine (README, "A colour comes from the scanner that stood where the eye is").
+Of a place seen from one station alone nothing is gained, and nothing changed.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from model.places import places_of, told_apart
+from viewer.cloud.source import Chunk, ScanInfo, Source
+from viewer.cloud.sweeps import WINDOW, Stand, find_stands
+
+MOST = 2048
+"""Stretches kept of a file, up to twice as many."""
+
+
+class Standpoints:
+    """Takes note of chunks (``add``), then gives sources their stations (``solve``)."""
+
+    def __init__(self, sources: list[Source]):
+        self._sources = sources
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins pass 1 anew."""
+        self._kept: dict[int, list[tuple[int, np.ndarray]]] = {}
+        self._stride, self._begun, self._points = dict[int, int](), dict[int, int](), dict[int, int]()
+
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """Keeps some of a chunk's points.  first: the running number of its first, over all sources."""
+        scans = self._sources[source].scans
+        if len(scans) != 1 or scans[0].position is not None or isinstance(chunk.scan, np.ndarray):
+            return
+        kept = self._kept.setdefault(source, [])
+        stride = self._stride.setdefault(source, WINDOW)
+        at = first - self._begun.setdefault(source, first)
+        self._points[source] = at + len(chunk.xyz)
+        for start in range(-at % stride, len(chunk.xyz) - WINDOW + 1, stride):
+            window = np.array(chunk.xyz[start : start + WINDOW], np.float64)
+            if np.isfinite(window).all():
+                kept.append((at + start, window))
+        while len(kept) > 2 * MOST:
+            self._stride[source] *= 2
+            kept[:] = [(place, window) for place, window in kept if place % self._stride[source] == 0]
+
+    def solve(self, kept: dict[tuple[int, int], int]) -> dict[int, np.ndarray]:
+        """Ends pass 1.  kept: points by (source, scan), as in Survey; told anew where a source is given stations.
+
+        Returns by source, where it was given some, the running number, over all sources, with which each but the first begins.
+        """
+        found: dict[int, tuple[list[Stand], np.ndarray]] = {}
+        for source, windows in self._kept.items():
+            stands = find_stands(np.stack([window for _, window in windows])) if windows else []
+            if stands:
+                found[source] = stands, np.array([place for place, _ in windows], np.int64)
+        self._kept = {}
+        told = (scan.position for number, source in enumerate(self._sources) if number not in found for scan in source.scans)
+        if not told_apart(places_of([*told, *(stand.place.tolist() for stands, _ in found.values() for stand in stands)])):
+            return {}
+        for number, (stands, at) in found.items():
+            self._give(number, stands, at)
+            ends = np.append(self._sources[number].turns, self._points[number])
+            kept.update({(number, scan): int(count) for scan, count in enumerate(np.diff(ends, prepend=0))})
+        return {number: self._begun[number] + self._sources[number].turns for number in found}
+
+    def _give(self, number: int, stands: list[Stand], at: np.ndarray) -> None:
+        """Makes stations a source's scans.  at: of each stretch the first point's running number in the source."""
+        source = self._sources[number]
+        name = source.scans[0].name
+        source.scans = []
+        for station, stand in enumerate(stands, 1):
+            x, y, z = stand.place.tolist()
+            source.scans.append(ScanInfo(f"{name}, station {station}", (x, y, z), inferred=True))
+        between = [(at[before.last] + WINDOW + at[after.first]) // 2 for before, after in pairwise(stands)]
+        source.turns = np.array(between, np.int64)
