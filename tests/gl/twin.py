@@ -11,7 +11,7 @@ from model.station_weights import station_weights
 from model.surrounded import surrounded
 from viewer.render.cull import Culler
 from viewer.render.stations import Places, weighs
-from viewer.render.void import Surroundings, cell_of
+from viewer.render.void import OPEN, Surroundings, cell_of
 
 
 @dataclass
@@ -22,12 +22,16 @@ class TwinFrame:
     alpha: np.ndarray
 
 
-def closed_directions(scene, camera) -> np.ndarray:
-    """(H, W) bool: pixels whose direction the scan surrounds."""
+def looked_up(closed: np.ndarray, camera) -> np.ndarray:
+    """(H, W): what ``closed``, by cell of the directions, has for each pixel's."""
     i, j = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1)
-    closed = Surroundings(scene).closed(camera.position).ravel() > 0
-    return closed[cell_of((view @ camera.view_rotation).reshape(-1, 3))].reshape(camera.height, camera.width)
+    return closed.ravel()[cell_of((view @ camera.view_rotation).reshape(-1, 3))].reshape(camera.height, camera.width)
+
+
+def directions(scene, camera) -> np.ndarray:
+    """(H, W) int8: what the direction of each pixel is, OPEN, CLOSED or SEALED."""
+    return looked_up(Surroundings(scene).closed(camera.position), camera)
 
 
 def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
@@ -49,6 +53,6 @@ def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
         raster.depth, settings.filter, strength=settings.filter_strength, levels=settings.filter_levels, metre=metre
     ) & (raster.count > 0)
     packed = network_input(raster, mask, camera.fx, scene.spacing)
-    alpha = surrounded(mask).numpy() | closed_directions(scene, camera)
+    alpha = surrounded(mask).numpy() | (directions(scene, camera) != OPEN)
     alpha &= bool(mask.any())
     return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha)
