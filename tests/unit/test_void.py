@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from viewer.camera import from_fov, look_at
+from viewer.camera import Camera, look_at
 from viewer.cloud import scene_from_arrays
 from viewer.render import void
 from viewer.render.void import CLOSED, OPEN, SEALED, SIDE, Surroundings, cell_of, closed_in_view
@@ -19,8 +19,8 @@ def closed_plainly(points: np.ndarray, position: np.ndarray) -> np.ndarray:
     return settled_plainly(scanned, hits >= void._NEEDED).reshape(6 * SIDE, SIDE)
 
 
-def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
-    """Hole by hole, as sets."""
+def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[np.ndarray, int]:
+    """Hole by hole, as sets: what is closed, and how many cells below belong to holes that go on above."""
     beside = [set(cells) for cells in void._walks()[:, :, 0].tolist()]
     below = void._centres()[:, 2] < 0
     enclosed = (~scanned).mean() <= 1 / void.ENCLOSES
@@ -37,9 +37,29 @@ def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
     for cell in np.flatnonzero(scanned):
         open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
         closed[cell] |= bool(open_or_not) and all(open_or_not)
+    return closed, through
+
+
+def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
+    closed, through = holes_settled_plainly(scanned, surrounded)
+    below = void._centres()[:, 2] < 0
     around, in_room = scanned.mean() >= 1 / void.AROUND, closed.mean() > void.ROOM
     sealed = closed & (below & (through <= below.sum() / void.GROUND) | in_room)
     return np.where(sealed, SEALED, closed) if around or in_room else np.full_like(closed, OPEN, int)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.7, 0.9])
+def test_holes_of_any_shape_are_settled_as_by_sets(seed, share):
+    """Holes of one cell to nearly all, of which any share is surrounded, one half to the cell among them."""
+    rng = np.random.default_rng(seed)
+    walks, below = void._walks(), void._centres()[:, 2] < 0
+    hole, queue = np.empty((2, len(below)), np.int32)
+    for _ in range(8):
+        scanned, surrounded = rng.random(len(below)) < share, rng.random(len(below)) < 0.5
+        closed = surrounded.astype(np.int8)
+        through = void.settle_holes(scanned, walks, below, void.ENCLOSES, closed, hole, queue)
+        wanted, cells = holes_settled_plainly(scanned, surrounded)
+        assert np.array_equal(closed, wanted) and through == cells
 
 
 def test_what_is_seen_from_outside_is_left_to_the_picture(seed):
@@ -144,18 +164,23 @@ def test_what_one_sees_between_things_without_ground_is_not_cut_at_the_horizon(s
 
 
 def test_all_rays_of_a_picture_have_in_common_what_is_said(seed):
-    """Random pictures of 1 to 170 degrees, off centre, of maps that are closed here and open there."""
+    """Random pictures of 1 to 170 degrees, off centre, of maps that are closed here and open there, or closed only where the
+    ray of one corner goes."""
     rng = np.random.default_rng(seed)
     said = []
     for _ in range(300):
-        camera = from_fov(int(rng.integers(4, 60)), int(rng.integers(4, 60)), float(rng.uniform(1, 170)),
-                          look_at(np.zeros(3), rng.normal(size=3)))  # fmt: skip
+        width, height = (int(side) for side in rng.integers(4, 60, 2))
+        focal = 0.5 * height / np.tan(np.radians(rng.uniform(1, 170)) / 2)
+        camera = Camera(width, height, focal * rng.uniform(0.5, 2), focal, width * rng.uniform(-0.2, 1.2),
+                        height * rng.uniform(-0.2, 1.2), look_at(np.zeros(3), rng.normal(size=3)))  # fmt: skip
         middle = rng.normal(size=3)
         near = void._centres() @ (middle / np.linalg.norm(middle)) > rng.uniform(-1, 1)
-        closed = rng.permutation(3)[near.astype(int)].astype(np.int8).reshape(6 * SIDE, SIDE)
         i, j = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
-        view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1).reshape(-1, 3)
-        seen = closed.ravel()[cell_of(view @ camera.view_rotation)]
-        said.append(closed_in_view(closed, camera))
-        assert said[-1] is None or (seen == said[-1]).all()
-    assert {None, OPEN, CLOSED, SEALED} == set(said) and sum(one is None for one in said) < 250
+        view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1)
+        cells = cell_of((view @ camera.view_rotation).reshape(-1, 3))
+        corner = cells.reshape(height, width)[rng.choice([0, -1]), rng.choice([0, -1])]
+        for closed in (rng.permutation(3)[near.astype(int)], np.where(np.arange(len(near)) == corner, CLOSED, OPEN)):
+            seen = closed[cells]
+            said.append(closed_in_view(closed.astype(np.int8).reshape(6 * SIDE, SIDE), camera))
+            assert said[-1] is None or (seen == said[-1]).all()
+    assert {None, OPEN, CLOSED, SEALED} == set(said) and sum(one is None for one in said[::2]) < 250
