@@ -1,5 +1,7 @@
 """Void stays void: the network may take coverage away at an outline, never add any, and never inside a closed room."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -11,6 +13,7 @@ from viewer.camera import from_fov, look_at
 from viewer.cloud import scene_from_arrays
 from viewer.render import neural
 from viewer.render.renderer import Renderer
+from viewer.render.shader import Programs
 from viewer.settings import Settings
 
 
@@ -74,6 +77,27 @@ def test_outlines_in_a_void_may_be_opened_and_the_void_stays_empty(context, open
     border = made[(filled == 255) & ~deep]
     assert len(border) and np.abs(border[:, 3] - 128).max() <= 1  # half of it, as the network says
     assert border[:, :3].max() <= 129  # premultiplied
+
+
+def test_what_is_shown_of_any_output_lies_in_range_and_is_premultiplied(context, seed):
+    """Numbers below 0 and above 1 are cut off before they are multiplied: no colour is brighter than its alpha."""
+    rng = np.random.default_rng(seed)
+    made = rng.uniform(-0.5, 1.7, (37, 53, 4)).astype(np.float16)
+    alpha = rng.choice([0, 255], (37, 53)).astype(np.uint8)
+    programs, filled = Programs(context), context.texture((53, 37), 4, np.repeat(alpha[..., None], 4, -1).tobytes())
+    buffer, picture = context.buffer(made.tobytes()), context.texture((53, 37), 4)
+    stage = SimpleNamespace(context=context, bridge=SimpleNamespace(output=buffer), picture=picture,
+                            _unpack=programs.compute("network_output.comp"))  # fmt: skip
+    try:
+        neural.NeuralStage.present(stage, filled)
+        shown = np.frombuffer(picture.read(), np.uint8).reshape(made.shape)
+    finally:
+        for resource in (filled, buffer, picture, programs):
+            resource.release()
+    wanted = made.astype(np.float64).clip(0, 1)
+    wanted[..., 3] *= alpha / 255
+    wanted[..., :3] *= wanted[..., 3:]
+    assert np.abs(shown - 255 * wanted).max() < 0.51 and (shown[..., :3] <= shown[..., 3:]).all()
 
 
 def test_without_an_opinion_the_networks_alpha_is_the_filled_pictures(context, monkeypatch):
