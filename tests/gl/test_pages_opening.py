@@ -159,8 +159,11 @@ def test_at_rest_points_that_no_picture_waits_for_come_without_a_picture(context
         session.flight.moving = True
         assert not painter.note_arrivals() and not session.picture.dirty and pages.residency.absent == held
         session.flight.moving = False
+        asked, request = [], pages._reader.request
+        pages._reader.request = lambda chunks: (asked.append(chunks), request(chunks))  # type: ignore[method-assign]
         painter.note_arrivals()
         assert session.picture.dirty and pages.residency.absent < held
+        assert sorted(asked[0]) == sorted(set(asked[0])) and len(asked) == 1  # each once, though all are wanted twice over
         pages.prepare(first, np.array([1]), streaming=True)  # one point, which has been there from the start
         session.picture.dirty = False
         assert not pages.pending and pages.idle
