@@ -55,7 +55,7 @@ float refill(ivec2 at, ivec2 extent) {
     precise float weight = ((9.0 * known.x + 3.0 * known.y) + (3.0 * known.z + known.w)) * 0.0625;
     precise float value = ((9.0 * (known.x > 0.0 ? a : 0.0) + 3.0 * (known.y > 0.0 ? b : 0.0))
         + (3.0 * (known.z > 0.0 ? c : 0.0) + (known.w > 0.0 ? d : 0.0))) * 0.0625;
-    return weight > 0.0 ? value / max(weight, 0.0625) : EMPTY;
+    return weight > 0.0 ? value / weight : EMPTY;
 #endif
 }
 #endif

@@ -104,7 +104,7 @@ class Rasteriser:
             record["size"] = (width, height, first_row, rows)
             self.frame.write(record.tobytes())
             self.zero(self.sums, *(() if self._clean else (self.carries,)))
-            if not self._clean or self.band_rows < height:
+            if not self._clean:  # of the first band, which no other exceeds
                 self.carries.write(np.array([0, shader.groups(width, rows)[1], 1, 0], np.uint32))
             self._clean = False
             if hiding and history is not None:
