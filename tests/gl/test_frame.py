@@ -66,6 +66,21 @@ def test_frame_agrees_with_twin(context, scale, preset):
         renderer.release()
 
 
+@pytest.mark.parametrize("soft_z", list(SOFT_Z))
+@pytest.mark.parametrize("preset", list(FILTERS))
+def test_a_file_in_another_unit_agrees_with_twin(context, preset, soft_z, seed):
+    """Of the published presets some limits are metres, whatever the file's unit is."""
+    metre = 1000.0
+    base = room(seed, scale=metre)
+    scene = replace(base, meta={**base.meta, "metres_per_unit": 1 / metre})
+    camera, settings = camera_in(scene, seed), Settings(filter=preset, soft_z=soft_z)
+    renderer = Renderer(context, scene)
+    try:
+        assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings, metre=metre))
+    finally:
+        renderer.release()
+
+
 @pytest.mark.parametrize(("threads", "stretch"), [(1, 8), (2, 1), (3, 2), (5, 1), (64, 8)])
 def test_every_batch_is_drawn_once_however_they_are_dealt_out(context, monkeypatch, drawn, threads, stretch, seed):
     """Told by the sums: a batch drawn twice changes no mean."""
