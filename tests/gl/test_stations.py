@@ -71,6 +71,15 @@ def test_every_filter_and_odd_sizes_agree_with_twin(renderer_of, preset, size, s
     assert_agrees(renderer_of(scene).render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
 
 
+def test_one_renderer_draws_every_size_as_another_would(renderer_of, seed):
+    scene = scanned(seed)
+    one = renderer_of(scene)
+    for size in ((97, 61), (160, 131), (40, 30), (97, 61)):
+        camera = camera_in(scene, seed, size)
+        frames = [renderer.render(camera, Settings(), views=ALL) for renderer in (one, renderer_of(scene))]
+        assert all(frames[0].image(view).tobytes() == frames[1].image(view).tobytes() for view in ALL)
+
+
 def test_both_rasterisers_give_the_same_bytes(renderer_of, seed):
     scene = scanned(seed)
     renderer = renderer_of(scene)
