@@ -5,6 +5,8 @@ import inspect
 import subprocess
 import sys
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +21,8 @@ from viewer.errors import DeviceError, InputError
 from viewer.render import bridge, egl, neural
 from viewer.render.context import Device
 from viewer.render.cuda_bridge import CudaCallError, device_failure
+from viewer.render.renderer import Renderer
+from viewer.settings import Settings
 
 # -- sizes ----------------------------------------------------------------------------------------------------------
 
@@ -188,6 +192,28 @@ def test_a_lost_device_is_a_device_error_and_the_stage_is_made_anew():
     with pytest.raises(ValueError, match="a bug"):
         stage.infer()
     assert stage.key == ("balanced",)
+
+
+def test_a_stage_is_made_anew_for_what_it_is_made_of_and_kept_otherwise(monkeypatch):
+    """One after the other: each of these settings changes the network or where it runs, the others do not."""
+    there, made = [], []
+
+    def stage(_programs, _size, *key):
+        made.append(key)
+        there.append(key)
+        return SimpleNamespace(key=key, release=lambda: there.remove(key))
+
+    monkeypatch.setattr(neural, "NeuralStage", stage)
+    renderer = SimpleNamespace(_neural=None, _device="cuda", _programs=None, _size=(4, 4))
+    plain = Settings(quality="fast", device="cpu")
+    others = [{"quality": "best"}, {"filter": "off"}, {"weights": "own.safetensors"}, {"precision": "fp32"}, {"device": "auto"}]
+    for settings in (plain, *(replace(plain, **other) for other in others)):
+        for same in (settings, replace(settings, filter_strength=2.0, lod=1.0)):
+            assert Renderer._neural_for(renderer, same) is renderer._neural  # type: ignore[arg-type]
+            assert there == [renderer._neural.key]
+    device, filtered = [key[-1] for key in made], [key[1] for key in made]
+    assert len(made) == len(set(made)) == 6
+    assert device == ["cpu"] * 5 + ["cuda"] and filtered == [True, True, False, True, True, True]
 
 
 # -- graphs ----------------------------------------------------------------------------------------------------------
