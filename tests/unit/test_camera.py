@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viewer.camera import Camera, from_fov, look_at
+from viewer.camera import FOCAL_LENGTHS, MAX_SIDE, Camera, from_fov, look_at
 from viewer.errors import InputError
 
 coordinate = st.floats(-1e7, 1e7)
@@ -63,6 +63,41 @@ def test_bad_cameras_are_refused_by_name_and_value(changes, said):
     with pytest.raises(InputError, match=said) as caught:
         Camera(**{**good, **changes})
     assert "'c7'" in str(caught.value)
+
+
+@pytest.mark.parametrize("shear, fine", [(0.015, True), (0.025, False)])
+def test_a_pose_may_be_off_a_rotation_by_a_hundredth(shear, fine):
+    matrix = look_at((1, 2, 3), (4, 5, 6))
+    sheared = matrix.copy()
+    sheared[:3, 0] += shear * matrix[:3, 1]
+    if fine:
+        assert np.allclose(from_fov(8, 6, 60, sheared).camera_to_world, matrix, atol=0.01)
+        return
+    with pytest.raises(InputError, match="not a rotation"):
+        from_fov(8, 6, 60, sheared)
+
+
+def test_whatever_the_last_row_says_the_pose_ends_in_that_of_a_pose():
+    matrix = np.eye(4)
+    matrix[3] = (1, 2, 3, 4)
+    assert np.array_equal(from_fov(8, 6, 60, matrix).camera_to_world, np.eye(4))
+
+
+def test_the_largest_side_is_allowed_and_no_larger_one():
+    for width, height in ((MAX_SIDE, 1), (1, MAX_SIDE)):
+        camera = Camera(width, height, 5.0, 5.0, 0.5, 0.5, np.eye(4))
+        assert (camera.width, camera.height) == (width, height)
+        with pytest.raises(InputError, match=f"{MAX_SIDE + 1}: expected a whole number of pixels from 1 to {MAX_SIDE}"):
+            Camera(width + (width > 1), height + (height > 1), 5.0, 5.0, 0.5, 0.5, np.eye(4))
+
+
+@pytest.mark.parametrize("focal, side", [("fx", "width"), ("fy", "height")])
+def test_a_focal_length_is_judged_by_its_own_side(focal, side):
+    lens = {"width": 1, "height": 1, "fx": 1.0, "fy": 1.0, "cx": 0.5, "cy": 0.5, "camera_to_world": np.eye(4)}
+    most = FOCAL_LENGTHS[1] * 1000
+    assert getattr(Camera(**{**lens, side: 1000, focal: most}), focal) == most
+    with pytest.raises(InputError, match=f"{focal} .* no picture 1000 pixels across"):
+        Camera(**{**lens, side: 1000, focal: 2 * most})
 
 
 def test_projection_follows_the_pixel_convention():

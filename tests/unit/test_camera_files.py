@@ -80,6 +80,22 @@ def test_transforms_json_with_one_lens_a_frame_and_field_of_view(tmp_path):
     assert wider.fx == wider.fy == 50 and wider.name == "a_2"
 
 
+def test_each_angle_of_view_spans_its_own_side(tmp_path):
+    path = tmp_path / "transforms.json"
+    angles = {"camera_angle_x": 2 * np.arctan(0.4), "camera_angle_y": 2 * np.arctan(0.6)}
+    path.write_text(json.dumps({**angles, "w": 80, "h": 60, "frames": [PICTURE]}))
+    [camera] = read_cameras(path)
+    assert (camera.fx, camera.fy) == pytest.approx((100, 50))
+
+
+def test_a_camera_path_without_a_width_takes_it_from_the_aspect(tmp_path):
+    path = tmp_path / "camera_path.json"
+    data = shots({"aspect": 1.5}, {})
+    del data["render_width"]
+    path.write_text(json.dumps(data))
+    assert [(camera.width, camera.height) for camera in read_cameras(path)] == [(90, 60), (60, 60)]
+
+
 def test_camera_path_json(tmp_path):
     path = tmp_path / "camera_path.json"
     fov = 2 * np.degrees(np.arctan(0.3))
@@ -271,7 +287,7 @@ def test_an_angle_takes_the_size_asked_for_where_the_file_has_none(tmp_path):
 
 
 @pytest.mark.parametrize("changes, said", [
-    ({"width": 81}, "81x60"), ({"fx": 101.0}, "square pixels"), ({"cy": 31.0}, "centred"),
+    ({"width": 81}, "81x60"), ({"fx": 101.0}, "square pixels"), ({"cy": 31.0}, "centred"), ({"cx": 40.01}, "centred"),
 ])
 def test_a_camera_the_path_format_cannot_hold_is_refused(tmp_path, changes, said):
     camera = Camera(80, 60, 100.0, 100.0, 40.0, 30.0, POSE, "one")

@@ -41,6 +41,12 @@ def test_distortion_is_refused_whatever_its_shape(tmp_path, distortion):
         assert refused(path, "distortion_params").startswith(f"{path}: frame 0 (one): ")
 
 
+@pytest.mark.parametrize("key", ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"])
+def test_distortion_is_refused_whatever_its_order(tmp_path, key):
+    assert len(read_cameras(write(tmp_path, transforms(**{key: 0})))) == 1
+    refused(write(tmp_path, transforms({}, {key: -1e-4})), f"frame 1 .*: distortion {key} = -0.0001")
+
+
 @pytest.mark.parametrize("distortion", [None, [], {}, 0, [0, 0.0], {"k1": 0, "k2": 0.0}])
 def test_no_distortion_is_read(tmp_path, distortion):
     assert len(read_cameras(write(tmp_path, transforms(distortion_params=distortion)))) == 1

@@ -150,6 +150,7 @@ def test_no_cache_keeps_nothing(scan, cameras, tmp_path, monkeypatch, command):
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "\u00b2x5"), "expected WIDTHxHEIGHT"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--size", "9" * 5000 + "x5"), "expected WIDTHxHEIGHT"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--shard", "3/2"), "--shard '3/2'"),
+    (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--shard", "2/2"), "--shard '2/2'"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--shard", "\u00b2/3"), "expected i/n"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--filter-strength", "0"), "filter strength 0.0"),
     (("render", "{scan}", "--cameras", "{cameras}", "--out", "{out}", "--filter-levels", "99"), "filter levels 99"),

@@ -105,7 +105,6 @@ def _named(cameras: list[Camera]) -> list[Camera]:
             while name.casefold() in taken:
                 copies[key] += 1
                 name = f"{base}_{copies[key]}"
-            taken.add(name.casefold())
         copies.setdefault(key, 1)
         out.append(camera if name == camera.name else replace(camera, name=name))
     return out
