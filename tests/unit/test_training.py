@@ -165,17 +165,6 @@ def test_flow_is_the_motion_of_a_plane_and_stops_at_what_hides(tmp_path):
     assert np.isnan(flow[0, 5:-5, 39]).all() and np.allclose(flow[0, 5:-5, 10:30], -2.5, atol=0.01)
 
 
-def test_warp_follows_a_known_motion():
-    picture = torch.rand(1, 2, 9, 12)
-    flow = torch.zeros(1, 2, 9, 12)
-    flow[:, 0], flow[:, 1] = 2.0, -1.0
-    moved = warp(picture, flow)
-    assert torch.allclose(moved[..., 1:, :-2], picture[..., :-1, 2:], atol=1e-5)
-    assert inside_flow(flow)[0, 0].sum() == 8 * 10
-    flow[0, 0, 4, 4] = float("nan")
-    assert not inside_flow(flow)[0, 0, 4, 4]
-
-
 def test_the_objective_ignores_what_is_not_known_and_rewards_steadiness(pairs):
     batch = Crops([pairs], 32, 1).batch(0, 2, 1)
     objective = Objective(None, 0.1, 0.5, 1.0)

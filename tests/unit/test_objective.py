@@ -1,0 +1,96 @@
+"""What training minimises, against plain sums; and the warp that steadiness is measured by."""
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import map_coordinates
+
+from model.data.crops import Batch
+from model.objective import Objective, inside_flow, warp
+
+
+def test_warp_follows_a_known_motion():
+    picture = torch.rand(1, 2, 9, 12)
+    flow = torch.zeros(1, 2, 9, 12)
+    flow[:, 0], flow[:, 1] = 2.0, -1.0
+    moved = warp(picture, flow)
+    assert torch.allclose(moved[..., 1:, :-2], picture[..., :-1, 2:], atol=1e-5)
+    assert inside_flow(flow)[0, 0].sum() == 8 * 10
+    flow[0, 0, 4, 4] = float("nan")
+    assert not inside_flow(flow)[0, 0, 4, 4]
+
+
+class _Squares(torch.nn.Module):
+    """In the place of the perceptual distance; notes what it was given."""
+
+    def __init__(self):
+        super().__init__()
+        self.given = []
+
+    def forward(self, a, b):
+        self.given.append((a, b))
+        return (a - b).square().mean()
+
+
+def _random_batch(seed: int, count: int, beside: int, height: int = 11, width: int = 14) -> Batch:
+    """Crops with voids, pixels partly covered and pixels not known; flow with unseen pixels and ones that leave the picture."""
+    rng = np.random.default_rng(seed)
+
+    def random(*shape):
+        return torch.from_numpy(rng.random(shape).astype(np.float32))
+
+    coverage = torch.from_numpy(rng.choice([0.0, 0.3, 1.0], (count, 1, height, width)).astype(np.float32))
+    known = torch.from_numpy(rng.choice([0.0, 0.6, 1.0], (count, 1, height, width)).astype(np.float32))
+    flow = torch.from_numpy(rng.normal(0, 3, (beside, 2, height, width)).astype(np.float32))
+    flow[:, :, torch.from_numpy(rng.random((height, width)) < 0.2)] = torch.nan
+    return Batch(random(count, 5, height, width), random(count, 3, height, width), coverage, known,
+                 random(beside, 5, height, width), flow)
+
+
+def _plain_change(made: np.ndarray, beside: np.ndarray, flow: np.ndarray) -> float:
+    """Mean difference of a picture (3, H, W) and its neighbour brought back, over the pixels that the neighbour holds."""
+    height, width = made.shape[1:]
+    total, seen = 0.0, 0
+    for n in range(len(flow)):
+        for j in range(height):
+            for i in range(width):
+                x, y = i + flow[n, 0, j, i], j + flow[n, 1, j, i]
+                if 0 <= x <= width - 1 and 0 <= y <= height - 1:
+                    seen += 1
+                    there = [map_coordinates(channel, [[y], [x]], order=1)[0] for channel in beside[n]]
+                    total += np.abs(there - made[:, j, i]).sum()
+    return total / (3 * seen)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+@pytest.mark.parametrize("count", [1, 3])
+def test_the_objective_is_that_of_plain_sums(monkeypatch, seed, count, channels):
+    distance = _Squares()
+    monkeypatch.setattr("model.objective.perceptual", lambda _path: (distance, "squares"))
+    batch = _random_batch(seed, count, 1)
+    made, beside = torch.randn(count, channels, 11, 14) + 0.5, torch.rand(1, channels, 11, 14)
+    loss, terms = Objective(None, 0.2, 0.3, 0.4)(made, beside, batch)
+    picture, true, coverage, known = (t.double().numpy() for t in (made, batch.colour, batch.coverage, batch.known))
+    weight = coverage * known
+    expected = {"l1": (np.abs(picture[:, :3] - true) * weight).sum() / (3 * weight.sum())}
+    shown = np.where(weight > 0.5, picture[:, :3].clip(0, 1), true)[-max(1, count // 2) :]
+    assert np.allclose(distance.given[0][0].numpy(), shown) and np.allclose(distance.given[0][1].numpy(), true[-len(shown) :])
+    expected["distance"] = ((shown - true[-len(shown) :]) ** 2).mean()
+    expected["change"] = _plain_change(picture[0, :3], beside[:, :3].double().numpy(), batch.flow.numpy())
+    total = 0.8 * expected["l1"] + 0.2 * expected["distance"] + 0.4 * expected["change"]
+    if channels == 4:
+        shown = picture[:, 3:].clip(np.where(coverage == 0, 0, -np.inf), np.where(coverage == 1, 1, np.inf))
+        expected["coverage"] = (np.abs(shown - coverage) * known).mean()
+        total += 0.3 * expected["coverage"]
+    assert {name: float(value) for name, value in terms.items()} == pytest.approx(expected, rel=1e-4)
+    assert float(loss) == pytest.approx(total, rel=1e-4)
+
+
+def test_a_batch_of_which_nothing_is_known_teaches_nothing():
+    batch = _random_batch(1, 2, 1)
+    batch.known[:] = 0
+    batch.flow[:] = torch.nan
+    made = torch.rand(2, 4, 11, 14, requires_grad=True)
+    loss, _ = Objective(None, 0.1, 0.1, 0.1)(made, torch.rand(1, 4, 11, 14), batch)
+    loss.backward()
+    assert float(loss.detach()) == 0 and made.grad is not None and not made.grad.any()
