@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from evaluation_files import rgb_of
+from scipy.io import loadmat
 
 import model.evaluation.scene as scene_module
 from model.data.projected import Projected, project_scan
@@ -18,7 +19,7 @@ from model.evaluation.methods import thinned
 from model.evaluation.precision import scaled_input
 from model.evaluation.scene import matched_colours
 from model.exposure import exposures_of, match_exposures
-from model.losses import SqueezeDistance
+from model.losses import SQUEEZE_FILES, SqueezeDistance
 from model.metrics import masked_error, masked_psnr, ssim
 from model.unet import CompactUNet, Size
 from model.weights import WeightsError, weights_dir
@@ -57,6 +58,44 @@ def test_figures_over_invented_pixels_agree_with_hand_computation():
     none = torch.zeros(12, 12, dtype=torch.bool)
     assert np.isnan(masked_psnr(made, truth, none)) and np.isnan(masked_error(made, truth, none))
     assert np.isnan(figures.distance)
+
+
+def _plain_squeeze(folder: Path, picture: np.ndarray) -> list[np.ndarray]:
+    """Maps of unit features (H, W, C) of a picture (H, W, 3) 0..1: SqueezeNet 1.1 as its paper and Caffe's file have it."""
+    stored = loadmat(str(folder / SQUEEZE_FILES[0]))
+
+    def convolved(x, name, stride=1):
+        weight, bias = stored[name][0]
+        side = weight.shape[0]
+        x = np.pad(x, ((1, 1), (1, 1), (0, 0))) if "expand3x3" in name else x
+        windows = np.lib.stride_tricks.sliding_window_view(x, (side, side), (0, 1))[::stride, ::stride]
+        return np.maximum(np.einsum("hwcij,ijco->hwo", windows, weight, optimize=True) + bias.ravel(), 0)
+
+    def pooled(x):  # the last window may hang over the border
+        rows, columns = (range(0, n - 1, 2) for n in x.shape[:2])
+        return np.array([[x[i : i + 3, j : j + 3].max((0, 1)) for j in columns] for i in rows])
+
+    x = convolved(picture[..., ::-1] * 255 - (104, 117, 123), "conv1", 2)  # blue, green, red, less ImageNet's means
+    maps = [x]
+    for fire in range(2, 10):
+        x = pooled(x) if fire in (2, 4, 6) else x
+        x = convolved(x, f"fire{fire}/squeeze1x1")
+        x = np.concatenate([convolved(x, f"fire{fire}/expand1x1"), convolved(x, f"fire{fire}/expand3x3")], 2)
+        maps += [x] if fire in (3, 5, 6, 7, 8, 9) else []
+    return [m / np.linalg.norm(m, axis=2, keepdims=True) for m in maps]
+
+
+def test_the_distance_is_that_of_the_network_written_out(squeeze):
+    generator = torch.Generator().manual_seed(4)
+    pictures = torch.rand(2, 2, 3, 44, 50, generator=generator)  # sides that every pooling cuts unevenly somewhere
+    heads = torch.load(squeeze / SQUEEZE_FILES[1], weights_only=True)
+    expected = 0.0
+    for a, b in zip(*(p.permute(0, 2, 3, 1).double().numpy() for p in pictures), strict=True):
+        for k, (p, q) in enumerate(zip(_plain_squeeze(squeeze, a), _plain_squeeze(squeeze, b), strict=True)):
+            head = heads[f"lin{k}.model.1.weight"].numpy().ravel()
+            expected += ((p - q) ** 2 @ head).mean() / len(pictures[0])
+    with torch.inference_mode():
+        assert float(SqueezeDistance(squeeze).eval()(*pictures)) == pytest.approx(expected, rel=1e-4)
 
 
 def test_the_distance_to_a_truth_whose_features_are_kept_is_the_distance(squeeze):
