@@ -143,6 +143,24 @@ def test_a_changed_file_is_read_again(scan):
     assert open_scene(scan).count == 2000
 
 
+def test_whatever_decides_a_grid_decides_its_place_in_the_cache(scan, tmp_path, monkeypatch):
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / scan.name).write_bytes(scan.read_bytes())
+    times = (scan.stat().st_atime_ns, scan.stat().st_mtime_ns)
+    os.utime(other / scan.name, ns=times)
+    places = [cache.folder_of([scan]), cache.folder_of([scan], False), cache.folder_of([other / scan.name]),
+              cache.folder_of([scan, other / scan.name]), cache.folder_of([other / scan.name, scan])]
+    for name in ("VERSION", "COLOURS", "ORDER"):
+        with monkeypatch.context() as later:
+            later.setattr(cache, name, getattr(cache, name) + 1)
+            places.append(cache.folder_of([scan]))
+    os.utime(scan, ns=(times[0], times[1] + 1000))  # within the same second
+    places.append(cache.folder_of([scan]))
+    os.utime(scan, ns=times)
+    assert len(set(places)) == len(places) and cache.folder_of([scan], True) == places[0]
+
+
 def test_a_pickle_in_the_cache_is_not_loaded(scan):
     open_scene(scan)
     folder = cache.folder_of([scan])
