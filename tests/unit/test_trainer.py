@@ -1,0 +1,95 @@
+"""The steps of a training: how large they are, what bounds them, the average of the networks, and which of them is kept."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+
+from model import train as train_module
+from model.data.crops import Batch, Crops
+from model.torchrun import Process
+from model.train import TrainConfig, Trainer, train
+from model.weights import load_weights
+
+pytestmark = pytest.mark.usefixtures("one_thread")
+
+
+def _trainer(out, **changes) -> Trainer:
+    config = TrainConfig((), str(out), quality="fast", device="cpu", **changes)
+    config.state.mkdir(parents=True)
+    return Trainer(config, Process(0, 1, torch.device("cpu")))
+
+
+def _batch() -> Batch:
+    def random(*shape):
+        return torch.rand(2, *shape, 32, 32)
+
+    return Batch(random(5), random(3), random(1), random(1), torch.zeros(0, 5, 32, 32), torch.zeros(0, 2, 32, 32))
+
+
+def _pull(strength: float):
+    """In the place of the objective: the picture is to be dark."""
+    def objective(made, _beside, _batch):
+        return strength * made.square().mean(), {}
+
+    return objective
+
+
+def test_the_rate_warms_up_and_falls_by_a_cosine_to_a_fiftieth():
+    config = TrainConfig((), "", rate=0.5, warmup=4)
+    assert [config.learning_rate(step, 0.0) for step in range(6)] == pytest.approx([0.125, 0.25, 0.375, 0.5, 0.5, 0.5])
+    done = [config.learning_rate(99, share) for share in (0.25, 0.5, 0.75, 1.0, 1.5)]
+    assert done == pytest.approx([0.5 * (0.02 + 0.98 * c) for c in ((2 + 2**0.5) / 4, 0.5, (2 - 2**0.5) / 4, 0, 0)])
+
+
+@pytest.mark.parametrize("steps, minutes, done", [(1000, 1.0, 10), (4, 1.0, 4), (4, 0.0, 4)])
+def test_the_rate_falls_with_what_runs_out_first(tmp_path, monkeypatch, steps, minutes, done):
+    """A clock on which a step takes six seconds."""
+    clock, rates = [100.0], []
+
+    def advance(trainer, _batch, _objective, rate):
+        rates.append(rate)
+        clock[0] += 6
+        trainer.step += 1
+        return {"loss": torch.zeros(())}
+
+    monkeypatch.setattr(train_module, "time", SimpleNamespace(monotonic=lambda: clock[0]))
+    monkeypatch.setattr(Trainer, "advance", advance)
+    monkeypatch.setattr(Crops, "__init__", lambda *_, **__: None)
+    monkeypatch.setattr(Crops, "batch", lambda *_: _batch())
+    config = TrainConfig((), str(tmp_path), quality="fast", device="cpu", steps=steps, minutes=minutes)
+    train(config)
+    assert rates == pytest.approx([config.learning_rate(k, k / done) for k in range(done)])
+
+
+def test_the_average_follows_soon_and_then_slowly(tmp_path):
+    trainer = _trainer(tmp_path, average=0.25)  # met at the third step
+    expected = {name: value.clone() for name, value in trainer.averaged.state_dict().items()}
+    for step in range(6):
+        trainer.advance(_batch(), _pull(1.0), 1e-3)
+        keep = min(0.25, (1 + step) / (10 + step))
+        for name, value in trainer.network.state_dict().items():
+            expected[name] = keep * expected[name] + (1 - keep) * value
+    for name, value in trainer.averaged.state_dict().items():
+        assert torch.allclose(value, expected[name], atol=1e-7)
+    assert not all(torch.equal(a, b) for a, b in zip(trainer.network.parameters(), trainer.averaged.parameters(), strict=True))
+
+
+@pytest.mark.parametrize("strength", [1e-3, 1e6])
+def test_no_step_follows_a_slope_steeper_than_one(tmp_path, strength):
+    torch.manual_seed(1)
+    trainer = _trainer(tmp_path)
+    trainer.advance(_batch(), _pull(strength), 1e-3)
+    norm = np.sqrt(sum(float(p.grad.double().square().sum()) for p in trainer.network.parameters() if p.grad is not None))
+    assert norm == pytest.approx(1.0, abs=1e-3) if strength > 1 else 0 < norm < 0.1
+
+
+def test_the_weights_that_are_kept_are_the_average(tmp_path):
+    trainer = _trainer(tmp_path)
+    with torch.no_grad():
+        for p in trainer.averaged.parameters():
+            p.copy_(torch.randn_like(p))
+    trainer.save(tmp_path / "kept.safetensors", {}, {})
+    kept = load_weights(tmp_path / "kept.safetensors")[0].state_dict()
+    assert all(torch.equal(kept[name], value.half().float()) for name, value in trainer.averaged.state_dict().items())
