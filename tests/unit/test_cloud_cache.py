@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_ply
 
-from viewer.cloud import cache, open_scene, unpack
+from viewer.cloud import cache, grid, open_scene, unpack
 from viewer.cloud.chunk_source import CHUNK, ChunkSource
 from viewer.cloud.convert import convert, convert_each
 from viewer.cloud.info import describe, format_text
@@ -183,6 +183,27 @@ def test_cancelling_leaves_nothing_behind(scan, store, calls):
     finally:
         set_sink(None)
     assert list(store.iterdir()) == []
+
+
+@pytest.mark.parametrize("how", ["points elsewhere", "other colours"])
+def test_a_file_that_changes_between_its_readings_is_refused_and_leaves_nothing(scan, store, monkeypatch, how):
+    """Other colours are seen by the file's time alone: every point is still where it was counted."""
+    xyz, rgb = surface(3000)
+    changed = (xyz + 3 * np.arange(3), rgb) if how == "points elsewhere" else (xyz, 255 - rgb)
+    place = grid.scatter
+
+    def later(*given):
+        write_ply(scan, *changed)
+        return place(*given)
+
+    monkeypatch.setattr(grid, "scatter", later)
+    with pytest.raises(InputError, match=r"floor\.ply: changed while it was read; try again"):
+        open_scene(scan)
+    assert list(store.iterdir()) == []
+    if how == "points elsewhere":
+        write_ply(scan, xyz, rgb)
+        with pytest.raises(InputError, match=r"floor\.ply: changed while it was read; try again"):
+            open_scene(scan, cache=False)
 
 
 def test_interrupting_leaves_nothing_behind(scan, store, monkeypatch):

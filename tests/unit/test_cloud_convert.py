@@ -8,6 +8,7 @@ from cloud_files import surface, write_ply
 
 from viewer.cli import main
 from viewer.cloud import cache, open_scene
+from viewer.cloud import convert as convert_module
 from viewer.cloud.convert import convert, convert_each, scans_in
 
 
@@ -100,6 +101,21 @@ def test_what_somebody_put_into_a_grid_is_not_deleted_with_it(scan, tmp_path, ca
     request.getfixturevalue("no_work")
     refused(capsys, scan, str(out), f"holds other files ({kept.split('/')[0]})")
     assert (out / kept).is_file() and open_scene(out).count == 3000
+
+
+def test_what_somebody_puts_there_while_a_grid_is_made_is_not_deleted(scan, tmp_path, capsys, monkeypatch):
+    out, build = tmp_path / "grid", convert_module.build_scene
+    convert([scan], out)
+    before = (out / "meta.json").stat().st_mtime_ns
+
+    def meanwhile(*given, **options):
+        (out / "thesis.txt").write_text("years")
+        return build(*given, **options)
+
+    monkeypatch.setattr(convert_module, "build_scene", meanwhile)
+    refused(capsys, scan, str(out), "holds other files (thesis.txt)")
+    assert (out / "thesis.txt").read_text() == "years" and (out / "meta.json").stat().st_mtime_ns == before
+    assert named(tmp_path) == ["floor.ply", "grid"], "something stays behind"
 
 
 def test_a_scan_given_twice_is_one_however_it_is_spelt(tmp_path, monkeypatch):

@@ -96,6 +96,30 @@ def test_a_folder_without_sums_opens_as_before(scan, tmp_path):
     np.testing.assert_array_equal(np.asarray(open_scene(out).boxes), np.asarray(fresh.boxes))
 
 
+@pytest.mark.parametrize("said, parts", [({}, 1), ({"spread": False}, 1), ({"spread": True}, 8), ({"parts": 64}, 64)])
+def test_a_folder_is_read_in_the_parts_that_its_version_made(scan, tmp_path, said, parts):
+    """Earlier ones said nothing of parts, then that points are spread."""
+    out = tmp_path / "grid"
+    convert([scan], out)
+    head = json.loads((out / "meta.json").read_text())
+    del head["parts"]
+    (out / "meta.json").write_text(json.dumps(head | said))
+    assert open_scene(out).parts == parts
+
+
+def test_what_was_checked_is_what_is_used_whatever_becomes_of_the_files(scan, tmp_path):
+    convert([scan], tmp_path / "grid")
+    scene = open_scene(tmp_path / "grid")
+    small = {name: np.array(getattr(scene, name)) for name in ARRAYS if name != "points"}
+    for name in small:
+        path = tmp_path / "grid" / f"{name}.npy"
+        raw = path.read_bytes()
+        with path.open("r+b") as file:  # in its place, as a memory map would show
+            file.write(bytes(byte ^ 255 for byte in raw))
+    for name, array in small.items():
+        np.testing.assert_array_equal(getattr(scene, name), array)
+
+
 def test_points_in_another_order_are_not_taken_for_points(scan, tmp_path):
     def transposed(folder):
         np.save(folder / "points.npy", np.asfortranarray(np.load(folder / "points.npy")))
@@ -103,7 +127,10 @@ def test_points_in_another_order_are_not_taken_for_points(scan, tmp_path):
     both(scan, tmp_path, transposed)
 
 
-@pytest.mark.parametrize("change", [{"count": float("inf")}, {"meta": []}, {"shapes": []}, {"parts": None}])
+@pytest.mark.parametrize("change", [
+    {"count": float("inf")}, {"meta": []}, {"shapes": []}, {"parts": None}, {"parts": 3}, {"spacing": 0}, {"cell_size": 0.0},
+    {"origin": [0, 0, float("nan")]}, {"bounds": [[0, 0, 0]]},
+])
 def test_facts_that_are_none_are_never_read(scan, tmp_path, change):
     def changed(folder):
         head = json.loads((folder / "meta.json").read_text())
