@@ -8,19 +8,24 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from model.light import TO_LINEAR, TO_SRGB
 from model.project import SoftZ, depth_feature, network_input, pixels, rasterise, unpack_points
 from model.pull_push import pull_push
 
 CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
 
 
-@given(st.integers(0, 2**32 - 1), st.booleans())
-@settings(max_examples=30, deadline=None)
-def test_rasteriser_equals_a_plain_loop(seed, rounded):
+@given(st.integers(0, 2**32 - 1), st.sampled_from([(0.02, 0.1), (0.0, 0.125), (0.0, 0.0), (0.02, 0.0)]),
+       st.booleans(), st.booleans(), st.booleans())
+@settings(max_examples=60, deadline=None)
+def test_rasteriser_equals_a_plain_loop(seed, tolerance, rounded, linear, unlit):
+    """Depths in steps, so that some lie just as far behind the nearest as may be; colours black, and black but for blue."""
     rng = np.random.default_rng(seed)
     points = rng.normal(0, 2, (300, 3))
+    points[:, 2] = np.round(8 * points[:, 2]) / 8
     rgb = rng.integers(0, 256, (300, 3))
-    soft = SoftZ(0.02, 0.1, rounded)
+    rgb[::6], rgb[1::6, :2] = 0, 0
+    soft = SoftZ(*tolerance, rounded, linear, unlit)
     x, y, z = torch.from_numpy(points).unbind(1)
     index, inside = pixels(x, y, z, CAMERA, rounded=rounded)
     raster = rasterise(index, z[inside], torch.from_numpy(rgb)[inside], CAMERA.width, CAMERA.height, soft)
@@ -39,10 +44,20 @@ def test_rasteriser_equals_a_plain_loop(seed, rounded):
                 assert torch.isinf(raster.depth[j, i]) and raster.count[j, i] == 0
                 continue
             nearest = min(d for d, _ in held)
-            chosen = [c for d, c in held if d <= max(nearest * 1.02, nearest + 0.1)]
+            far = max(nearest * (1 + tolerance[0]), nearest + tolerance[1])
+            chosen = [c for d, c in held if d <= far and not (unlit and not c.any())]
             assert raster.depth[j, i] == nearest and raster.count[j, i] == len(chosen)
-            mean = np.floor(np.mean(chosen, axis=0) + 0.5)
-            assert raster.colour[:, j, i].tolist() == mean.tolist()
+            sums = np.sum([TO_LINEAR[c] if linear else c for c in chosen or [np.zeros(3, int)]], axis=0)
+            mean = (2 * sums + len(chosen)) // (2 * max(len(chosen), 1))  # rounded half up
+            assert raster.colour[:, j, i].tolist() == (TO_SRGB[mean] if linear else mean).tolist()
+
+
+def test_in_float64_the_lens_is_so_too():
+    """A long lens with its axis far outside: float32 would put the point a column beside."""
+    camera = SimpleNamespace(width=9, height=7, fx=2.0**24 + 1, fy=2.0**24 + 3, cx=4.5 - 2.0**24, cy=3.5 - 2.0**24)
+    one = torch.ones(1, dtype=torch.float64)
+    index, inside = pixels(one, one, one, camera)
+    assert inside.all() and index.tolist() == [6 * 9 + 5]
 
 
 def test_unpack_reads_every_field():
