@@ -151,6 +151,30 @@ def test_a_chunk_being_read_is_not_read_by_another_thread_too():
     reader.close()
 
 
+def test_a_chunk_that_failed_is_not_read_again_before_somebody_was_told():
+    woken = threading.Semaphore(0)
+
+    class Bad(Gate):
+        def read(self, chunk, into):
+            got = super().read(chunk, into)
+            if chunk == 3 and self.begun.count(3) == 1:
+                raise ChunkError("torn", 3)
+            return got
+
+    source = Bad(random_points(20 * 64), 64)
+    source.may.release(9)
+    reader = ChunkReader(source, threads=1, wake=woken.release)
+    reader.request(np.array([3]))
+    assert woken.acquire(timeout=30)
+    reader.request(np.array([3, 4]))
+    with pytest.raises(ChunkError, match="torn"):
+        next(reader.arrivals(wait=True))
+    assert [chunk for chunk, _ in reader.arrivals(wait=True)] == [4] and source.begun == [3, 4]
+    reader.request(np.array([3]))
+    assert [chunk for chunk, _ in reader.arrivals(wait=True)] == [3]
+    reader.close()
+
+
 @pytest.mark.timeout(30)
 def test_buffers_are_bounded_and_come_back():
     points = random_points(64 * 64)
