@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.light import TO_LINEAR, TO_SRGB
-from model.project import SoftZ, depth_feature, network_input, pixels, rasterise, unpack_points
+from model.project import SoftZ, depth_feature, frame, network_input, pixels, rasterise, unpack_points
 from model.pull_push import pull_push
 
 CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
@@ -90,6 +90,24 @@ def test_depth_feature_has_no_unit(scale):
     feature = depth_feature(depth, 700.0, 0.01 * scale)
     assert torch.allclose(feature, depth_feature(depth / scale, 700.0, 0.01), atol=1e-5)
     assert feature[1, 1] == 0 and feature.abs().max() <= 2.0
+
+
+def test_depth_feature_counts_doublings_and_is_bounded():
+    depth = 700.0 * 0.01 * 2.0 ** torch.tensor([[-20.0, -8, -4, 0, 1, 8, 8.5, 20]])
+    assert depth_feature(depth, 700.0, 0.01)[0].tolist() == pytest.approx([-2, -2, -1, 0, 0.25, 2, 2, 2], abs=1e-6)
+
+
+def test_soft_z_is_in_the_units_of_the_file():
+    assert SoftZ.preset("auto", 0.5, 3.0, unlit=True) == SoftZ(1 / 128, 0.5, linear=True, unlit=True)
+    assert SoftZ.preset("paper-code", 0.5, 3.0) == SoftZ(0.0, pytest.approx(0.06), rounded=True)
+    assert SoftZ.preset("paper-text", 0.5, 3.0) == SoftZ(0.0, pytest.approx(0.06))
+
+
+def test_a_pixel_without_a_colour_is_no_part_of_the_mask():
+    index, z, rgb = torch.tensor([0, 1]), torch.ones(2), torch.tensor([[0, 0, 0], [0, 0, 9]])
+    for unlit in (True, False):
+        raster, mask = frame(index, z, rgb, SimpleNamespace(width=3, height=1), SoftZ(0.01, 0.0, unlit=unlit), preset="off")
+        assert mask.tolist() == [[not unlit, True, False]] and torch.isfinite(raster.depth).tolist() == [[True, True, False]]
 
 
 def test_network_input_has_its_five_channels():
