@@ -15,12 +15,12 @@ from model.data.stations import ScanModel, load_scene, scan_stations
 from model.data.truth import Scan
 from model.evaluation import precision_table
 from model.evaluation.figures import Truth
-from model.evaluation.methods import thinned
+from model.evaluation.methods import TRUE, thinned
 from model.evaluation.precision import scaled_input
 from model.evaluation.scene import matched_colours
 from model.exposure import exposures_of, match_exposures
 from model.losses import SQUEEZE_FILES, SqueezeDistance
-from model.metrics import masked_error, masked_psnr, ssim
+from model.metrics import gradient_energy, masked_error, masked_psnr, ssim
 from model.unet import CompactUNet, Size
 from model.weights import WeightsError, weights_dir
 
@@ -58,6 +58,29 @@ def test_figures_over_invented_pixels_agree_with_hand_computation():
     none = torch.zeros(12, 12, dtype=torch.bool)
     assert np.isnan(masked_psnr(made, truth, none)) and np.isnan(masked_error(made, truth, none))
     assert np.isnan(figures.distance)
+
+
+def test_gradient_energy_counts_both_directions():
+    ramp = torch.linspace(0, 1, 11).expand(3, 5, 11)
+    assert [gradient_energy(ramp), gradient_energy(ramp.transpose(1, 2))] == pytest.approx([0.1, 0.1])
+    assert gradient_energy(ramp + torch.linspace(0, 2, 5)[:, None]) == pytest.approx(0.1 + 0.5)
+
+
+def test_what_a_mask_keeps_and_lets_through_is_judged_by_what_can_be_told(seed):
+    rng = np.random.default_rng(seed)
+    mask, visible, hidden = (torch.from_numpy(rng.random((20, 30)) < 0.5) for _ in range(3))
+    hidden &= ~visible  # the rest is too close to call
+    view = SimpleNamespace(masks={TRUE: visible, "hidden": hidden})
+    kept, leaked = scene_module._judged(mask, view)  # type: ignore[arg-type]
+    both, through = int((mask & visible).sum()), int((mask & hidden).sum())
+    assert kept == pytest.approx(both / int(visible.sum())) and leaked == pytest.approx(through / (both + through))
+    assert np.isnan(scene_module._judged(None, view)).all()  # type: ignore[arg-type]
+
+
+def test_means_over_views_leave_out_what_a_view_does_not_have():
+    nan = float("nan")
+    means = scene_module._means(np.array([[1.0, nan, nan, 2.0], [3.0, 5.0, nan, float("inf")]]))
+    assert means[:2] == [2.0, 5.0] and np.isnan(means[2]) and means[3] == float("inf")
 
 
 def _plain_squeeze(folder: Path, picture: np.ndarray) -> list[np.ndarray]:
