@@ -1,5 +1,7 @@
 """The synthetic place and its scanner: the kernel against a plain twin, the scanner's mistakes against their claims."""
 
+import dataclasses
+import itertools
 import json
 from functools import partial
 from pathlib import Path
@@ -35,6 +37,17 @@ def wall(distance: float = 3.0, slant: float = 0.0):
         n = len(t)
         return SimpleNamespace(t=t, rgb=np.full((n, 3), 0.5), normal=np.broadcast_to(normal, (n, 3)),
                                shininess=np.zeros(n), darkness=np.full(n, 0.3))
+
+    return trace
+
+
+def shell(radius: float):
+    """A trace callable: a grey sphere around the scanner."""
+
+    def trace(origins, rays):
+        n = len(rays)
+        return SimpleNamespace(t=np.full(n, radius), rgb=np.full((n, 3), 0.5), normal=-rays, shininess=np.zeros(n),
+                               darkness=np.full(n, 0.3))
 
     return trace
 
@@ -293,6 +306,30 @@ def test_station_exposure_scales_linear_light():
     levels = [scan.rgb[scan.station == k].mean() / 255 for k in (0, 1)]
     linear = [((v + 0.055) / 1.055) ** 2.4 for v in levels]
     assert linear[1] / linear[0] == pytest.approx(1.1 / 0.9, rel=0.02)
+
+
+def test_all_stations_but_the_first_are_registered_a_little_off():
+    """Turned about themselves and shifted, and nothing else: lengths stay, and one turn explains every point."""
+    position, radius = np.array([100.0, -50.0, 3.0]), 5.0
+
+    def arms(number, **off):
+        scanner = VirtualScanner(shell(radius), dataclasses.replace(IDEAL, **off))
+        return scanner.station(position, 2000, np.random.default_rng(10), 1.0, number)[0] - position
+
+    true = arms(0, turn=0.5, shift=0.1)
+    assert np.allclose(np.linalg.norm(true, axis=1), radius) and np.array_equal(true, arms(1))
+    moved = arms(1, shift=0.1) - true
+    assert np.allclose(moved, moved[0]) and 0.01 < np.linalg.norm(moved[0]) < 1
+    turned = arms(1, turn=0.5) - true
+    skew = np.stack([np.cross(axis, true) for axis in np.eye(3)], -1).reshape(-1, 3)
+    turn, *_ = np.linalg.lstsq(skew, turned.reshape(-1), rcond=None)
+    assert np.allclose(skew @ turn, turned.reshape(-1), atol=1e-9) and 0.05 < np.degrees(np.linalg.norm(turn)) < 3
+
+
+def test_no_two_stations_sample_the_same_grid():
+    scan = VirtualScanner(shell(5.0), IDEAL).scan([[0, 0, 0]] * 6, 3000, np.random.default_rng(11))
+    across = [np.sort(scan.xyz[scan.station == k][:, 0]) for k in range(6)]
+    assert not any(np.allclose(a, b) for a, b in itertools.combinations(across, 2))
 
 
 # --- the demo -------------------------------------------------------------------------------------------------------
