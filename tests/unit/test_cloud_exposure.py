@@ -6,6 +6,7 @@ from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 
 from viewer.cli import main
 from viewer.cloud import open_scene, unpack
+from viewer.cloud.convert import convert_each
 from viewer.cloud.info import facts, format_text
 from viewer.errors import InputError
 
@@ -94,6 +95,14 @@ def test_as_scanned_and_matched_grids_are_kept_apart(tmp_path, monkeypatch):
     file = write_las(tmp_path / "a.las", xyz, rgb, source=station)
     for match in (True, False, True):
         assert (facts(open_scene([file], match=match))["exposures"] is not None) == match
+
+
+def test_a_converted_scan_is_converted_again_where_other_exposures_are_asked_for(tmp_path):
+    xyz, rgb, station = _stations(3, 5000)
+    write_las(tmp_path / "a.las", xyz, rgb, source=station)
+    for match in (True, False, False, True):
+        (folder,) = convert_each([tmp_path / "a.las"], tmp_path / "grids", match=match)
+        assert (facts(open_scene(folder))["exposures"] is not None) == match
 
 
 def test_convert_leaves_colours_as_scanned_when_asked(tmp_path):
