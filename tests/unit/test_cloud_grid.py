@@ -310,12 +310,16 @@ def test_a_stray_point_far_away_costs_nothing():
     assert scene.count == 49_999 and scene.meta["dropped"]["stray"] == 1 and scene.bounds.max() < 10
 
 
-def test_a_scan_that_goes_on_far_from_where_it_began_is_kept_whole(monkeypatch):
+@pytest.mark.parametrize("far", [90, 300, 3000, 10_000])
+def test_a_scan_that_goes_on_far_from_where_it_began_is_kept_whole(monkeypatch, far):
+    """A hundredth of a chunk, and less, is taken for strays."""
     monkeypatch.setattr(arrays_module, "CHUNK", 10_000)
     a, rgb = surface(10_000, size=1e-3)
-    b, _ = surface(10_000, origin=(1e8, 0, 0))
+    b, _ = surface(10_000, size=1e-3, seed=1)
+    b[-far:] = surface(far, origin=(1e8, 0, 0))[0]
     scene = scene_from_arrays(np.concatenate([a, b]), np.concatenate([rgb, rgb]))
-    assert scene.count == 20_000 and scene.meta["dropped"]["stray"] == 0
+    strays = far if far <= 100 else 0
+    assert scene.count == 20_000 - strays and scene.meta["dropped"]["stray"] == strays
 
 
 def test_tight_clusters_far_apart_stay_resolved():
