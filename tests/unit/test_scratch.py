@@ -1,6 +1,7 @@
 """Folders in the making: whole or not there, nobody else's swept, nothing left of those who are gone."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -92,3 +93,15 @@ def test_what_keeps_a_folder_from_being_locked_is_said_and_leaves_nothing(tmp_pa
     monkeypatch.setattr(scratch, "_hold", lambda folder: folder.rmdir())
     with pytest.raises(OSError, match="removed by others"):
         new(tmp_path)
+
+
+def test_some_of_the_disk_stays_free(tmp_path, monkeypatch):
+    size, usage = 5000, shutil.disk_usage(tmp_path)
+    with (tmp_path / "points").open("w+b") as file:
+        monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=size + (64 << 20) - 1))
+        with pytest.raises(OSError, match="no space left"):
+            scratch.reserve(file.fileno(), size, tmp_path)
+        assert os.fstat(file.fileno()).st_size == 0
+        monkeypatch.setattr(shutil, "disk_usage", lambda _: usage._replace(free=size + (64 << 20)))
+        scratch.reserve(file.fileno(), size, tmp_path)
+        assert os.fstat(file.fileno()).st_size == size
