@@ -1,5 +1,7 @@
 """The steps of a training: how large they are, what bounds them, the average of the networks, and which of them is kept."""
 
+from dataclasses import fields
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,6 +23,13 @@ def _trainer(out, **changes) -> Trainer:
     return Trainer(config, Process(0, 1, torch.device("cpu")))
 
 
+@pytest.fixture
+def made_up(monkeypatch):
+    """Crops that need no pairs."""
+    monkeypatch.setattr(Crops, "__init__", lambda *_, **__: None)
+    monkeypatch.setattr(Crops, "batch", lambda *_: _batch())
+
+
 def _batch() -> Batch:
     def random(*shape):
         return torch.rand(2, *shape, 32, 32)
@@ -36,6 +45,14 @@ def _pull(strength: float):
     return objective
 
 
+def test_whatever_decides_the_weights_is_part_of_the_facts(tmp_path):
+    """All but how long is trained, where, with what, and what is told of by its contents."""
+    others = {"pairs", "out", "steps", "minutes", "perceptual_path", "start_from", "save_every", "device", "threads", "loaders",
+              "sources"}  # fmt: skip
+    told = TrainConfig((), str(tmp_path)).facts("squares")
+    assert {field.name for field in fields(TrainConfig)} - others == set(told) - {"crops", "pairs", "perceptual", "start_from"}
+
+
 def test_the_rate_warms_up_and_falls_by_a_cosine_to_a_fiftieth():
     config = TrainConfig((), "", rate=0.5, warmup=4)
     assert [config.learning_rate(step, 0.0) for step in range(6)] == pytest.approx([0.125, 0.25, 0.375, 0.5, 0.5, 0.5])
@@ -44,7 +61,7 @@ def test_the_rate_warms_up_and_falls_by_a_cosine_to_a_fiftieth():
 
 
 @pytest.mark.parametrize("steps, minutes, done", [(1000, 1.0, 10), (4, 1.0, 4), (4, 0.0, 4)])
-def test_the_rate_falls_with_what_runs_out_first(tmp_path, monkeypatch, steps, minutes, done):
+def test_the_rate_falls_with_what_runs_out_first(tmp_path, monkeypatch, made_up, steps, minutes, done):
     """A clock on which a step takes six seconds."""
     clock, rates = [100.0], []
 
@@ -56,8 +73,6 @@ def test_the_rate_falls_with_what_runs_out_first(tmp_path, monkeypatch, steps, m
 
     monkeypatch.setattr(train_module, "time", SimpleNamespace(monotonic=lambda: clock[0]))
     monkeypatch.setattr(Trainer, "advance", advance)
-    monkeypatch.setattr(Crops, "__init__", lambda *_, **__: None)
-    monkeypatch.setattr(Crops, "batch", lambda *_: _batch())
     config = TrainConfig((), str(tmp_path), quality="fast", device="cpu", steps=steps, minutes=minutes)
     train(config)
     assert rates == pytest.approx([config.learning_rate(k, k / done) for k in range(done)])
@@ -93,3 +108,44 @@ def test_the_weights_that_are_kept_are_the_average(tmp_path):
     trainer.save(tmp_path / "kept.safetensors", {}, {})
     kept = load_weights(tmp_path / "kept.safetensors")[0].state_dict()
     assert all(torch.equal(kept[name], value.half().float()) for name, value in trainer.averaged.state_dict().items())
+
+
+def test_a_checkpoint_that_cannot_be_written_leaves_the_older_one(tmp_path, monkeypatch):
+    trainer = _trainer(tmp_path)
+    trainer.save(tmp_path / "kept.safetensors", {}, {})
+    before = trainer.checkpoint.read_bytes()
+
+    def half(_state, path):
+        Path(path).write_bytes(before[: len(before) // 2])
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(torch, "save", half)
+    trainer.advance(_batch(), _pull(1.0), 1e-3)
+    with pytest.raises(OSError, match="No space"):
+        trainer.save(tmp_path / "kept.safetensors", {}, {})
+    assert trainer.checkpoint.read_bytes() == before and trainer.saved == 0
+    assert sorted(p.name for p in tmp_path.rglob("*") if p.is_file()) == ["checkpoint.pt", "kept.safetensors"]
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_half_a_step_is_never_kept(tmp_path, monkeypatch, made_up, half):
+    """Stopped when the network has taken its third step and the average has not; or between two."""
+    take, taken = torch.optim.AdamW.step, []
+
+    def stopped(*given):
+        take(*given)
+        taken.append(given)
+        if half and len(taken) == 3:
+            raise KeyboardInterrupt
+
+    def told(step):
+        if step == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(torch.optim.AdamW, "step", stopped)
+    config = TrainConfig((), str(tmp_path), quality="fast", device="cpu", steps=5)
+    with pytest.raises(KeyboardInterrupt):
+        train(config, on_step=told)
+    path = config.state / "checkpoint.pt"
+    assert len(taken) == 3 and path.exists() == (not half)
+    assert half or torch.load(path, weights_only=True)["step"] == 3
