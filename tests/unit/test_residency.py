@@ -142,6 +142,23 @@ def test_what_fits_are_the_coarsest_chunks_and_no_chunk_more_would(seed):
     assert len(fitting) == len(needed) or len(fitting) + beside == residency.slots
 
 
+@given(SEEDS)
+@settings(max_examples=60, deadline=None)
+def test_what_is_needed_lies_within_reach_and_no_slot_more_is_asked_for(seed):
+    rng = np.random.default_rng(seed)
+    chunks, slots = int(rng.integers(1, 100)), int(rng.integers(2, 120))
+    residency = Residency(chunks * 64, slots, chunk_points=64, pinned=int(rng.integers(0, 2)))
+    for _ in range(8):
+        needed = residency.fitting(some(rng, chunks, int(rng.integers(1, 30))))
+        reach = residency.reach(needed)
+        for chunk, slot in zip(*residency.plan(needed), strict=True):
+            residency.place(int(chunk), int(slot))
+        held = residency.slot_of_chunk[needed]
+        assert (held >= 0).all() and (held < reach).all()
+        assert reach == (needed.max(initial=-1) + 1 if residency.holds_all else np.count_nonzero(residency.chunk_of_slot >= 0))
+    assert residency.reach(needed[:0]) == (0 if residency.holds_all else np.count_nonzero(residency.chunk_of_slot >= 0))
+
+
 def test_pinned_chunks_hold_the_coarse_layers_but_never_the_whole_pool():
     parts = np.array([0, 60, 100, 200, 300, 500, 700])  # two cells, layers of 100, 200 and 400 parts
     scene = SimpleNamespace(offsets=parts * (OVERVIEW // 300 + 1), cell_coords=np.zeros((2, 3)))
