@@ -132,6 +132,15 @@ def test_a_batch_depends_on_seed_step_and_process_alone(pairs):
     assert not torch.equal(a.x, crops.batch(8, 3, 1).x) and not torch.equal(a.x, crops.batch(7, 3, 1, process=1).x)
 
 
+def test_crops_lie_anywhere_in_a_picture_and_may_be_as_high_as_it(tmp_path):
+    np.save(tmp_path / "inputs.npy", np.zeros((1, 5, 32, 36), np.float16))
+    truth = np.broadcast_to(np.arange(36), (1, 5, 32, 36)).astype(np.uint8)
+    np.save(tmp_path / "truth.npy", truth)
+    batch = Crops([tmp_path], 32, 1).batch(0, 100)
+    first = torch.round(255 * batch.known.amin((1, 2, 3))).int()
+    assert set(first.tolist()) == {0, 1, 2, 3, 4}
+
+
 def test_flow_leads_to_the_same_surface_however_a_crop_is_turned(tmp_path):
     """A pattern and the same pattern moved unevenly: brought back along the flow it must be the first again."""
     j, i = np.mgrid[0:60, 0:80].astype(float)
