@@ -109,6 +109,17 @@ def test_e57_colour_of_16_bits_and_intensity_without_limits(tmp_path):
     assert sorted(map(tuple, unpack(scene)[1].tolist())) == sorted(map(tuple, rgb.tolist()))
 
 
+@pytest.mark.parametrize("limits", [True, False])
+@pytest.mark.parametrize("largest, full", [(200, 255), (255, 255), (300, 511), (1000, 1023), (4095, 4095), (40_000, 65535)])
+def test_e57_colours_end_at_the_next_full_number_of_bits(tmp_path, largest, full, limits):
+    """The largest value that occurs is what many writers give as the limit."""
+    xyz, rgb = surface(300)
+    stored = np.rint(rgb / 255.0 * largest).astype(np.uint16)
+    path = write_e57(tmp_path / "a.e57", [E57Scan(xyz, stored, colour_full=largest, limits=limits)])
+    expected = stored if full == 255 else np.floor(stored * (65535 / full) + 0.5)
+    np.testing.assert_array_equal(gather(path)[1], expected)
+
+
 def test_content_decides_the_format_and_a_wrong_suffix_is_said(tmp_path):
     xyz, rgb = surface(50)
     path = write_ply(tmp_path / "a.ply", xyz, rgb).rename(tmp_path / "a.las")
