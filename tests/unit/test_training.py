@@ -16,7 +16,7 @@ from rooms import make_room
 from model.data import pairs as pairs_module
 from model.data.crops import Ahead, Crops
 from model.data.pairs import _truth, build, flow_to
-from model.data.projected import project_scan
+from model.data.projected import project_scan, scan_spacing
 from model.data.stations import load_scene
 from model.data.truth import DataError, MemoryPicture
 from model.light import to_linear, to_srgb
@@ -266,6 +266,20 @@ def test_a_neighbour_lacks_the_station_that_its_picture_lacks_and_flow_stops_at_
     for pair, (_, kept), (_, beside) in zip(made, seen[::2], seen[1::2], strict=True):
         assert pair.flow is not None and np.isnan(pair.flow[:, 10:20, 5:25]).all()
         assert np.isfinite(pair.flow[:, 21:35, 2:40]).mean() > 0.8 and kept < beside
+
+
+@pytest.mark.parametrize("neighbours", [True, False])
+def test_a_picture_of_fewer_points_is_made_with_their_own_spacing(tmp_path, monkeypatch, neighbours):
+    scene, given = load_scene(make_room(tmp_path / "box")), []
+    raster_of, network_input = pairs_module.raster_of, pairs_module.network_input
+    monkeypatch.setattr(pairs_module, "raster_of", lambda seen, keep, apart: (
+        given.append(apart), raster_of(seen, keep, apart))[1])
+    monkeypatch.setattr(pairs_module, "network_input", lambda raster, mask, focal, apart: (
+        given.append(apart), network_input(raster, mask, focal, apart))[1])
+    made = list(pairs_module.place_pairs(scene, seed=2, scans=1, variants=2, preset="off", neighbours=neighbours))
+    spacing, times = scan_spacing(scene.scan(2000)), 4 if neighbours else 2
+    expected = [spacing / pair.where["density"] ** 0.5 for pair in made for _ in range(times)]
+    assert given == pytest.approx(expected) and len({pair.where["density"] for pair in made}) > 3
 
 
 def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
