@@ -233,6 +233,22 @@ def test_panorama_becomes_cube_faces_whose_points_have_their_colours(points, tmp
     assert smaller[0].picture.shape == (96, 96, 3) and np.median(colour_errors(smaller[3], *points)) <= 8
 
 
+@pytest.mark.parametrize("around", [True, False])
+def test_a_panorama_is_sampled_between_the_middles_of_its_pixels(seed, around):
+    rng = np.random.default_rng(seed)
+    picture, trusted = rng.integers(0, 256, (7, 12, 3)).astype(np.uint8), rng.random((7, 12)) < 0.8
+    column, row = rng.uniform(0, 12, (40, 50)), rng.uniform(0, 7, (40, 50))
+    face, valid = e57_images._sampled(picture, trusted, column, row, around)
+    for (j, i), x, y in zip(np.ndindex(40, 50), column.ravel(), row.ravel(), strict=True):
+        left, top = int(np.floor(x - 0.5)), int(np.floor(y - 0.5))
+        across, down = x - 0.5 - left, y - 0.5 - top
+        sides = [(left + k) % 12 if around else np.clip(left + k, 0, 11) for k in (0, 1)]
+        lines = [np.clip(top + k, 0, 6) for k in (0, 1)]
+        a, b = (picture[line, sides[0]] * (1 - across) + picture[line, sides[1]] * across for line in lines)
+        assert np.abs(face[j, i] - (a * (1 - down) + b * down)).max() < 0.51
+        assert valid[j, i] == trusted[int(y), int(x)]
+
+
 def test_part_of_a_sphere_is_valid_only_where_it_reaches(points, tmp_path):
     whole = panorama((0.0, 0.0, 0.0), 0.0, 512)
     picture = np.asarray(Image.open(io.BytesIO(whole.blobs["pngImage"])))
