@@ -47,7 +47,7 @@ def test_ply_knows_other_names_of_colour(tmp_path, names):
 
 
 @pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize("scale", [1.0, 255.0])
+@pytest.mark.parametrize("scale", [1.0, 255.0, 65535.0])
 def test_ply_float_colours_are_read_by_their_range(tmp_path, order, scale):
     xyz, rgb = surface(300)
     rgb[0] = 255
