@@ -212,6 +212,23 @@ def test_pairs_keep_coverage_and_what_is_unknown(tmp_path):
     assert (truth[0, 4, :, :3] == 0).all() and (truth[0, 4, :, 3:] == 255).all()
 
 
+def test_pairs_that_could_not_be_made_leave_nothing(tmp_path):
+    scene = load_scene(make_room(tmp_path / "box"))
+    before = sorted(tmp_path.rglob("*"))
+
+    class Stopped:
+        name, views = "stopped", scene.views
+
+        def scan(self, seed):
+            if seed > 1000:  # the first is done
+                raise KeyboardInterrupt
+            return scene.scan(seed)
+
+    with pytest.raises(KeyboardInterrupt):
+        build([Stopped()], tmp_path / "out", scans=2, variants=1)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 def test_true_pictures_made_smaller_are_the_mean_of_the_light_that_covers_them():
     colour = np.zeros((6, 8, 3), np.uint8)
     colour[:4] = np.random.default_rng(0).integers(0, 256, (4, 8, 3))
@@ -280,6 +297,15 @@ def test_a_picture_of_fewer_points_is_made_with_their_own_spacing(tmp_path, monk
     spacing, times = scan_spacing(scene.scan(2000)), 4 if neighbours else 2
     expected = [spacing / pair.where["density"] ** 0.5 for pair in made for _ in range(times)]
     assert given == pytest.approx(expected) and len({pair.where["density"] for pair in made}) > 3
+
+
+def test_some_scans_do_not_say_where_their_stations_stood(tmp_path, monkeypatch):
+    """As LAS and PLY never do: their points weigh alike."""
+    scene, given = load_scene(make_room(tmp_path / "box")), []
+    monkeypatch.setattr(pairs_module, "project_scan", lambda scan, *rest: (
+        given.append(scan.places is not None), project_scan(scan, *rest))[1])
+    made = list(pairs_module.place_pairs(scene, seed=1, scans=6, variants=1, preset="off"))
+    assert given == [pair.where["placed"] for pair in made] and {True, False} == set(given)
 
 
 def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
