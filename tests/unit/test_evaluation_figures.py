@@ -13,7 +13,7 @@ import model.evaluation.scene as scene_module
 from model.data.projected import Projected, project_scan
 from model.data.stations import ScanModel, load_scene, scan_stations
 from model.data.truth import Scan
-from model.evaluation import precision_table
+from model.evaluation import precision_table, true_visibility
 from model.evaluation.figures import Truth
 from model.evaluation.methods import TRUE, thinned
 from model.evaluation.precision import scaled_input
@@ -75,6 +75,30 @@ def test_what_a_mask_keeps_and_lets_through_is_judged_by_what_can_be_told(seed):
     both, through = int((mask & visible).sum()), int((mask & hidden).sum())
     assert kept == pytest.approx(both / int(visible.sum())) and leaked == pytest.approx(through / (both + through))
     assert np.isnan(scene_module._judged(None, view)).all()  # type: ignore[arg-type]
+
+
+def test_points_are_visible_or_hidden_by_what_is_true_around_them(seed):
+    """A hundredth and a centimetre behind is still there, two and three are not; in between nobody can tell."""
+    rng = np.random.default_rng(seed)
+    true = rng.choice([2.0, 2.5, 10.0, np.inf], (14, 17), p=[0.5, 0.3, 0.19, 0.01])
+    near = rng.choice([2.0, 2.5, 10.0], true.shape) * rng.uniform(0.98, 1.04, true.shape)
+    depth = np.where(rng.random(true.shape) < 0.2, np.inf, near)
+    visible, hidden = true_visibility(torch.from_numpy(depth), torch.from_numpy(true))
+    for j, i in np.ndindex(*true.shape):
+        farthest = true[max(j - 1, 0) : j + 2, max(i - 1, 0) : i + 2].max()
+        there = np.isfinite(depth[j, i])
+        assert visible[j, i] == (there and depth[j, i] <= farthest * 1.01 + 0.01)
+        assert hidden[j, i] == (there and depth[j, i] > farthest * 1.02 + 0.03)
+
+
+@pytest.mark.parametrize("density", [1.0, 0.25])
+def test_fewer_points_are_judged_with_their_own_spacing(room, monkeypatch, density):
+    given, sight = [], scene_module.sight
+    monkeypatch.setattr(scene_module, "sight", lambda seen, depth, spacing, *masks: (
+        given.append(spacing), sight(seen, depth, spacing, *masks))[1])
+    scene_module.evaluate(room, densities=(density,), views=1, open3d=False)
+    spacing = scene_module.scan_spacing(scan_stations(load_scene(room), 11)) / density**0.5
+    assert len(given) == 1 + 4 and given == pytest.approx([spacing] * 5), "a view and the frames of the path"
 
 
 def test_means_over_views_leave_out_what_a_view_does_not_have():
