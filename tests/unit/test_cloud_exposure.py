@@ -76,6 +76,13 @@ def test_stations_are_matched_in_every_format_that_tells_them_apart(tmp_path, ki
     assert abs(_brightness(matched).mean() - _brightness(plain).mean()) < 1
 
 
+def test_colours_of_16_bits_are_matched_as_those_of_8(tmp_path):
+    xyz, rgb, station = _stations(6)
+    files = [write_las(tmp_path / f"{factor}.las", xyz, rgb.astype(np.uint16) * factor, source=station) for factor in (1, 257)]
+    narrow, wide = (unpack(open_scene([file], cache=False))[1].astype(int) for file in files)
+    assert np.abs(narrow - wide).max() <= 1 and (narrow != wide).mean() < 1e-3, "but for ties of rounding"
+
+
 def test_one_station_and_equal_stations_keep_every_colour(tmp_path):
     xyz, rgb, station = _stations(2)
     one = station == 0
@@ -118,8 +125,9 @@ def test_convert_leaves_colours_as_scanned_when_asked(tmp_path):
 @pytest.mark.parametrize("kind", ["stations", "black"])
 def test_a_grid_of_matched_scans_is_refused_where_colours_as_scanned_are_asked_for(tmp_path, capsys, kind):
     xyz, rgb, station = _stations(7)
-    if kind == "black":
-        rgb, station = np.where((np.arange(len(rgb)) % 5 == 0)[:, None], 0, np.maximum(rgb, 20)).astype(np.uint8), None
+    if kind == "black":  # and nothing else to be matched
+        xyz, rgb, station = xyz[station == 1], np.maximum(rgb[station == 1], 20), None
+        rgb[::5] = 0
     file, grid, plain = write_las(tmp_path / "a.las", xyz, rgb, source=station), tmp_path / "grid", tmp_path / "plain"
     assert main(["convert", str(file), "--out", str(grid)]) == 0
     assert main(["convert", str(file), "--out", str(plain), "--exposures", "as-scanned"]) == 0
