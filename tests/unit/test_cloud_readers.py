@@ -178,3 +178,16 @@ def test_units_that_differ_are_told_from_units_that_are_unknown(tmp_path):
     assert "unit" not in same
     assert "not all of the files tell their unit of length" in half_known and "differ" not in half_known
     assert "the files differ in their units of length" in mixed
+
+
+def test_coordinate_systems_that_differ_are_told_where_units_do_not(tmp_path):
+    def warned(*names):
+        files = [write_las(tmp_path / f"{k}.las", *surface(200, k), wkt=f'PROJCS["{name}",UNIT["metre",1.0]]')
+                 for k, name in enumerate(names)]  # fmt: skip
+        scene = open_scene(files, cache=False)
+        return scene.meta["crs"], " ".join(scene.meta["warnings"])
+
+    crs, said = warned("zone 32", "zone 32")
+    assert crs == "zone 32" and "differ" not in said
+    crs, said = warned("zone 32", "zone 33")
+    assert crs == "mixed" and "the files differ in their coordinate reference system" in said and "unit" not in said
