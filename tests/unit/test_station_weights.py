@@ -9,6 +9,7 @@ from model.data.truth import MemoryPicture, Scan
 from model.places import told_apart
 from model.project import SoftZ, network_input, rasterise
 from model.station_weights import HEAVIEST, TRUST_BLOCK, UNPLACED, station_weights, trust
+from viewer.cloud import scene_from_arrays
 
 
 def by_definition(xyz: np.ndarray, station: np.ndarray, places: np.ndarray) -> np.ndarray:
@@ -155,3 +156,17 @@ def test_a_projected_scan_has_weights_where_its_stations_are_known_and_apart(see
     raster = seen.raster(SoftZ.preset("auto", 0.05, 1.0))
     mask = raster.count > 0
     assert torch.equal(network_input(raster, mask, 60.0, 0.05)[3], trust(raster.count, mask))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_scanner_farther_off_than_any_can_stand_is_not_known(axis, side):
+    """As a pose of zeros beside map coordinates: 20 times the scan's largest extent from the points, 4 here."""
+    xyz = np.random.default_rng(0).uniform(-1, 1, (200, 3)) * (2, 1, 0.5) + (500, 600, 70)
+    scene = scene_from_arrays(xyz, np.full((200, 3), 9, np.uint8))
+    edge, reach = (scene.bounds[max(side, 0), axis], 20 * np.ptp(scene.bounds[:, 0]))
+    near, far = xyz[0].copy(), xyz[0].copy()
+    near[axis], far[axis] = edge + 0.99 * side * reach, edge + 1.01 * side * reach
+    scene.meta["scans"] = [{"position": near.tolist()}, {"position": far.tolist()}, {"position": None}]
+    places = scene.station_places
+    assert np.array_equal(places[0], near) and np.isnan(places[1:]).all()
