@@ -3,6 +3,7 @@
 import itertools
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from viewer.cloud import grid as grid_module
 from viewer.cloud import histogram as histogram_module
 from viewer.cloud import kernels, layers, scene_from_arrays, unpack
 from viewer.cloud import scatter as scatter_module
+from viewer.cloud.source import Chunk
 from viewer.errors import InputError
 
 PARTS = [int(f"{number:06b}"[::-1], 2) for number in range(64)]
@@ -343,6 +345,13 @@ def test_unpack_takes_any_index():
     np.testing.assert_array_equal(unpack(scene, slice(None, None, 7))[0], whole[::7])
     np.testing.assert_array_equal(unpack(scene, slice(9, 9))[0], whole[:0])
     np.testing.assert_array_equal(unpack(scene, 12)[0], whole[12:13])
+
+
+def test_scans_are_numbered_through_all_files_and_share_the_last_number():
+    files = [SimpleNamespace(scans=[None] * count) for count in (200, 100)]
+    numbers = [scatter_module._scan_numbers(files, file, Chunk(np.zeros((3, 3)), scan=scan)).tolist()  # type: ignore[arg-type]
+               for file, scan in ((0, 0), (0, 199), (1, 0), (1, 54), (1, 55), (1, 99))]  # fmt: skip
+    assert numbers == [[n] * 3 for n in (0, 199, 200, 254, 255, 255)]
 
 
 def test_arrays_that_do_not_fit_are_named():
