@@ -8,6 +8,7 @@ import pytest
 from cloud_files import SCANS, E57Scan, surface, write_e57, write_las, write_ply
 
 from viewer.cloud import open_scene, unpack
+from viewer.cloud.ply import PlySource
 from viewer.cloud.source import open_source
 from viewer.errors import InputError
 
@@ -240,6 +241,19 @@ def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch, 
     with pytest.raises(InputError, match=r"again") as error:
         list(chunks)
     assert str(path) in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_disk_that_fails_while_a_scan_is_read_is_one_line_that_names_the_scan(tmp_path, monkeypatch):
+    path = write_ply(tmp_path / "a.ply", *surface(300))
+    columns = PlySource._columns
+
+    def failing(self):
+        yield from columns(self)
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr(PlySource, "_columns", failing)
+    with pytest.raises(InputError, match=r"a\.ply: cannot be read: Input/output error$"):
+        open_scene(path, cache=False)
 
 
 def test_a_full_disk_is_told_before_points_are_placed(monkeypatch):
