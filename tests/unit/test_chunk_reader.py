@@ -151,6 +151,7 @@ def test_a_chunk_being_read_is_not_read_by_another_thread_too():
     reader.close()
 
 
+@pytest.mark.timeout(30)
 def test_a_chunk_that_failed_is_not_read_again_before_somebody_was_told():
     woken = threading.Semaphore(0)
 
@@ -167,6 +168,7 @@ def test_a_chunk_that_failed_is_not_read_again_before_somebody_was_told():
     reader.request(np.array([3]))
     assert woken.acquire(timeout=30)
     reader.request(np.array([3, 4]))
+    assert source.begins.acquire(timeout=30) and source.begins.acquire(timeout=30)  # the next is being read
     with pytest.raises(ChunkError, match="torn"):
         next(reader.arrivals(wait=True))
     assert [chunk for chunk, _ in reader.arrivals(wait=True)] == [4] and source.begun == [3, 4]
