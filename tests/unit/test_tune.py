@@ -153,10 +153,17 @@ def test_a_few_steps_run_end_to_end_and_keep_only_what_is_better(photographed, t
     assert notes["psnr_after"] > notes["psnr_before"] and notes["photographs"] == 5
 
 
-@pytest.mark.parametrize("gain", [1.0, -1.0])
-def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, tmp_path, capsys, monkeypatch, gain):
-    values = iter([20.0, 20.0 + gain])
-    monkeypatch.setattr(tuning, "mean_psnr", lambda network, judged: next(values))
+@pytest.mark.parametrize("gain, count", [(1.0, 6), (0.0, 2)])
+def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, tmp_path, capsys, monkeypatch, gain, count):
+    """Of two photographs, too, one is judged that is not learned from."""
+    values, material, judging = iter([20.0, 20.0 + gain]), tuning._material, []
+
+    def some(*given):
+        pictures, points, spacing = material(*given)
+        return pictures[:count], points, spacing
+
+    monkeypatch.setattr(tuning, "_material", some)
+    monkeypatch.setattr(tuning, "mean_psnr", lambda network, judged: (judging.append(len(judged)), next(values))[1])
     out = tmp_path / "own"
     made, said = _tuned(photographed, out, capsys, monkeypatch, steps=1)
     if gain > 0:
@@ -165,3 +172,4 @@ def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, 
     else:
         assert made == weights_dir() / "fast-filtered.safetensors" and not list(out.iterdir())
         assert "nothing is written" in said
+    assert f"{count - 1} photographs to learn from, 1 to judge" in said and judging == [len(tuning.DENSITIES)] * 2
