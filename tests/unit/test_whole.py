@@ -7,6 +7,7 @@ import threading
 
 import pytest
 
+from model.folders import made_folder
 from model.whole import write_whole
 
 
@@ -62,3 +63,13 @@ write_whole(Path("/dev/stdout"), lambda beside: beside.write_text("figures"))
     else:
         said = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, text=True).stdout
     assert said == "table\nfigures" and len(list(tmp_path.iterdir())) == to_a_file
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_folders_made_in_vain_go_again_from_the_innermost_out(tmp_path, held):
+    inner = tmp_path / "a" / "b" / "c"
+    with pytest.raises(KeyboardInterrupt), made_folder(inner):
+        if held:
+            (tmp_path / "a" / "kept.txt").write_text("somebody's")
+        raise KeyboardInterrupt
+    assert sorted(tmp_path.rglob("*")) == ([tmp_path / "a", tmp_path / "a" / "kept.txt"] if held else [])
