@@ -13,7 +13,7 @@ from model.data.stations import ScanModel, load_scene, scan_stations
 from model.data.truth import DataError
 from model.evaluation import evaluate, format_table
 from model.metrics import psnr, psnr_after_gain, ssim
-from model.reconstruct import CLOSED, VOID, Reconstructor, covered, fast_precision
+from model.reconstruct import CLOSED, VOID, Reconstructor, covered, fast_precision, fitting_weights
 from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network, without_mesh
 from model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
 
@@ -40,7 +40,10 @@ def test_weights_come_back_as_written(tmp_path):
     assert header["quality"] == "fast" and json.loads(header["notes"]) == {"step": 3}
     for (name, a), b in zip(network.state_dict().items(), again.state_dict().values(), strict=True):
         assert torch.equal(a.half().float(), b), name
-    assert not list(tmp_path.glob("*.partial"))
+    assert not list(tmp_path.glob("*.partial")) and path.stat().st_mode & 0o777 == 0o644, "anybody may read them"
+    assert fitting_weights("best", filtered=True, weights=path)[0] == path
+    with pytest.raises(WeightsError, match=r"made for filtered input, this picture's is unfiltered; .*a filter"):
+        fitting_weights("fast", filtered=False, weights=path)
 
 
 def _bad_weights(folder):
