@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.light import TO_LINEAR, TO_SRGB
+from model.light import LEVELS, TO_LINEAR, TO_SRGB
 from model.project import SoftZ, depth_feature, frame, network_input, pixels, rasterise, unpack_points
 from model.pull_push import pull_push
 
@@ -50,6 +50,19 @@ def test_rasteriser_equals_a_plain_loop(seed, tolerance, rounded, linear, unlit)
             sums = np.sum([TO_LINEAR[c] if linear else c for c in chosen or [np.zeros(3, int)]], axis=0)
             mean = (2 * sums + len(chosen)) // (2 * max(len(chosen), 1))  # rounded half up
             assert raster.colour[:, j, i].tolist() == (TO_SRGB[mean] if linear else mean).tolist()
+
+
+def test_sums_of_many_points_in_a_pixel_are_exact():
+    """float32 would add 256 for 255 beyond a few ten thousand."""
+    count = 300_000
+    raster = rasterise(torch.zeros(count, dtype=torch.int64), torch.ones(count), torch.full((count, 3), 255), 1, 1, SoftZ(0, 0))
+    assert raster.colour.flatten().tolist() == [255] * 3 and raster.count.item() == count
+
+
+def test_light_becomes_the_nearest_level_and_ties_go_up():
+    for light in range(LEVELS):
+        apart = np.abs(TO_LINEAR - light)
+        assert TO_SRGB[light] == np.flatnonzero(apart == apart.min())[-1]
 
 
 def test_in_float64_the_lens_is_so_too():
