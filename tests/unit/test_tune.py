@@ -50,7 +50,7 @@ def test_points_are_learned_from_in_the_colours_that_the_viewer_shows(points, tm
     sources = [open_source(path)]
     colours, chunks = Colours(sources), list(sources[0].chunks())
     colours.add(0, 0, chunks[0])
-    colours.decide((0.0, 1.0))
+    colours.decide((0.0, 1.0), {})
     shown = colours.apply(0, 0, chunks[0])
     assert len(chunks) == 1 and np.array_equal(scan.rgb, shown[shown.any(1)])
 
