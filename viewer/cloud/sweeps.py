@@ -4,7 +4,7 @@ A scanner sweeps line after line, and files mostly keep that order, thinned or n
 one another are then one line or a few, in a plane through the scanner, and the planes of a station meet in one point.  What
 is sorted otherwise has no such planes, or those of the place's surfaces: of a few directions, where sweeps have many.
 Scanners that turn about an axis have all their planes through it.  How high they stood is then told by their steps: even
-in angle as seen from there, and from nowhere else.
+in angle as seen from there, and from nowhere else.  (Rows of equal elevation are cones, not planes: they tell nothing here.)
 Frame: the file's; lengths in its units; nothing here has a unit.
 """
 
@@ -84,7 +84,7 @@ def _turn(lines: np.ndarray, before: np.ndarray, after: np.ndarray, last: int, f
 def _log_steps(lines: np.ndarray, place: np.ndarray) -> np.ndarray:
     """(L,) logarithm of the typical angle, seen from a place, from point to point of lines (L, width, 3)."""
     way = lines - place
-    way /= np.linalg.norm(way, axis=2, keepdims=True)
+    way /= np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-300)
     return np.log(np.maximum(np.median(np.linalg.norm(np.diff(way, axis=1), axis=2), axis=1), 1e-12))
 
 
