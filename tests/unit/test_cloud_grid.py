@@ -348,10 +348,13 @@ def test_unpack_takes_any_index():
 
 
 def test_scans_are_numbered_through_all_files_and_share_the_last_number():
-    files = [SimpleNamespace(scans=[None] * count) for count in (200, 100)]
-    numbers = [scatter_module._scan_numbers(files, file, Chunk(np.zeros((3, 3)), scan=scan)).tolist()  # type: ignore[arg-type]
+    files = [SimpleNamespace(scans=[None] * count, turns=np.zeros(0, np.int64)) for count in (200, 100)]
+    numbers = [scatter_module._scan_numbers(files, file, Chunk(np.zeros((3, 3)), scan=scan), 7).tolist()  # type: ignore[arg-type]
                for file, scan in ((0, 0), (0, 199), (1, 0), (1, 54), (1, 55), (1, 99))]  # fmt: skip
     assert numbers == [[n] * 3 for n in (0, 199, 200, 254, 255, 255)]
+    files[1] = SimpleNamespace(scans=[None] * 3, turns=np.array([2, 5]))  # stations told by the order of points
+    turned = scatter_module._scan_numbers(files, 1, Chunk(np.zeros((6, 3))), 1)  # type: ignore[arg-type]
+    assert turned.tolist() == [200, 201, 201, 201, 202, 202]
 
 
 def test_arrays_that_do_not_fit_are_named():
