@@ -64,3 +64,14 @@ def test_stations_that_take_turns_are_left_alone():
     """In files of blocks each holds a piece of every station: who measured what is told for some of the points only."""
     one, other = (sweep(place, 5)[: 174 * WINDOW].reshape(29, -1, 3) for place in PLACES[:2])
     assert not find_stands(windows(np.stack([one, other], axis=1).reshape(-1, 3)))
+
+
+@pytest.mark.parametrize("room", ["living-room-2", "kitchen", "staircase2"])
+def test_of_registered_rooms_every_place_is_told(room, shared_data):
+    from model.data.stations import load_scene, scan_stations
+
+    scan = scan_stations(load_scene(shared_data / "renders" / room), 11)
+    xyz, station = np.asarray(scan.xyz), np.asarray(scan.station)
+    begins = np.append(0, np.flatnonzero(np.diff(station)) + 1) / len(xyz)
+    some = np.random.default_rng(0).random(len(xyz)) < 0.3
+    assert_found(xyz[some], begins, np.asarray(scan.places), 0.02)
