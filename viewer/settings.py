@@ -39,7 +39,7 @@ SOFT_Z: dict[str, str] = {
     "paper-text": "truncated pixel, 0.02 m",
 }
 STATIONS: dict[str, str] = {
-    "auto": "where the file says where its scanners stood, colours come from those that looked the way the eye looks",
+    "auto": "where the scanners' places are known, colours come from those that looked the way the eye looks",
     "equal": "all points count the same",
 }
 PRECISIONS: dict[str, str] = {
