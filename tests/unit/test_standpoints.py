@@ -93,7 +93,18 @@ def test_stretches_are_points_in_a_row_however_a_file_is_read_and_few(monkeypatc
         watcher = Standpoints([Source("room.ply", "PLY", scans=[ScanInfo("room")])])  # pyright: ignore[reportArgumentType]
         for first in range(0, len(xyz), size):
             watcher.add(0, first, Chunk(xyz[first : first + size]))
-        kept = watcher._kept[0]
+        kept = watcher._kept
         assert 10 <= len(kept) <= 40 and kept[-1][0] > 0.9 * len(xyz), "evenly from the whole file"
         for place, window in kept:
             assert place % WINDOW == 0 and np.array_equal(window, xyz[place : place + WINDOW])
+
+
+def test_of_many_files_only_one_is_held_at_a_time():
+    xyz, _, _ = swept(1)
+    watcher = Standpoints([Source(f"{n}.ply", "PLY", scans=[ScanInfo(str(n))]) for n in range(3)])  # pyright: ignore[reportArgumentType]
+    for source in range(3):
+        watcher.add(source, source * len(xyz), Chunk(xyz + (0.1 * source, 0.0, 0.0)))
+        assert len(watcher._kept) == len(xyz) // WINDOW
+    counts = {(source, 0): len(xyz) for source in range(3)}
+    turns = watcher.solve(counts)
+    assert not watcher._kept and sorted(turns) == [0, 1, 2] and all(len(xyz) == count for count in counts.values())

@@ -10,13 +10,12 @@ import numpy as np
 
 from model.exposure import exposures_of
 from model.passes import Passes, solve_passes
-from viewer.cloud.rim import rim_share
+from viewer.cloud.rim import DARK, rim_share
 from viewer.cloud.source import Chunk
 
 SAMPLE = 1_000_000
 MOST_STATIONS = 256
 LEAST_CHANGE = 0.004  # gains nearer to one are left at one: below a level of 255
-DARKEST = 16  # levels; below, runs are not compared: the rim of what was not photographed, and noise
 
 
 class Matching:
@@ -98,7 +97,7 @@ class Matching:
         for file in np.unique(source):
             mine = source[number] == file
             self.rims[int(file)] = rim_share(xyz[mine], rgb[mine])
-        lit = np.flatnonzero(rgb.max(axis=1) >= DARKEST)
+        lit = np.flatnonzero(rgb.max(axis=1) >= DARK)  # below: what was not photographed, its rim, and noise
         passes = solve_passes(xyz[lit], rgb[lit], at[lit])
         self._passes = passes if passes.worth else None
         return {"exposures": exposures, "passes": {"variance_left": passes.left, "applied": passes.worth}}

@@ -27,37 +27,42 @@ class Standpoints:
 
     def forget(self) -> None:
         """Begins pass 1 anew."""
-        self._kept: dict[int, list[tuple[int, np.ndarray]]] = {}
-        self._stride, self._begun, self._points = dict[int, int](), dict[int, int](), dict[int, int]()
+        self._source, self._stride = -1, WINDOW  # the source that is being read, and how far apart its stretches begin
+        self._kept: list[tuple[int, np.ndarray]] = []
+        self._begun, self._points = dict[int, int](), dict[int, int]()
+        self._found: dict[int, tuple[list[Stand], np.ndarray]] = {}
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
         """Keeps some of a chunk's points.  first: the running number of its first, over all sources."""
         scans = self._sources[source].scans
         if len(scans) != 1 or scans[0].position is not None or isinstance(chunk.scan, np.ndarray):
             return
-        kept = self._kept.setdefault(source, [])
-        stride = self._stride.setdefault(source, WINDOW)
+        if source != self._source:
+            self._close()  # one file's stretches at a time: there may be hundreds of files
+            self._source, self._stride = source, WINDOW
         at = first - self._begun.setdefault(source, first)
         self._points[source] = at + len(chunk.xyz)
-        for start in range(-at % stride, len(chunk.xyz) - WINDOW + 1, stride):
+        for start in range(-at % self._stride, len(chunk.xyz) - WINDOW + 1, self._stride):
             window = np.array(chunk.xyz[start : start + WINDOW], np.float64)
             if np.isfinite(window).all():
-                kept.append((at + start, window))
-        while len(kept) > 2 * MOST:
-            self._stride[source] *= 2
-            kept[:] = [(place, window) for place, window in kept if place % self._stride[source] == 0]
+                self._kept.append((at + start, window))
+        while len(self._kept) > 2 * MOST:
+            self._stride *= 2
+            self._kept = [(place, window) for place, window in self._kept if place % self._stride == 0]
+
+    def _close(self) -> None:
+        """Finds the stations of the source that was read last, and lets go of its stretches."""
+        kept, self._kept = self._kept, []
+        if kept and (stands := find_stands(np.stack([window for _, window in kept]))):
+            self._found[self._source] = stands, np.array([place for place, _ in kept], np.int64)
 
     def solve(self, kept: dict[tuple[int, int], int]) -> dict[int, np.ndarray]:
         """Ends pass 1.  kept: points by (source, scan), as in Survey; told anew where a source is given stations.
 
         Returns by source, where it was given some, the running number, over all sources, with which each but the first begins.
         """
-        found: dict[int, tuple[list[Stand], np.ndarray]] = {}
-        for source, windows in self._kept.items():
-            stands = find_stands(np.stack([window for _, window in windows])) if windows else []
-            if stands:
-                found[source] = stands, np.array([place for place, _ in windows], np.int64)
-        self._kept = {}
+        self._close()
+        found = self._found
         told = (scan.position for number, source in enumerate(self._sources) if number not in found for scan in source.scans)
         if not told_apart(places_of([*told, *(stand.place.tolist() for stands, _ in found.values() for stand in stands)])):
             return {}
