@@ -12,15 +12,16 @@ import json
 import time
 import zlib
 from collections.abc import Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 
 from model.data.crops import PairFolder
+from model.data.procedural import procedural_place
 from model.data.truth import DataError
 from model.folders import made_folder, replace_text
 from model.interrupts import leaving, workers
-from model.processors import usable_processors
+from model.processors import usable_processors, use_threads
 from model.record import Facts, read_record, refuse_other, whereabouts
 from model.train import TrainConfig, train
 from model.train_command import LEAST_CROP
@@ -127,6 +128,11 @@ class _Job:
     group: int = 0
     number: int = 0
 
+    @property
+    def kind(self) -> str:
+        """Of place, for how long it takes."""
+        return self.name if self.folder else procedural_place(self.number).kind
+
     def seed(self, seed: int) -> int:
         """Of its pairs.  With one seed for all, every place had the same densities, patches and stations left out."""
         return seed * 100_000 + zlib.crc32(self.name.encode()) % 100_000
@@ -184,14 +190,23 @@ def _refuse_others(out: Path, recipe: Recipe) -> None:
 
 
 class _Progress:
-    """The seconds that making pairs has taken, in all calls together, and the record that holds them."""
+    """The seconds that making pairs has taken, in all calls together, of each kind of place the most; and their record."""
 
     def __init__(self, path: Path, kept: Facts):
         self.path, self.kept = path, kept
         self.start = time.monotonic() - kept["seconds"]
+        self.most: dict[str, float] = kept.setdefault("most", {})
 
     def spent(self) -> float:
         return time.monotonic() - self.start
+
+    def done(self, kind: str, begun: float) -> None:
+        """A place of a kind is done that was begun when so many seconds were spent."""
+        self.most[kind] = round(max(self.most.get(kind, 0.0), self.spent() - begun), 1)
+
+    def in_time(self, kind: str, seconds: float) -> bool:
+        """Whether a place begun now will be done when ``seconds`` are spent: as far as can be told, of a kind that is new."""
+        return self.spent() + self.most.get(kind, seconds / 2) <= seconds
 
     def keep(self) -> None:
         """Writes the record; once there are pairs to list, the time stands still."""
@@ -202,25 +217,24 @@ class _Progress:
 
 def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: _Progress, seconds: float,
               most_places: int) -> None:
-    """Does the jobs and what an earlier call began, then procedural places in turn until the time is spent."""
+    """Does the jobs and what an earlier call began, then procedural places in turn, as many as will be done in time."""
     begun = {path.name.rsplit("-", 1)[0] for path in _made(out, recipe)}
     places = [_Job(f"place-{number}", number=number) for number in range(most_places)]
     ready = [job for job in (*jobs, *(place for place in places if place.name in begun)) if not job.done(out, recipe.kinds)]
-    new = (place for place in places if place.name not in begun)
-    count, waiting = usable_processors(), set()
+    # What is not in time now never will be: those that are passed over need not be asked again.
+    new = (place for place in places if place.name not in begun and progress.in_time(place.kind, seconds))
+    count, waiting = usable_processors(), dict[Future[str], tuple[str, float]]()
     with workers(count) as pool:
         while True:
-            while len(waiting) < count:
-                job = ready.pop(0) if ready else next(new, None) if progress.spent() < seconds else None
-                if job is None:
-                    break
-                waiting.add(pool.submit(leaving, _make, job, str(out), recipe.kinds, seed))
+            while len(waiting) < count and (job := ready.pop(0) if ready else next(new, None)) is not None:
+                spent = progress.spent()
+                waiting[pool.submit(leaving, _make, job, str(out), recipe.kinds, seed)] = job.kind, spent
             if not waiting:
                 return
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            progress.keep()
-            for future in done:
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                progress.done(*waiting.pop(future))
                 print(f"pairs: {future.result()}", flush=True)
+            progress.keep()
 
 
 def _made(out: Path, recipe: Recipe) -> list[Path]:
@@ -252,10 +266,10 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int) -> str:
 
     from model.data.cutout import with_cut_outs
     from model.data.pairs import build, by_size
-    from model.data.procedural import procedural_place
     from model.data.sources import open_places
 
     torch.set_num_threads(1)
+    use_threads(1)
     if job.folder:
         places = by_size(open_places([Path(job.folder)]))[job.group]
     else:

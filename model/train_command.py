@@ -170,16 +170,14 @@ def _check_start(path: Path, quality: str) -> None:
 
 
 def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
-    """Raises DataError where crops do not fit into a place's pictures at half their size.  Makes no procedural picture."""
-    from model.data.procedural import ProceduralPlace
+    """Raises DataError where crops do not fit into a place's pictures at half their size."""
     from model.data.truth import DataError
 
     for place in places:
-        sizes = [place.size] if isinstance(place, ProceduralPlace) else [(v.width, v.height) for v in place.views]
-        for width, height in sizes:
-            if min(width, height) // 2 < crop:
-                raise DataError(f"--crop {crop}: {place.name} has pictures of {width}x{height}, and half of that is smaller "
-                                f"than such crops; choose at most {min(width, height) // 2}")
+        for least, view in ((min(view.width, view.height) // 2, view) for view in place.views):
+            if least < crop:
+                raise DataError(f"--crop {crop}: {place.name} has pictures of {view.width}x{view.height}, and half of that is "
+                                f"smaller than such crops; choose at most {least}")
 
 
 def _facts(options: argparse.Namespace) -> "Facts":

@@ -1,11 +1,12 @@
 """Procedural places as training data: furnished rooms, streets under a sky, single things in a void; unlimited and seeded.
 
-World frame: metres, z up.  Pictures are made once, when first asked for; every scan is traced anew.
+World frame: metres, z up.  Pictures and scans are made when they are asked for, and the last ones kept: of hundreds of places
+no machine would hold all.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -20,6 +21,8 @@ from model.synth.scanner import ScannerModel, VirtualScanner
 KINDS = ("room", "street", "thing")
 CLEAR = 0.35  # metres that must be free around a camera or a scanner
 PASSER_SHARE = 0.25  # of the stations in rooms and streets
+_PICTURES = 256  # that are kept, of 3.4 MB each: of 32 places
+_SCANS = 3  # that are kept, of up to 60 MB each: those of the place that pairs are made of
 
 
 @dataclass(eq=False)
@@ -46,21 +49,26 @@ class ProceduralPlace:
     @property
     def views(self) -> Sequence[TruePicture]:
         """Pictures from where a person might stand, inside free space, looking at something."""
-        return self._views
+        return [ProceduralPicture(self, number) for number in range(self.count)]
 
     @cached_property
-    def _views(self) -> list[MemoryPicture]:
+    def lenses(self) -> list[tuple[np.ndarray, float]]:
+        """Of each view camera_to_world (4, 4) and focal length, pixels."""
         rng = np.random.default_rng([41, KINDS.index(self.kind), self.seed])
-        made: list[MemoryPicture] = []
-        while len(made) < self.count:
+        found: list[tuple[np.ndarray, float]] = []
+        while len(found) < self.count:
             eye, target = self._spot(rng), self._target(rng)
             if np.linalg.norm(target - eye) < 0.5 or not self._free(eye, rng):
                 continue
-            made.append(self._picture(looking(eye, target), self.size[1] / (2 * np.tan(np.radians(rng.uniform(38, 72)) / 2))))
-        return made
+            found.append((looking(eye, target), self.size[1] / (2 * np.tan(np.radians(rng.uniform(38, 72)) / 2))))
+        return found
 
     def scan(self, seed: int) -> Scan:
         """Two to four stations (things: two or three), their exposures within 12 % with a mean of 1."""
+        return _scan(self, seed)
+
+    def traced(self, seed: int) -> Scan:
+        """The same, traced anew."""
         rng = np.random.default_rng([43, KINDS.index(self.kind), self.seed, seed])
         count = int(rng.integers(2, 4 if self.kind == "thing" else 5))
         spots: list[np.ndarray] = []
@@ -82,8 +90,9 @@ class ProceduralPlace:
         xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
         return Scan(xyz, rgb, station, np.stack(spots))
 
-    def _picture(self, pose: np.ndarray, fl: float) -> MemoryPicture:
-        width, height = self.size
+    def picture(self, number: int) -> MemoryPicture:
+        """The view of a number, made anew."""
+        (pose, fl), (width, height) = self.lenses[number], self.size
         if isinstance(self.place, OpenPlace):
             rgb, depth, coverage = self.place.picture(pose, fl, width, height, self.samples)
             return MemoryPicture(rgb, fl, pose, depth, coverage)
@@ -116,6 +125,64 @@ class ProceduralPlace:
         angle, away = rng.uniform(0, 2 * np.pi), rng.uniform(1.2, 3.0)
         foot = np.array([spot[0] + away * np.cos(angle), spot[1] + away * np.sin(angle), 0.02])
         return [Passer(foot, float(rng.uniform(1.5, 1.9)), float(rng.uniform(0.15, 0.28)), rng.uniform(0.1, 0.7) + np.zeros(3))]
+
+
+@dataclass(frozen=True)
+class ProceduralPicture:
+    """A TruePicture of a place, by its number: nothing is traced for its size, nor for how many there are."""
+
+    place: ProceduralPlace
+    number: int
+
+    @property
+    def width(self) -> int:
+        return self.place.size[0]
+
+    @property
+    def height(self) -> int:
+        return self.place.size[1]
+
+    @property
+    def cx(self) -> float:
+        return self.width / 2
+
+    @property
+    def cy(self) -> float:
+        return self.height / 2
+
+    @property
+    def camera_to_world(self) -> np.ndarray:
+        return self.place.lenses[self.number][0]
+
+    @property
+    def fl(self) -> float:
+        return self.place.lenses[self.number][1]
+
+    def rgb(self) -> np.ndarray:
+        """(H, W, 3) uint8, sRGB."""
+        return _picture(self).rgb()
+
+    def depth(self) -> np.ndarray | None:
+        """(H, W) float32."""
+        return _picture(self).depth()
+
+    def coverage(self) -> np.ndarray | None:
+        """(H, W) float32; None in a room."""
+        return _picture(self).coverage()
+
+    def known(self) -> np.ndarray | None:
+        """None: everywhere."""
+        return None
+
+
+@lru_cache(maxsize=_PICTURES)
+def _picture(shot: ProceduralPicture) -> MemoryPicture:
+    return shot.place.picture(shot.number)
+
+
+@lru_cache(maxsize=_SCANS)
+def _scan(place: ProceduralPlace, seed: int) -> Scan:
+    return place.traced(seed)
 
 
 def procedural_place(number: int) -> ProceduralPlace:

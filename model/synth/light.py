@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.compiled import compiled, unbroken
+from model.processors import in_slices
 
-from .shapes import Shapes, nearest
+from .shapes import Shapes, nearest, one_hit
 
 WINDOW, LAMP, SUN = range(3)
 AMBIENT_REACH = 0.45  # metres: occluders nearer than this darken the bounced light
@@ -59,6 +60,7 @@ def light_points(
     """
     n = len(points)
     direct, openness = np.zeros((n, 3)), np.ones(n)
+    shaded = np.full(len(kind), -1)  # of each light the primitive that last stood before it
     for j in range(n):
         if not lit[j]:
             continue
@@ -106,12 +108,18 @@ def light_points(
                 facing = dx * nx + dy * ny + dz * nz
                 if facing <= 0.0 or gain * facing < 2e-4:
                     continue
+                # What stood between the last point and this light mostly stands there again.
+                before = shaded[light]
+                if before >= 0 and one_hit(before, x, y, z, dx, dy, dz, s_kind, s_params, s_centre, s_rotation) < reach:
+                    continue
                 t, hit = nearest(
                     x, y, z, dx, dy, dz, reach, True,
                     s_kind, s_params, s_centre, s_rotation, s_casts, s_lows, s_highs, s_links,
                 )
                 if hit < 0:
                     total += gain * facing
+                else:
+                    shaded[light] = hit
             for c in range(3):
                 direct[j, c] += power[light, c] * total / count
         if ambient_samples == 0:
@@ -231,4 +239,4 @@ class Lighting:
     def _direct(self, points, normals, lit, ambient):
         lit = np.ascontiguousarray(lit, np.bool_)
         with unbroken():
-            return light_points(points, normals, lit, ambient, *self.lights.arrays(), *self.shapes.arrays())
+            return in_slices(light_points, (points, normals, lit), ambient, *self.lights.arrays(), *self.shapes.arrays())

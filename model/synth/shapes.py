@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.compiled import compiled, unbroken
+from model.processors import in_slices
 from model.synth.hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)
@@ -54,7 +55,7 @@ class Shapes:
         origins = np.ascontiguousarray(origins, np.float64)
         directions = np.ascontiguousarray(directions, np.float64)
         with unbroken():
-            return trace_rays(origins, directions, *self.arrays())
+            return in_slices(trace_rays, (origins, directions), *self.arrays())
 
 
 def half_extents(kind: np.ndarray, params: np.ndarray) -> np.ndarray:
@@ -95,7 +96,7 @@ def make_shapes(kind, params, centre, rotation, casts=None) -> Shapes:
 
 
 @compiled(nogil=True)
-def _hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
+def one_hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
     """t of a world ray on primitive i; inf for none."""
     px, py, pz = px - centre[i, 0], py - centre[i, 1], pz - centre[i, 2]
     ox = rotation[i, 0, 0] * px + rotation[i, 0, 1] * py + rotation[i, 0, 2] * pz
@@ -160,7 +161,7 @@ def nearest(ox, oy, oz, dx, dy, dz, limit, shadow, kind, params, centre, rotatio
         i = -1 - left
         if shadow and not casts[i]:
             continue
-        t = _hit(i, ox, oy, oz, dx, dy, dz, kind, params, centre, rotation)
+        t = one_hit(i, ox, oy, oz, dx, dy, dz, kind, params, centre, rotation)
         if t < best:
             best, found = t, i
             if shadow:

@@ -34,7 +34,7 @@ def test_training_refuses_options_before_a_place_is_built(options, said, tmp_pat
     import model.data.procedural as procedural
     import model.reconstruct as reconstruct
 
-    monkeypatch.setattr(procedural.ProceduralPlace, "views", property(lambda self: pytest.fail("a place was built")))
+    monkeypatch.setattr(procedural.ProceduralPlace, "place", property(lambda self: pytest.fail("a place was built")))
     monkeypatch.setattr(reconstruct, "cuda_problem", lambda: "none here")
     assert said in refused(capsys, "train", "--procedural", "1", "--out", tmp_path / "out", *options)
     assert not (tmp_path / "out").exists()

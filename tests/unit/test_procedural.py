@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.data.pairs import build
+from model.data.pairs import build, by_size
 from model.data.procedural import ProceduralPlace, procedural_places
 from model.data.projected import project_scan
 
@@ -68,7 +68,7 @@ def test_people_are_in_one_stations_scan_and_in_no_picture(monkeypatch):
     counts = []
     for share in (0.0, 1.0):
         monkeypatch.setattr(module, "PASSER_SHARE", share)
-        counts.append(place.scan(9))
+        counts.append(place.traced(9))
     plain, peopled = counts
     assert not (len(plain.xyz) == len(peopled.xyz) and np.array_equal(plain.xyz, peopled.xyz))
     assert all(np.array_equal(view.rgb(), before) for view, before in zip(place.views, pictures, strict=True))
@@ -78,6 +78,27 @@ def test_places_make_pairs_with_void(tmp_path):
     count = build([_small("thing"), _small("street")], tmp_path / "out", scans=1, variants=1)
     truth = np.load(tmp_path / "out" / "truth.npy")
     assert count == 4 and (truth[:2, 3] == 0).mean() > 0.3 and (truth[:, 4] == 255).all()
+
+
+def test_nothing_is_traced_for_what_is_known_without(monkeypatch):
+    """Of forty places all pictures were made, for half an hour and without a word, to know how large they are."""
+    monkeypatch.setattr(ProceduralPlace, "place", property(lambda self: pytest.fail("a place was built")))
+    places = list(procedural_places(range(40)))
+    assert by_size(places) == [places] and {view.width for place in places for view in place.views} == {640}
+
+
+def test_pictures_and_scans_are_made_once_while_a_place_is_in_use(monkeypatch):
+    place, made = _small("thing", 7), []
+    once, traced = ProceduralPlace.picture, ProceduralPlace.traced
+    monkeypatch.setattr(ProceduralPlace, "picture", lambda self, number: made.append(number) or once(self, number))
+    monkeypatch.setattr(ProceduralPlace, "traced", lambda self, seed: made.append(seed) or traced(self, seed))
+    for _ in range(2):
+        assert [view.rgb().shape for view in place.views] == [(48, 64, 3)] * 2
+        assert all(view.depth().shape == view.coverage().shape for view in place.views)
+        place.scan(8)
+    assert made == [0, 1, 8]
+    place.traced(8)
+    assert made[3:] == [8]
 
 
 def test_places_come_in_every_kind():

@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import json
+import threading
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,6 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from model import processors
 from model.light import to_linear, to_srgb
 from model.synth import demo, shapes
 from model.synth.builder import frame_along
@@ -233,6 +235,38 @@ def test_colours_do_not_depend_on_the_company_of_a_ray(place):
     whole, part = place.trace(origins, rays), place.trace(origins[100:200], rays[100:200])
     assert np.array_equal(whole.rgb[100:200], part.rgb)
     assert whole.rgb.min() >= 0 and whole.rgb.max() <= 1 and np.ptp(whole.rgb) > 0.3
+
+
+def test_rays_on_several_threads_meet_the_same_to_the_bit(place, monkeypatch):
+    """With what last stood before a light looked at first: that depends on the slices, the light does not."""
+    rng = np.random.default_rng(4)
+    origins = np.broadcast_to(demo.STATIONS[0], (9001, 3)).copy()
+    rays = unit(rng.normal(size=(9001, 3)))
+    threads = set()
+
+    def traced(count):
+        monkeypatch.setattr(processors, "_threads", [count])
+        hits = place.trace(origins, rays)
+        return [getattr(hits, name) for name in ("t", "rgb", "normal", "primitive")]
+
+    def seen(*arguments):
+        threads.add(threading.get_ident())
+        return trace_rays(*arguments)
+
+    trace_rays = shapes.trace_rays
+    monkeypatch.setattr(shapes, "trace_rays", seen)
+    alone = traced(1)
+    assert threads == {threading.get_ident()}
+    assert all(np.array_equal(a, b) for a, b in zip(alone, traced(3), strict=True)) and len(threads) > 1
+
+
+def test_what_shades_a_point_does_not_depend_on_the_point_before(place):
+    rng = np.random.default_rng(5)
+    origins = np.broadcast_to(demo.STATIONS[1], (400, 3)).copy()
+    rays = unit(rng.normal(size=(400, 3)))
+    together = place.trace(origins, rays).rgb
+    each = np.concatenate([place.trace(origins[i : i + 1], rays[i : i + 1]).rgb for i in range(400)])
+    assert np.array_equal(together, each)
 
 
 # --- the scanner ----------------------------------------------------------------------------------------------------

@@ -219,11 +219,29 @@ def test_what_is_left_of_the_time_for_pairs_is_spent_and_no_more(tmp_path, monke
     with pytest.raises(KeyboardInterrupt):
         recipes.make_pairs(TINY, [], tmp_path, facts, 50.0, 99)
     assert given == ["place-0", "place-1", "place-2"]
+    assert json.loads((tmp_path / "recipe.json").read_text())["most"] == dict.fromkeys(("street", "thing", "room"), 10.0)
     stop, clock[0] = 1e9, 1000.0
     (tmp_path / "pairs" / "filtered" / "place-2-2").rmdir()  # was under way
     made = recipes.make_pairs(TINY, [], tmp_path, facts, 50.0, 99)
     assert given[3:] == ["place-2", "place-3"] and len(made["filtered"]) == 8
     assert recipes.make_pairs(TINY, [], tmp_path, facts, 500.0, 99) == made and len(given) == 5
+
+
+def test_a_place_that_would_not_be_done_in_time_is_not_begun(tmp_path):
+    """A room takes ten times as long as a thing: begun in the last minute, it took the networks' time."""
+    clock = [0.0]
+    progress = recipes._Progress(tmp_path / "recipe.json", {"pairs": None, "seconds": 0.0})
+    progress.spent = lambda: clock[0]  # type: ignore[method-assign]
+    assert all(progress.in_time(kind, 100.0) for kind in ("room", "thing"))
+    clock[0] = 40.0
+    progress.done("room", 0.0)
+    progress.done("thing", 35.0)
+    progress.done("thing", 39.0)
+    told = {at: [kind for kind in ("room", "thing", "new") if progress.in_time(kind, 100.0)]
+            for at in (50.0, 60.0, 61.0, 95.0, 96.0) if clock.__setitem__(0, at) is None}
+    assert told == {50.0: ["room", "thing", "new"], 60.0: ["room", "thing"], 61.0: ["thing"], 95.0: ["thing"], 96.0: []}
+    progress.keep()
+    assert json.loads((tmp_path / "recipe.json").read_text())["most"] == {"room": 40.0, "thing": 5.0}
 
 
 def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
