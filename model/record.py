@@ -29,9 +29,10 @@ MOST_NAMED = 3  # values of a list, in a message
 
 def whereabouts(out: Path, folders: Iterable[Path]) -> Facts:
     """Where data lie: by full paths, the same under another name and when ``out`` is moved; and as seen from ``out``, the same
-    when all is moved together.  Either will do."""
+    when all is moved together.  Either will do.  And what files there are, by names and sizes."""
     base, full = Path(out).resolve(), [Path(folder).resolve() for folder in folders]
-    return {"folders": [str(folder) for folder in full], "from_here": [_relative(folder, base) for folder in full]}
+    return {"folders": [str(folder) for folder in full], "from_here": [_relative(folder, base) for folder in full],
+            "contents": [_contents(folder, base) for folder in full]}
 
 
 def _relative(folder: Path, base: Path) -> str:
@@ -41,14 +42,27 @@ def _relative(folder: Path, base: Path) -> str:
         return str(folder)
 
 
+def _contents(folder: Path, out: Path) -> str | None:
+    """Of a folder's files, but for hidden ones and what lies in ``out``; None where it is gone."""
+    told = []
+    for above, below, names in os.walk(folder):
+        below[:] = sorted(name for name in below if not name.startswith(".") and Path(above, name) != out)
+        told += [f"{Path(above, name).relative_to(folder).as_posix()} {Path(above, name).lstat().st_size}\n".encode()
+                 for name in sorted(names) if not name.startswith(".")]
+    return _digest(told) if folder.is_dir() else None
+
+
 def refuse_other(where: Path, what: str, kept: Facts, wanted: Facts) -> None:
     """Raises DataError, in one line, where facts that both know differ.
 
     where: the folder; what: in it was made from ``kept``, "its pairs".  wanted: what this run would make it from.
     """
     wanted = json.loads(json.dumps(wanted))  # a tuple comes back as a list
+    contents = wanted.pop("contents", [])
     if any(name in wanted and kept.get(name) == wanted[name] for name in ("folders", "from_here")):
-        wanted.pop("folders", None)
+        told = zip(wanted.pop("folders"), contents, kept.get("contents", contents), strict=True)
+        if changed := [folder for folder, now, then in told if None not in (now, then) and now != then]:
+            raise DataError(f"{where}: {what} made with other files in {_listed(changed)}; choose another --out")
     wanted.pop("from_here", None)
     differ = [_difference(OPTIONS.get(name, name), kept[name], wanted[name])
               for name in wanted if name in kept and kept[name] != wanted[name]]

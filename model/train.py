@@ -157,7 +157,7 @@ class Trainer:
         self.saved = self.step
         if self.process.count > 1:  # all meet here: none still reads what the first then moves
             ids = [self.process.device.index] if self.process.device.type == "cuda" else None
-            self.model = nn.parallel.DistributedDataParallel(self.network, device_ids=ids, broadcast_buffers=False)
+            self.model = nn.parallel.DistributedDataParallel(self.network, device_ids=ids)
 
     def save(self, weights: Path, facts: Facts, notes: dict) -> None:
         """Weights and checkpoint, each written beside and renamed; by the first process alone.
@@ -229,8 +229,11 @@ def train(config: TrainConfig, on_step=None) -> Path:
         with made_folder(config.state):
             if process.first:
                 replace_text(config.state / "config.json", json.dumps(notes, indent=1))
+            # Weights are passed on, and where things lay on this machine is nobody else's business.
+            told = {**notes, "pairs": facts["pairs"], "start_from": facts["start_from"], "out": out.name,
+                    "sources": [Path(source).name for source in config.sources], "perceptual_path": None}
             with TrainingLog(config.state, trainer.step, shown=process.first) as log:
-                _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, facts, notes), on_step)
+                _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, facts, told), on_step)
     return weights
 
 

@@ -6,6 +6,7 @@ import shutil
 import pytest
 import torch
 from rooms import make_room
+from safetensors import safe_open
 
 from model.weights import load_weights
 from viewer.cli import main
@@ -80,7 +81,7 @@ def test_the_unfiltered_network_after_the_filtered_learns_by_itself(rooms, run, 
     assert main(_line(tmp_path / "alone", rooms[0], "--unfiltered")) == 0
     both = [_state(run / f"fast-{kind}.safetensors") for kind in ("filtered", "unfiltered")]
     assert not _equal(*both) and _equal(both[1], _state(tmp_path / "alone" / "fast-unfiltered.safetensors"))
-    assert _notes(run / "fast-unfiltered.safetensors")["pairs"][0].endswith("pairs-unfiltered-0-1")
+    assert _notes(run / "fast-unfiltered.safetensors")["pairs"][0].startswith("pairs-unfiltered-0-1 ")
     assert main(_line(run, rooms[0], steps=4)) == 0, "and the filtered one goes on"
     assert [_notes(run / f"fast-{kind}.safetensors")["step"] for kind in ("filtered", "unfiltered")] == [4, 3]
 
@@ -108,6 +109,33 @@ def test_other_folders_are_refused_by_name(rooms, run, capsys, folders, said):
     assert main(_line(run, *(names.get(word, word) for word in folders), steps=5)) == 2
     error = capsys.readouterr().err
     assert said in error and error.count("\n") == 1 and _contents(run) == before
+
+
+def test_a_room_whose_files_have_changed_is_refused_by_name(rooms, tmp_path, capsys):
+    """Its pairs are those of what it was: a picture added later would never be learned from, without a word."""
+    room, run = shutil.copytree(rooms[0], tmp_path / "room"), tmp_path / "room" / "run"
+    assert main(_line(run, room)) == 0
+    (room / ".hidden").write_text("not data")
+    assert main(_line(run, room, steps=4)) == 0, "what lies in --out, and what is hidden, is no data"
+    before = _contents(run)
+    (room / "view-99.jpg").write_bytes(b"new")
+    capsys.readouterr()
+    assert main(_line(run, room, steps=5)) == 2
+    error = capsys.readouterr().err
+    assert f"its pairs were made with other files in {room}; choose another --out" in error and error.count("\n") == 1
+    assert before == _contents(run)
+    (room / "view-99.jpg").unlink()
+    shutil.move(room, tmp_path / "gone")
+    assert main(_line(tmp_path / "gone" / "run", room, steps=5)) == 0, "pairs that are there need no room any more"
+
+
+def test_weights_name_no_folder_of_the_machine_they_were_made_on(rooms, run):
+    with safe_open(str(run / "fast-filtered.safetensors"), "pt") as file:
+        header = json.dumps(file.metadata())
+    assert str(rooms[0].parent) not in header and str(run.parent) not in header and "/tmp" not in header
+    notes = _notes(run / "fast-filtered.safetensors")
+    assert notes["sources"] == ["one"] and notes["pairs"][0].startswith("pairs-filtered-0-1 ")
+    assert json.loads((run / "fast-filtered" / "config.json").read_text())["sources"] == [str(rooms[0])]
 
 
 def test_the_same_room_by_another_path_goes_on(rooms, run, monkeypatch):
