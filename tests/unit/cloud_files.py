@@ -80,11 +80,14 @@ def write_ply(
         elif part is faces:
             data += b"".join(bytes([row[0]]) + np.array(row[1:], code + "i4").tobytes() for row in face_rows)
         else:
-            for i, row in enumerate(zip(*values, strict=True)):
-                for j, (value, (_, type_name)) in enumerate(zip(row, fields, strict=True)):
-                    data += np.array(value).astype(code + kinds[type_name]).tobytes()
-                    if vertex_list and j == 0:
-                        data += bytes([i % 3]) + np.zeros(i % 3, code + "f4").tobytes()
+            table = np.empty(len(xyz), [(f"{j} {name}", code + kinds[type_name]) for j, (name, type_name) in enumerate(fields)])
+            for column, value in zip(table.dtype.names, values, strict=True):
+                table[column] = value
+            rows, knots = table.tobytes(), table.dtype[0].itemsize  # where the list begins, in the middle of a row
+            if vertex_list:
+                each = (rows[i : i + table.itemsize] for i in range(0, len(rows), table.itemsize))
+                rows = b"".join(row[:knots] + bytes([i % 3]) + bytes(4 * (i % 3)) + row[knots:] for i, row in enumerate(each))
+            data += rows
     path.write_bytes(newline.join(head).encode() + newline.encode() + data)
     return path
 

@@ -14,6 +14,8 @@ from viewer.cloud.chunk_reader import ChunkReader
 from viewer.cloud.chunk_source import CHUNK, ChunkError, ChunkSource
 from viewer.errors import InputError
 
+pytestmark = pytest.mark.timeout(90)  # threads that wait for each other would take all of the ten minutes
+
 
 def random_points(count: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 2**32, (count, 3), dtype=np.uint32)
