@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from model.whole import write_whole
+from viewer.bench import glance
 
 SOFTWARE = ("llvmpipe", "softpipe", "swr")
 """In the names of OpenGL on the processor, for files that do not say which it was."""
@@ -257,18 +258,19 @@ def ablation(files: dict[str, dict]) -> str:
     return "\n".join(lines)
 
 
-BLOCKS: dict[str, tuple[Callable[[dict[str, dict]], str], str]] = {
-    "frames": (frames, "frame-plant_room"), "truth": (truth, "evaluate"), "precision": (precision, "evaluate"),
-    "ablation": (ablation, "ablation"), "scale": (scale, "scale"), "versus": (versus, "versus-plant_room"),
-    "errors": (errors, "error-demo"), "stability": (stability, "stability"),
+BLOCKS: dict[str, tuple[Callable[[dict[str, dict]], str], set[str]]] = {
+    "glance": (glance.glance, glance.NEEDED),
+    "frames": (frames, {"frame-plant_room"}), "truth": (truth, {"evaluate"}), "precision": (precision, {"evaluate"}),
+    "ablation": (ablation, {"ablation"}), "scale": (scale, {"scale"}), "versus": (versus, {"versus-plant_room"}),
+    "errors": (errors, {"error-demo"}), "stability": (stability, {"stability"}),
 }
-"""Block -> what writes it, and the file it cannot do without."""
+"""Block -> what writes it, and the files it cannot do without."""
 
 
 def filled(text: str, files: dict[str, dict]) -> str:
     """``text`` with its blocks renewed from ``files`` (name of a bench file without suffix -> its contents)."""
     for name, (write, needed) in BLOCKS.items():
-        if needed in files:
+        if needed <= files.keys() and f"<!-- {name} -->" in text:
             body = write(files)
             block = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.S)
             text = block.sub(lambda m, b=body: f"{m[1]}{b}\n{m[2]}", text)
@@ -281,7 +283,7 @@ def main(folder: Path, documents: list[Path]) -> int:
     for document in documents:
         text = filled(document.read_text("utf-8"), files)
         write_whole(document, lambda p, t=text: p.write_text(t, "utf-8"))
-    missing = sorted({needed for _, needed in BLOCKS.values()} - files.keys())
+    missing = sorted(set[str]().union(*(needed for _, needed in BLOCKS.values())) - files.keys())
     print(f"figures from {folder}" + (f"; not there: {', '.join(missing)}" if missing else ""))
     return 0
 
