@@ -15,7 +15,7 @@ from torch import Tensor
 from model.depth_filter import keep_mask
 from model.light import TO_LINEAR, TO_SRGB
 from model.pull_push import pull_push
-from model.station_weights import trust
+from model.station_weights import toned, trust
 
 DEPTH_FEATURE_SCALE = 0.25
 DEPTH_FEATURE_LIMIT = 2.0
@@ -59,9 +59,10 @@ class Raster:
     count: Tensor
     weighed: bool = False
 
-    def trusted(self, mask: Tensor) -> Tensor:
-        """(H, W) float32 0..1: what each pixel of the keep-mask (H, W) bool counts in the fill."""
-        return trust(self.count, mask) if self.weighed else mask.to(torch.float32)
+    def trusted(self, mask: Tensor) -> tuple[Tensor, Tensor]:
+        """What the fill starts from behind a keep-mask (H, W) bool: (3, H, W) colours 0..255, and (H, W) float32 0..1, what
+        each pixel counts."""
+        return toned(self.colour, trust(self.count, mask)) if self.weighed else (self.colour, mask.to(torch.float32))
 
 
 def unpack_points(packed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -142,8 +143,8 @@ def depth_feature(depth: Tensor, focal: float, spacing: float) -> Tensor:
 def network_input(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:
     """(5, H, W): filled RGB 0..1, keep-mask (or, of points with weights, how far each pixel is trusted), filled depth
     feature."""
-    feature, trusted = depth_feature(raster.depth, focal, spacing), raster.trusted(mask)
-    filled = pull_push(torch.cat([raster.colour / 255.0, feature[None]]), trusted)
+    feature, (colour, trusted) = depth_feature(raster.depth, focal, spacing), raster.trusted(mask)
+    filled = pull_push(torch.cat([colour / 255.0, feature[None]]), trusted)
     return torch.cat([filled[:3], trusted.to(filled.dtype)[None], filled[3:]])
 
 

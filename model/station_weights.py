@@ -18,7 +18,9 @@ HEAVIEST = 15
 UNPLACED = 4
 """Weight of a point whose scanner's place is not known, in a scan where others' are."""
 TRUST_BLOCK = 8
-"""Pixels a side over which weights are compared."""
+"""Pixels a side over which weights, and tones, are compared."""
+FEW = 512.0
+"""Trust of a block's pixels, squared, in 255ths, with which the others are brought half the way to full trust: of two in 64."""
 
 
 def station_weights(x: Tensor, y: Tensor, z: Tensor, station: Tensor, places: Tensor) -> Tensor:
@@ -51,23 +53,45 @@ def trust(weight: Tensor, mask: Tensor) -> Tensor:
     place all are trusted, however badly it stood.
     """
     own = weight.clamp(0, HEAVIEST).to(torch.float32) * mask
-    height, width = own.shape
-    padded = F.pad(own, (0, -width % TRUST_BLOCK, 0, -height % TRUST_BLOCK))
-    blocks = padded.reshape(padded.shape[0] // TRUST_BLOCK, TRUST_BLOCK, -1, TRUST_BLOCK)
-    first, second = (_tent(part.sum((1, 3)), height, width) for part in (blocks, blocks * blocks))
+    first, second = _around(torch.stack([own, own * own]))
     share = ((own * first) / second.clamp_min(1e-30)).clamp_max(1.0)
     return torch.where(own > 0, (share * 255.0 + 0.5).floor() / 255.0, 0.0)
 
 
+def toned(colour: Tensor, trusted: Tensor) -> tuple[Tensor, Tensor]:
+    """What is trusted less, brought to the tone of what is trusted more around it, and trusted the more the fewer those are.
+
+    colour: (3, H, W) whole numbers 0..255.  trusted: (H, W), as :func:`trust` gives it.  Returns both anew, in the same steps.
+    A station that saw a floor from elsewhere saw another light on it, but the same boards: with the difference of the two
+    means around taken off, its points show them, where few points of the station that looked from here do.
+    """
+    certain = (trusted * 255.0 + 0.5).floor().to(colour.dtype)
+    rest = torch.where(certain > 0, 255.0 - certain, 0.0)
+    firm = (certain * certain / 256.0 + 0.5).floor()  # else the many that are trusted a little outweigh the few
+    more, less = (_around(torch.cat([colour * part, part[None]])) for part in (firm, rest))
+    apart = more[:3] / more[3].clamp_min(1.0) - less[:3] / less[3].clamp_min(1.0)
+    tone = (colour + (rest * apart) / 255.0).clamp(0.0, 255.0)
+    settled = certain + rest * (FEW / (FEW + more[3]))
+    return torch.where(certain > 0, (tone + 0.5).floor(), colour), ((settled + 0.5).floor() / 255.0).to(trusted.dtype)
+
+
+def _around(pixels: Tensor) -> Tensor:
+    """(C, H, W): sums over blocks, interpolated between the blocks' centres, at each pixel."""
+    height, width = pixels.shape[1:]
+    padded = F.pad(pixels, (0, -width % TRUST_BLOCK, 0, -height % TRUST_BLOCK))
+    blocks = padded.reshape(len(pixels), padded.shape[1] // TRUST_BLOCK, TRUST_BLOCK, -1, TRUST_BLOCK).sum((2, 4))
+    return _tent(blocks, height, width)
+
+
 def _tent(blocks: Tensor, height: int, width: int) -> Tensor:
-    """Block sums interpolated between the blocks' centres, borders repeated, at each pixel."""
+    """Block sums (C, ., .) interpolated between the blocks' centres, borders repeated, at each pixel."""
 
     def taps(pixels: int, count: int) -> tuple[Tensor, Tensor, Tensor]:
-        at = (torch.arange(pixels, dtype=torch.float32, device=blocks.device) + 0.5) / TRUST_BLOCK - 0.5
+        at = (torch.arange(pixels, dtype=blocks.dtype, device=blocks.device) + 0.5) / TRUST_BLOCK - 0.5
         low = at.floor()
         return low.long().clamp(0, count - 1), (low.long() + 1).clamp(0, count - 1), at - low
 
-    top, bottom, down = taps(height, blocks.shape[0])
-    left, right, across = taps(width, blocks.shape[1])
-    rows = blocks[top] * (1.0 - down)[:, None] + blocks[bottom] * down[:, None]
-    return rows[:, left] * (1.0 - across) + rows[:, right] * across
+    top, bottom, down = taps(height, blocks.shape[1])
+    left, right, across = taps(width, blocks.shape[2])
+    rows = blocks[:, top] * (1.0 - down)[:, None] + blocks[:, bottom] * down[:, None]
+    return rows[:, :, left] * (1.0 - across) + rows[:, :, right] * across

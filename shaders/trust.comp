@@ -1,44 +1,115 @@
-// How far each measured pixel is trusted beside those around it, where points have weights.  Twin: model/station_weights.py.
-// BLOCKS: sums of the weights, and of their squares, over blocks of pixels.  Else: a pixel's weight by the mean weight around
-// it, in which each counts by its own weight; sums of whole numbers, interpolated in 256ths: exact in any order.
+// How far each measured pixel is trusted beside those around it, where points have weights, and its colour brought to the tone of
+// what is trusted more.  Twin: model/station_weights.py, trust and toned.  Four steps, each from the one before:
+// WEIGHTS: sums of the weights, and of their squares, over blocks of pixels.
+// SHARES: a pixel's weight by the mean weight around it, in which each counts by its own weight.
+// TONES: over blocks, sums of the colours of what is trusted and of the rest, each with its part of the trust.
+// PICTURE: the colours, and the trust of what has few around it that are trusted more.
+// All are sums of whole numbers, interpolated in 256ths; nothing may be fused or reordered: hence precise.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
+#if defined(WEIGHTS) || defined(SHARES)
 uniform sampler2D weight;  // of a pixel's points, HEAVIEST at most, / 255
 uniform sampler2D mask;
-#ifdef BLOCKS
-layout(rg32f, binding = 0) uniform writeonly image2D sums;
 #else
-uniform sampler2D blocks;
-layout(r8, binding = 0) uniform writeonly image2D trust;
+uniform sampler2D raw;
+uniform sampler2D share;
+#endif
+#ifdef WEIGHTS
+layout(rg32f, binding = 0) uniform writeonly image2D sums;
+#elif defined(SHARES)
+uniform sampler2D sums;
+layout(r8, binding = 0) uniform writeonly image2D share;
+#elif defined(TONES)
+layout(rgba32f, binding = 0) uniform writeonly image2D more;
+layout(rgba32f, binding = 1) uniform writeonly image2D less;
+#else
+uniform sampler2D more;
+uniform sampler2D less;
+layout(rgba8, binding = 0) uniform writeonly image2D toned;
+layout(r8, binding = 1) uniform writeonly image2D trust;
 #endif
 
+#if defined(WEIGHTS) || defined(SHARES)
 float own(ivec2 at) {
     return texelFetch(mask, at, 0).x < 0.5 ? 0.0 : floor(texelFetch(weight, at, 0).x * 255.0 + 0.5);
 }
+#else
+// Trust in 255ths (x), and what is left to all of it, of what is measured (y).
+vec2 parts(ivec2 at) {
+    float certain = floor(texelFetch(share, at, 0).x * 255.0 + 0.5);
+    return vec2(certain, certain > 0.0 ? 255.0 - certain : 0.0);
+}
+
+vec3 levels(ivec2 at) {
+    return floor(texelFetch(raw, at, 0).xyz * 255.0 + 0.5);
+}
+#endif
+
+#if !defined(WEIGHTS) && !defined(TONES)
+// Block sums interpolated between the blocks' centres, borders repeated.
+vec4 around(sampler2D blocks, ivec2 at) {
+    vec2 place = (vec2(at) + 0.5) / float(TRUST_BLOCK) - 0.5, low = floor(place), along = place - low;
+    ivec2 last = textureSize(blocks, 0) - 1, a = clamp(ivec2(low), ivec2(0), last), b = clamp(ivec2(low) + 1, ivec2(0), last);
+    vec2 back = 1.0 - along;
+    precise vec4 left = texelFetch(blocks, a, 0) * back.y + texelFetch(blocks, ivec2(a.x, b.y), 0) * along.y;
+    precise vec4 right = texelFetch(blocks, ivec2(b.x, a.y), 0) * back.y + texelFetch(blocks, b, 0) * along.y;
+    precise vec4 sum = left * back.x + right * along.x;
+    return sum;
+}
+#endif
 
 void main() {
-    ivec2 at = ivec2(gl_GlobalInvocationID.xy), extent = textureSize(weight, 0);
-#ifdef BLOCKS
-    if (any(greaterThanEqual(at, imageSize(sums)))) return;
-    vec2 total = vec2(0.0);
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+#if defined(WEIGHTS) || defined(TONES)
+#ifdef WEIGHTS
+    ivec2 extent = textureSize(weight, 0), blocks = imageSize(sums);
+#else
+    ivec2 extent = textureSize(raw, 0), blocks = imageSize(more);
+#endif
+    if (any(greaterThanEqual(at, blocks))) return;
+    vec4 first = vec4(0.0), second = vec4(0.0);
     ivec2 stop = min((at + 1) * TRUST_BLOCK, extent);
     for (int y = at.y * TRUST_BLOCK; y < stop.y; ++y)
         for (int x = at.x * TRUST_BLOCK; x < stop.x; ++x) {
+#ifdef WEIGHTS
             float w = own(ivec2(x, y));
-            total += vec2(w, w * w);
-        }
-    imageStore(sums, at, vec4(total, 0.0, 0.0));
+            first.xy += vec2(w, w * w);
 #else
-    if (any(greaterThanEqual(at, extent))) return;
-    float w = own(at), share = 0.0;
+            vec2 part = parts(ivec2(x, y));
+            vec4 colour = vec4(levels(ivec2(x, y)), 1.0);
+            first += colour * floor(part.x * part.x / 256.0 + 0.5);  // else many that are trusted a little outweigh the few
+            second += colour * part.y;
+#endif
+        }
+#ifdef WEIGHTS
+    imageStore(sums, at, first);
+#else
+    imageStore(more, at, first);
+    imageStore(less, at, second);
+#endif
+#elif defined(SHARES)
+    if (any(greaterThanEqual(at, textureSize(weight, 0)))) return;
+    float w = own(at), found = 0.0;
     if (w > 0.0) {
-        vec2 place = (vec2(at) + 0.5) / float(TRUST_BLOCK) - 0.5, low = floor(place), along = place - low;
-        ivec2 last = textureSize(blocks, 0) - 1, a = clamp(ivec2(low), ivec2(0), last), b = clamp(ivec2(low) + 1, ivec2(0), last);
-        vec2 left = mix(texelFetch(blocks, a, 0).xy, texelFetch(blocks, ivec2(a.x, b.y), 0).xy, along.y);
-        vec2 right = mix(texelFetch(blocks, ivec2(b.x, a.y), 0).xy, texelFetch(blocks, b, 0).xy, along.y);
-        vec2 around = mix(left, right, along.x);
-        share = floor(min(w * around.x / around.y, 1.0) * 255.0 + 0.5) / 255.0;
+        vec2 all = around(sums, at).xy;
+        precise float relative = (w * all.x) / all.y;
+        found = floor(min(relative, 1.0) * 255.0 + 0.5) / 255.0;
     }
-    imageStore(trust, at, vec4(share));
+    imageStore(share, at, vec4(found));
+#else
+    if (any(greaterThanEqual(at, textureSize(raw, 0)))) return;
+    vec2 part = parts(at);
+    vec3 tone = levels(at);
+    float settled = part.x;
+    if (part.y > 0.0) {
+        vec4 high = around(more, at), low = around(less, at);
+        precise vec3 apart = high.xyz / max(high.w, 1.0) - low.xyz / max(low.w, 1.0);
+        precise vec3 moved = tone + (part.y * apart) / 255.0;
+        precise float sum = part.x + part.y * (FEW / (FEW + high.w));
+        tone = floor(clamp(moved, 0.0, 255.0) + 0.5);
+        settled = floor(sum + 0.5);
+    }
+    imageStore(toned, at, vec4(tone / 255.0, 1.0));
+    imageStore(trust, at, vec4(settled / 255.0));
 #endif
 }

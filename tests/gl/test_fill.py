@@ -58,8 +58,8 @@ def test_any_mask_is_filled_and_closed_as_by_the_twin(context, seed, size, known
             rgb = rng.integers(0, 256, (height, width, 3)).astype(np.uint8)
             depth = rng.uniform(1, 9, (height, width)).astype(np.float32)
             made += [context.texture(size, 4, np.dstack([rgb, np.full_like(rgb[..., 0], 255)]).tobytes()),
-                     context.texture(size, 1, depth.tobytes(), dtype="f4"),
-                     context.texture(size, 1, (255 * mask).astype(np.uint8).tobytes(), alignment=1)]  # fmt: skip
+                     context.texture(size, 1, (255 * mask).astype(np.uint8).tobytes(), alignment=1),
+                     context.texture(size, 1, depth.tobytes(), dtype="f4")]  # fmt: skip
             got = sent(context, fill, *made[-3:], camera=camera, closed=closed, spacing=0.1)
             colour = torch.from_numpy(rgb).permute(2, 0, 1).float()
             wanted = network_input(Raster(colour, torch.from_numpy(depth), kept.long()), kept, camera.fx, 0.1).numpy()
@@ -102,10 +102,10 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
         mask = torch.from_numpy(twin.mask)
         sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(mask).numpy())
         (rasteriser,), closed = renderer._rasterisers.values(), renderer._surroundings.closed(camera.position)
-        trusted = renderer._trusted(rasteriser, renderer._filter.mask)
+        colour, trusted = renderer._trusted(rasteriser, renderer._filter.mask)
         for factor, limit in ((1e-7, 1), (1.0, 0), (1e7, -1)):
             spacing = factor * scene.spacing
-            got = sent(context, renderer._fill, rasteriser.colour, rasteriser.depth, trusted,
+            got = sent(context, renderer._fill, colour, trusted, rasteriser.depth,
                        camera=camera, closed=closed, spacing=spacing)  # fmt: skip
             wanted = network_input(twin.raster, mask, camera.fx, spacing).numpy()
             assert np.abs(got[:5] - wanted).max() < CLOSE

@@ -8,7 +8,8 @@ from model.data.projected import project_scan
 from model.data.truth import MemoryPicture, Scan
 from model.places import told_apart
 from model.project import SoftZ, network_input, rasterise
-from model.station_weights import HEAVIEST, TRUST_BLOCK, UNPLACED, station_weights, trust
+from model.pull_push import pull_push
+from model.station_weights import FEW, HEAVIEST, TRUST_BLOCK, UNPLACED, station_weights, toned, trust
 from viewer.cloud import scene_from_arrays
 
 
@@ -106,6 +107,67 @@ def test_where_one_station_saw_a_place_alone_all_is_trusted(seed):
         assert torch.equal(trust(torch.full((40, 50), weight), mask), mask.float())
 
 
+def toned_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pixel by pixel; colour (H, W, 3), share (H, W) in 255ths."""
+    height, width = share.shape
+    tone, settled = colour.copy(), share.copy()
+    for j, i in zip(*np.nonzero(share), strict=True):
+        sums = np.zeros((2, 4))
+        for y in range(height):
+            for x in range(width):
+                reach = [0.0, 0.0]
+                for axis, (at, other, length) in enumerate(((j, y, height), (i, x, width))):
+                    v = (at + 0.5) / TRUST_BLOCK - 0.5
+                    last = -(-length // TRUST_BLOCK) - 1
+                    for block, part in ((int(np.floor(v)), 1 - v % 1), (int(np.floor(v)) + 1, v % 1)):
+                        reach[axis] += part * (np.clip(block, 0, last) == other // TRUST_BLOCK)
+                near = reach[0] * reach[1]
+                if near and share[y, x]:
+                    parts = np.array([np.floor(share[y, x] ** 2 / 256 + 0.5), 255 - share[y, x]])
+                    sums += near * parts[:, None] * np.append(colour[y, x], 1.0)
+        rest = 255 - share[j, i]
+        if rest:
+            apart = sums[0, :3] / sums[0, 3] - sums[1, :3] / sums[1, 3]
+            tone[j, i] = np.clip(colour[j, i] + rest / 255 * apart, 0, 255)
+            settled[j, i] = share[j, i] + rest * FEW / (FEW + sums[0, 3])
+    return tone, settled
+
+
+@pytest.mark.parametrize("size", [(1, 1), (7, 9), (16, 24), (19, 21)])
+@pytest.mark.parametrize("kept", [0.05, 0.5, 1.0])
+def test_tones_are_those_of_the_definition(seed, size, kept):
+    rng = np.random.default_rng(seed)
+    colour, share = rng.integers(0, 256, (*size, 3)).astype(float), rng.integers(17, 256, size) * (rng.random(size) < kept)
+    tone, settled = toned(torch.from_numpy(colour).permute(2, 0, 1).float(), torch.from_numpy(share / 255).float())
+    wanted = toned_by_definition(colour, share.astype(float))
+    assert np.abs(tone.permute(1, 2, 0).numpy() - wanted[0]).max() <= 0.501
+    assert np.abs(255 * settled.numpy() - wanted[1]).max() <= 0.501
+    assert torch.equal(tone, tone.round()) and not settled[torch.from_numpy(share == 0)].any()
+
+
+def test_what_is_trusted_keeps_its_colour_and_one_station_alone_all_of_them(seed):
+    rng = np.random.default_rng(seed)
+    colour, share = torch.from_numpy(rng.integers(0, 256, (3, 30, 41))).float(), torch.from_numpy(rng.random((30, 41))).float()
+    share[rng.random((30, 41)) < 0.5] = 1.0
+    tone, settled = toned(colour, share)
+    assert torch.equal(tone[:, share == 1], colour[:, share == 1]) and (settled[share == 1] == 1).all()
+    assert all(torch.equal(a, b) for a, b in zip(toned(colour, torch.ones(30, 41)), (colour, torch.ones(30, 41)), strict=True))
+
+
+def test_another_light_is_taken_off_and_the_boards_stay(seed):
+    """A floor that a far station saw in full, under another light, and the near one in every twelfth pixel."""
+    rng = np.random.default_rng(seed)
+    boards = 100.0 + 20.0 * np.sign(np.sin(np.arange(96) * 0.8))[None, :] + np.zeros((64, 1))
+    glare = 40.0 + np.linspace(0, 40, 96)[None, :]
+    near = rng.random((64, 96)) < 1 / 12
+    seen = np.where(near, boards, boards + glare).round()
+    colour, share = torch.from_numpy(np.stack([seen] * 3)).float(), torch.from_numpy(np.where(near, 1.0, 0.1)).float()
+    (tone, settled), few = toned(colour, share), share * torch.from_numpy(near)
+    wrong = {name: np.abs(pull_push(c, w)[0].numpy() - boards)[8:-8, 8:-8].mean()
+             for name, c, w in (("toned", tone, settled), ("weighed", colour, share), ("the near one", colour, few))}
+    assert wrong["toned"] < 0.45 * wrong["weighed"] and wrong["toned"] < wrong["the near one"]
+
+
 def test_a_hidden_pixel_changes_the_trust_of_none(seed):
     rng = np.random.default_rng(seed)
     weight, mask = torch.from_numpy(rng.integers(1, 16, (33, 41))), torch.from_numpy(rng.random((33, 41)) < 0.5)
@@ -155,7 +217,7 @@ def test_a_projected_scan_has_weights_where_its_stations_are_known_and_apart(see
     assert few.weight is not None and len(few.weight) == len(few.z) < len(seen.z)
     raster = seen.raster(SoftZ.preset("auto", 0.05, 1.0))
     mask = raster.count > 0
-    assert torch.equal(network_input(raster, mask, 60.0, 0.05)[3], trust(raster.count, mask))
+    assert torch.equal(network_input(raster, mask, 60.0, 0.05)[3], toned(raster.colour, trust(raster.count, mask))[1])
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

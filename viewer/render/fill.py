@@ -44,7 +44,7 @@ class Fill:
         self._programs = programs
         self._pictures: dict[tuple[bool, int | None], moderngl.ComputeShader] = {}  # of eight that there are, those in use
 
-    def run(self, raw: moderngl.Texture, depth: moderngl.Texture, mask: moderngl.Texture, *, camera: "Camera",
+    def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
             closed: np.ndarray, spacing: float, network: "Pixels | None" = None) -> None:
         """closed: (6 SIDE, SIDE) int8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
         network: the input buffer to write, or None."""

@@ -132,7 +132,7 @@ class Renderer:
                 neural = self._neural_for(settings) if "neural" in views else None
                 fill = self._fill = self._fill or Fill(self._programs, self._size)
                 stages.run("fill", lambda: fill.run(
-                    rasteriser.colour, rasteriser.depth, self._trusted(rasteriser, step.mask),
+                    *self._trusted(rasteriser, step.mask), rasteriser.depth,
                     camera=camera, closed=self._surroundings.closed(camera.position), spacing=self.scene.spacing,
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
@@ -151,13 +151,14 @@ class Renderer:
         self.pages.prepare(draw.first, draw.count, streaming=True)
         return self.pages.missing
 
-    def _trusted(self, rasteriser: Rasteriser, mask: "moderngl.Texture") -> "moderngl.Texture":
-        """What each pixel counts in the fill: the keep-mask, or, of weighed points, how far it is trusted."""
+    def _trusted(self, rasteriser: Rasteriser, mask: "moderngl.Texture") -> "tuple[moderngl.Texture, moderngl.Texture]":
+        """What the fill starts from, and what each pixel of it counts: the raw picture and the keep-mask, or, of weighed
+        points, both by how far it is trusted."""
         if not rasteriser.weighed or rasteriser.weight is None:
-            return mask
+            return rasteriser.colour, mask
         self._trust = self._trust or Trust(self._programs, self._size)
-        self._trust.run(rasteriser.weight, mask)
-        return self._trust.trust
+        self._trust.run(rasteriser.colour, rasteriser.weight, mask)
+        return self._trust.toned, self._trust.trust
 
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a bench tries others."""

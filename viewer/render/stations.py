@@ -1,4 +1,5 @@
-"""Where a scan's scanners stood, as the eye sees it, and how far each measured pixel is trusted beside its neighbours.
+"""Where a scan's scanners stood, as the eye sees it, and how far each measured pixel is trusted beside its neighbours, in their
+tone.
 
 Points count by how nearly their scanner looked the way the eye looks; :mod:`model.station_weights` says why, and is the twin.
 World frame: the scan file's, float64; the view frame (x right, y down, z forward) is relative to the camera, float32.
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.places import told_apart
-from model.station_weights import TRUST_BLOCK
+from model.station_weights import FEW, TRUST_BLOCK
 from viewer.render import shader
 
 if TYPE_CHECKING:
@@ -44,26 +45,33 @@ def weighs(settings: "Settings", places: Places) -> bool:
 
 
 class Trust:
-    """Owns the targets of one picture size; ``run`` fills ``trust`` (R8): 0..1 where kept, 0 elsewhere."""
+    """Owns the targets of one picture size; ``run`` fills ``trust`` (R8; 0 where nothing is kept) and ``toned`` (RGBA8)."""
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int]):
         context = programs.context
         self.context, self.size = context, size
-        self.trust = context.texture(size, 1, dtype="f1")
-        self._blocks = context.texture((-(-size[0] // TRUST_BLOCK), -(-size[1] // TRUST_BLOCK)), 2, dtype="f4")
-        self._steps = [programs.compute("trust.comp", TRUST_BLOCK=TRUST_BLOCK, BLOCKS=blocks) for blocks in (1, None)]
+        blocks = -(-size[0] // TRUST_BLOCK), -(-size[1] // TRUST_BLOCK)
+        self.trust, self.toned = context.texture(size, 1, dtype="f1"), context.texture(size, 4, dtype="f1")
+        self._share, self._sums = context.texture(size, 1, dtype="f1"), context.texture(blocks, 2, dtype="f4")
+        self._more, self._less = (context.texture(blocks, 4, dtype="f4") for _ in range(2))
+        targets = {"WEIGHTS": (self._sums,), "SHARES": (self._share,), "TONES": (self._more, self._less),
+                   "PICTURE": (self.toned, self.trust)}  # fmt: skip
+        self._steps = [(programs.compute("trust.comp", TRUST_BLOCK=TRUST_BLOCK, FEW=FEW, **{step: 1}), made)
+                       for step, made in targets.items()]
 
-    def run(self, weight: "moderngl.Texture", mask: "moderngl.Texture") -> None:
-        """weight: of the pixels' points, as a rasteriser leaves them.  mask: the keep-mask."""
-        for step, target in zip(self._steps, (self._blocks, self.trust), strict=True):
-            for unit, (name, texture) in enumerate({"weight": weight, "mask": mask, "blocks": self._blocks}.items()):
-                if name in step:
-                    texture.use(unit)
-                    step[name] = unit
-            target.bind_to_image(0, read=False, write=True)
-            step.run(*shader.groups(*target.size))
+    def run(self, raw: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture") -> None:
+        """raw, weight: the pixels' colours, and what their points count, as a rasteriser leaves them.  mask: the keep-mask."""
+        inputs = {"raw": raw, "weight": weight, "mask": mask, "sums": self._sums, "share": self._share, "more": self._more,
+                  "less": self._less}  # fmt: skip
+        for step, targets in self._steps:
+            for unit, name in enumerate(name for name, texture in inputs.items() if name in step and texture not in targets):
+                inputs[name].use(unit)
+                step[name] = unit
+            for unit, target in enumerate(targets):
+                target.bind_to_image(unit, read=False, write=True)
+            step.run(*shader.groups(*targets[0].size))
             self.context.memory_barrier()
 
     def release(self) -> None:
-        self.trust.release()
-        self._blocks.release()
+        for texture in (self.trust, self.toned, self._share, self._sums, self._more, self._less):
+            texture.release()
