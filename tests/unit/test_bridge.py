@@ -1,6 +1,7 @@
 """Around the bridge, without a GPU: which EGL device is which CUDA device, whose fault an error is, graphs and folding."""
 
 import copy
+import ctypes.util
 import inspect
 import subprocess
 import sys
@@ -92,30 +93,58 @@ def test_the_egl_device_is_torchs_cuda_device(monkeypatch, numbers, current, exp
     monkeypatch.delenv("GLCONTEXT_DEVICE_INDEX", raising=False)
     monkeypatch.setattr(egl, "current_cuda_number", lambda: current)
     assert egl.matching_device(Devices(*numbers)) == expected
+    others = [index for index in range(len(numbers)) if index != expected]
+    assert egl.device_order(Devices(*numbers)) == ([] if expected is None else [expected]) + others or [None]
     monkeypatch.setenv("GLCONTEXT_DEVICE_INDEX", "0")
     assert egl.matching_device(Devices(*numbers)) is None
+    assert egl.device_order(Devices(*numbers)) == [None]
 
 
-MATCHED = """
+ORDERED = """
 import moderngl
+from viewer.errors import DeviceError
 from viewer.render import context
 asked, real = [], moderngl.create_context
 def noted(**settings):
-    asked.append(settings.get("device_index"))
+    asked.append(settings["device_index"])
     return real(**settings)
 moderngl.create_context = noted
-for index, expected in ((None, [None]), (0, [0]), (77, [77, None])):
+for order, last in (([None], 0), ([0], 0), ([77, 0, 88], 1)):
     asked.clear()
-    context.matching_device = lambda: index
+    context.device_order = lambda: order
     context.create_context().release()
-    assert asked == expected, (asked, expected)
+    assert asked == order[: last + 1], (asked, order)
+context.device_order = lambda: [77, 88]
+try:
+    context.create_context()
+except DeviceError as error:
+    assert "index 77" in str(error), error
+else:
+    raise AssertionError
 """
 
 
 @pytest.mark.gl
-def test_a_context_is_made_on_the_device_that_matches_or_on_any_other():
+def test_a_context_is_made_on_the_first_device_that_draws():
     """In a process of its own: contexts of this one would no longer be current."""
-    subprocess.run([sys.executable, "-c", MATCHED], check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", ORDERED], check=True, timeout=120)
+
+
+WITHOUT_X = """
+import ctypes.util
+real = ctypes.util.find_library
+ctypes.util.find_library = lambda name: "libGL-that-wants-X.so" if name == "GL" else real(name)
+from viewer.render.context import create_context
+create_context().release()
+"""
+
+
+@pytest.mark.gl
+def test_a_machine_without_x_draws():
+    """There libGL may not be, or not load: it wants X's libraries.  libOpenGL and libEGL do not."""
+    if ctypes.util.find_library("OpenGL") is None:
+        pytest.skip("libOpenGL is not installed (apt install libopengl0)")
+    subprocess.run([sys.executable, "-c", WITHOUT_X], check=True, timeout=120)
 
 
 def test_every_real_egl_device_answers_or_is_not_asked():

@@ -1,10 +1,11 @@
 """OpenGL contexts: a headless one through EGL, and what the rest needs to know about the device behind any of them."""
 
+import ctypes.util
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from viewer.errors import DeviceError
-from viewer.render.egl import matching_device
+from viewer.render.egl import device_order
 
 if TYPE_CHECKING:
     import moderngl
@@ -56,16 +57,18 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
 
 
 def _standalone() -> "moderngl.Context":
+    """On torch's CUDA device; where that computes but does not draw, on the first that does: the bridge says what it costs."""
     import moderngl
 
-    wanted = {"standalone": True, "backend": "egl", "require": REQUIRED}
-    index = matching_device()
-    if index is not None:
+    # libGL, glcontext's own choice, wants X's libraries, which a machine without a display need not have
+    settings = {"standalone": True, "backend": "egl", "require": REQUIRED, "libgl": ctypes.util.find_library("OpenGL")}
+    failures: list[Exception] = []
+    for index in device_order():
         try:
-            return moderngl.create_context(**wanted, device_index=index)  # type: ignore[arg-type]
-        except Exception:  # that GPU computes but does not draw: any other draws, and the bridge says what that costs
-            pass
-    return moderngl.create_context(**wanted)
+            return moderngl.create_context(**settings, device_index=index)  # type: ignore[arg-type]
+        except Exception as error:
+            failures.append(error)
+    raise failures[0]
 
 
 def context_lost(context: "moderngl.Context") -> bool:

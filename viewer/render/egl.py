@@ -77,12 +77,23 @@ def current_cuda_number() -> int:
 
 
 def matching_device(devices: Devices | None = None) -> int | None:
-    """Index of the EGL device that is torch's CUDA device, or None: no such device, or GLCONTEXT_DEVICE_INDEX decides.
+    """Index of the EGL device that is torch's CUDA device, or None: no such device, or GLCONTEXT_DEVICE_INDEX decides."""
+    return None if os.environ.get("GLCONTEXT_DEVICE_INDEX") else _matching(cuda_numbers(devices))
 
-    A number that several devices claim (drivers have done that) matches none of them.
+
+def device_order(devices: Devices | None = None) -> list[int | None]:
+    """Indices of EGL's devices in the order to try them: torch's CUDA device, then the others as EGL has them.
+
+    [None], glcontext's own choice, where EGL cannot list them or GLCONTEXT_DEVICE_INDEX decides.
     """
     if os.environ.get("GLCONTEXT_DEVICE_INDEX"):
-        return None
+        return [None]
     numbers = cuda_numbers(devices)
+    mine = _matching(numbers)
+    return sorted(range(len(numbers)), key=lambda index: index != mine) or [None]
+
+
+def _matching(numbers: list[int | None]) -> int | None:
+    """A number that several devices claim (drivers have done that) matches none of them."""
     wanted = current_cuda_number()
     return numbers.index(wanted) if numbers.count(wanted) == 1 else None
