@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Everything that needs a CUDA GPU, in one go: the doctor, the GPU tests and the benches.  Under nine minutes.
+"""Everything that needs a CUDA GPU, in one go: the doctor, the GPU tests, those of pictures that a driver could make otherwise
+than software OpenGL, and the benches.  Under nine minutes.
 
     python3 tests/gpu/run.py --out FOLDER          where there is a GPU
     python tests/gpu/run.py --dry --out FOLDER     the plumbing alone, on the CPU with a tiny scan
@@ -25,7 +26,7 @@ and there, in one command (525 s of this script and what comes before it fit int
 ldconfig is what lets glcontext find them.  Where the doctor then names llvmpipe, or no driver, tell the loader where NVIDIA's
 is: ``export __EGL_VENDOR_LIBRARY_FILENAMES=`` and the path of its 10_nvidia.json.  numba, numpy, scipy, pillow, tqdm,
 matplotlib, safetensors and pytest are expected there, and cuda-core, cuda-bindings and cuda-pathfinder: where the doctor's
-``interop`` says that they are not installed, add them above (15 MB).
+``interop`` says that they are not installed or too old, add them above (15 MB).
 This file imports nothing beyond Python's own library.
 """
 
@@ -86,16 +87,23 @@ def _versus(plan: Plan, work: Path) -> list[str]:
                   plan.device, "--plot", str(work / "versus.png"), *(["--frames", "1"] if plan is DRY else []))
 
 
-def _tests(_plan: Plan, _work: Path) -> list[str]:
+def _pytest(*which: str) -> list[str]:
     # without the project's own options: one of them is of pytest-timeout, which a bare machine has not.  Every test by name,
     # and where one hangs: what a driver keeps from returning is cut short, and the log is all there is of it.
-    return ["-m", "pytest", "tests/gpu", "-v", "--tb=short", "-rfEs", "-p", "no:cacheprovider", "-o", "addopts=",
+    return ["-m", "pytest", *which, "-v", "--tb=short", "-rfEs", "-p", "no:cacheprovider", "-o", "addopts=",
             "-o", "faulthandler_timeout=60", "--durations=5"]
+
+
+def _pictures(plan: Plan, _work: Path) -> list[str]:
+    # what fails is told at the end only: soon, where all does
+    names = ("frame", "sums", "auto_raster", "occlusion")
+    return _pytest(*(f"tests/gl/test_{name}.py" for name in names), "--maxfail=10", *(["-k", "any_sum"] if plan is DRY else []))
 
 
 PARTS = (
     Part("doctor", 60, lambda *_: ["-m", "viewer", "doctor", "--json"], None),
-    Part("tests", 150, _tests),
+    Part("tests", 150, lambda *_: _pytest("tests/gpu")),
+    Part("pictures", 100, _pictures),
     Part("scan", 60, _worker("scan"), None),
     *(_frame(number) for number in range(len(Plan.sizes))),
     Part("projected", 90, _worker("projected"), None),

@@ -82,12 +82,15 @@ def test_one_bridge_that_fails_does_not_end_the_rest(run, monkeypatch, capsys):
     assert [json.loads(line) for line in capsys.readouterr().err.splitlines() if line.startswith("{")] == [first, second]
 
 
-def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path):
-    """As on a bare machine: the project's own options ask for one."""
-    tests = next(part for part in run.PARTS if part.name == "tests").command(run.DRY, tmp_path)
+@pytest.mark.parametrize("name, held", [("tests", "test_interop.py"), ("pictures", "test_frame.py")])
+def test_its_tests_begin_where_pytest_has_no_plugins(run, tmp_path, name, held):
+    """As on a bare machine: the project's own options ask for one.  Nor is there what else such a machine does not have."""
+    (tmp_path / "sitecustomize.py").write_text(BLOCK.format(names=set(ABSENT)))
+    tests = next(part for part in run.PARTS if part.name == name).command(run.Plan(), tmp_path)
     done = subprocess.run([sys.executable, *tests, "--collect-only", "-p", "no:timeout"], cwd=SCRIPT.parents[2],
-                          env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}, capture_output=True, text=True, timeout=240)
-    assert done.returncode == 0 and "test_interop.py" in done.stdout and " error" not in done.stdout, done.stdout + done.stderr
+                          env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "PYTHONPATH": str(tmp_path)},
+                          capture_output=True, text=True, timeout=240)  # fmt: skip
+    assert done.returncode == 0 and held in done.stdout and " error" not in done.stdout, done.stdout + done.stderr
 
 
 def test_what_fails_among_its_tests_is_told_before_the_end(run, tmp_path):
