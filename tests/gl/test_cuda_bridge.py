@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import sys
 from time import sleep
 
 import numpy as np
@@ -104,7 +105,13 @@ def test_the_order_is_core_then_bindings_then_a_copy_and_says_why(monkeypatch, d
     install(monkeypatch, driver, core=False)
     bridge, why = make_bridge(programs, (8, 8), "cuda")
     assert bridge.kind == "CUDA mapping by cuda.bindings" and why
-    assert "cuda.core: not installed" in why and "pip install cuda-core" in why
+    assert "cuda.core: not installed" in why and "pip install --upgrade cuda-core" in why
+    bridge.release()
+    install(monkeypatch, driver)
+    monkeypatch.delattr(sys.modules["cuda.core"], "GraphicsResource")  # as before 0.7
+    bridge, why = make_bridge(programs, (8, 8), "cuda")
+    assert bridge.kind == "CUDA mapping by cuda.bindings" and why
+    assert "too old (cannot import name 'GraphicsResource'" in why and "--upgrade" in why
     bridge.release()
     install(monkeypatch, driver, core=False, bindings=False)
     bridge, why = make_bridge(programs, (8, 8), "cuda")

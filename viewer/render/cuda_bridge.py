@@ -213,7 +213,7 @@ class CudaBridge:
                 return None
             problem = "the self-test's pattern came back wrong"
         except ImportError as error:
-            problem = f"not installed ({first_line(error)}); pip install cuda-core cuda-bindings"
+            problem = f"not installed or too old ({first_line(error)}); pip install --upgrade cuda-core cuda-bindings"
         except Exception as error:  # each library has errors of its own, and so have drivers
             problem = first_line(error)
         self._close_mapper()
