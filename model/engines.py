@@ -98,9 +98,9 @@ class Runner:
                     self._work = capture(_PREPARED[name](network, example), example)
                     self.engine = name
                     break
+                except torch.OutOfMemoryError:
+                    raise  # what follows needs as much
                 except Exception as error:
-                    if type(error).__name__ == "OutOfMemoryError":
-                        raise  # what follows needs as much
                     said = str(error).strip() or type(error).__name__
                     problems.append(f"{ENGINES[name]} failed: {said.splitlines()[0]}")
         self.problem = "; ".join(problems) or None
