@@ -66,9 +66,40 @@ def look_like_a_gpu(monkeypatch) -> None:
     monkeypatch.setattr(module, "describe_device", lambda context: replace(known(context), software=False))
 
 
-def test_a_gpus_programs_change_no_byte(context, expected, monkeypatch):
+def demand_barriers(monkeypatch) -> list:
+    """A GPU begins a pass before the last one has ended, and reads caches that it has not written back, unless a barrier stands
+    between them.  Only runs of one program may follow each other without.  Returns the programs that ran, in order."""
+    ran, since = [], []
+
+    def following(owner: type, name: str) -> None:
+        given = getattr(owner, name)
+
+        def called(self, *arguments, **named):
+            program = getattr(self, "program", self)
+            assert all(other is program for other in since), f"no barrier before {owner.__name__}.{name}"
+            if "read" not in name:
+                since.append(program)
+                ran.append(program)
+            return given(self, *arguments, **named)
+
+        monkeypatch.setattr(owner, name, called)
+
+    def barrier(self, *arguments, given=moderngl.Context.memory_barrier):
+        since.clear()
+        given(self, *arguments)
+
+    for owner, names in {moderngl.ComputeShader: ("run", "run_indirect"), moderngl.VertexArray: ("render", "render_indirect"),
+                         moderngl.Buffer: ("read", "read_into"), moderngl.Texture: ("read",)}.items():
+        for name in names:
+            following(owner, name)
+    monkeypatch.setattr(moderngl.Context, "memory_barrier", barrier)
+    return ran
+
+
+def test_a_gpus_programs_change_no_byte_and_wait_for_each_other(context, expected, monkeypatch):
     look_like_a_gpu(monkeypatch)
-    assert pictures(context) == expected
+    ran = demand_barriers(monkeypatch)
+    assert pictures(context) == expected and len(set(ran)) > 30
 
 
 @pytest.mark.parametrize("word", [0xFFFFFFFF, 0x7F800000, 0x01020304])
