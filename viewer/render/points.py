@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from viewer.cloud.scene import Scene
 
 GPU_BUDGET = 4 << 30
-"""Bytes of points on a GPU, unless told otherwise: OpenGL does not say how much memory one has."""
+"""Bytes of points on a GPU, unless told otherwise: how much memory one has only extensions of some drivers say."""
 UPLOAD = 32 << 20
 """Bytes of points uploaded in one frame of a moving picture, at most."""
 UPLOAD_SECONDS = 0.008

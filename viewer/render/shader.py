@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 TILE = (16, 8)
 """Pixels a workgroup of an image pass covers."""
 BATCH = 256
-"""Points a workgroup of the compute rasteriser draws at most; all of one cell."""
+"""Points of a batch at most, all of one cell: what the compute rasteriser's workgroups take, ROWS each."""
 LANES = {False: 64, True: 8}
 """Invocations that share them out, on a GPU and in software OpenGL.  There a workgroup costs as much as 60 points, and lanes
 beyond the processor's own eight come one after the other, whether a point is left for them or not: both passes over 1.6M to
