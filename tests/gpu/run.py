@@ -20,13 +20,15 @@ On a bare machine that has torch but cannot reach a registry, carry the wheels (
 and there, in one command (525 s of this script and what comes before it fit into 600):
 
     for f in .gl/*.deb; do dpkg -x "$f" /; done; ldconfig
+    v=$(find /usr /etc -path '*egl_vendor.d/10_nvidia.json' | head -n 1)
+    [ -z "$v" ] || export __EGL_VENDOR_LIBRARY_FILENAMES="$v"
     python3 -m pip install -q --no-index --no-deps --target /tmp/site .whl/*.whl && export PYTHONPATH=/tmp/site
     python3 tests/gpu/run.py --out "$OUT"
 
-ldconfig is what lets glcontext find them.  Where the doctor then names llvmpipe, or no driver, tell the loader where NVIDIA's
-is: ``export __EGL_VENDOR_LIBRARY_FILENAMES=`` and the path of its 10_nvidia.json.  numba, numpy, scipy, pillow, tqdm,
-matplotlib, safetensors and pytest are expected there, and cuda-core, cuda-bindings and cuda-pathfinder: where the doctor's
-``interop`` says that they are not installed or too old, add them above (15 MB).
+ldconfig is what lets glcontext find them, and the variable what lets them find NVIDIA's driver, which a container may have in
+a place of its own.  numba, numpy, scipy, pillow, tqdm, matplotlib, safetensors and pytest are expected there, and cuda-core,
+cuda-bindings and cuda-pathfinder: where the doctor's ``interop`` says that they are not installed or too old, add all three
+above (15 MB).
 This file imports nothing beyond Python's own library.
 """
 
