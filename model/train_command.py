@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.seeds import MOST_SEED
+from model.signals import importing
 
 if TYPE_CHECKING:
     from model.data.truth import TruePlace
@@ -69,7 +70,8 @@ def run(options: argparse.Namespace) -> int:
         raise DataError("nothing to learn from: give folders with scene.json, or --procedural N")
     if any((options.out / name).exists() for name in ("recipe.json", "pairs/filtered", "pairs/unfiltered")):
         raise DataError(f"{options.out}: holds what --recipe made; choose another --out")
-    from model.train import TrainConfig, train
+    with importing():
+        from model.train import TrainConfig, train
 
     facts = _facts(options)
     path = train(TrainConfig(

@@ -14,6 +14,7 @@ from pathlib import Path
 
 from model import train_command
 from model.evaluation import command as evaluation_command
+from model.signals import importing
 from viewer import __version__
 from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
@@ -119,7 +120,8 @@ def _render(options: argparse.Namespace) -> int:
         part, parts = parse_shard(options.shard)
         cameras = cameras[part::parts]
     if settings.view == "neural":
-        from model.reconstruct import fitting_weights
+        with importing():
+            from model.reconstruct import fitting_weights
 
         own = Path(settings.weights) if settings.weights else None
         fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)  # refused before the scan is read

@@ -5,6 +5,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from model.signals import importing
+
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
 
 
@@ -47,11 +49,12 @@ def names_of(files: Sequence[Path]) -> dict[str, Path]:
 
 def run(options: argparse.Namespace) -> int:
     """Evaluates, prints the table, writes what was asked for.  Returns 0.  Raises DataError and WeightsError."""
-    from model.evaluation.outside import parse_outside
-    from model.evaluation.precision import precision_of_scene
-    from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save
-    from model.evaluation.scene import evaluate
-    from model.weights import weights_dir
+    with importing():
+        from model.evaluation.outside import parse_outside
+        from model.evaluation.precision import precision_of_scene
+        from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save
+        from model.evaluation.scene import evaluate
+        from model.weights import weights_dir
 
     if options.json:
         check_output(options.json)

@@ -191,16 +191,22 @@ def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
 
 
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
-def test_a_stop_during_the_imports_is_one_line(tmp_path, stop):
-    """A module of the command line's own that is slow to import stands for a slow disk."""
+@pytest.mark.parametrize("module", ["argparse", "torch"])
+def test_a_stop_during_the_imports_is_one_line(tmp_path, module, stop):
+    """A module that is slow to import stands for a slow disk; a stop that is raised there is a crash, as in torch's."""
     import os
     import signal
     import subprocess
     import sys
 
-    (tmp_path / "argparse.py").write_text("import time\nprint('importing', flush=True)\ntime.sleep(60)\n")
+    from viewer.paths import assets_dir
+
+    (tmp_path / f"{module}.py").write_text(
+        "import os, time\ntry:\n    print('importing', flush=True)\n    time.sleep(60)\nexcept BaseException:\n    os.abort()\n"
+    )
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
-    command = [sys.executable, "-m", "viewer", "info", "x.laz"]
+    cameras = assets_dir() / "demo_cameras.json"
+    command = [sys.executable, "-m", "viewer", "render", "x.laz", "--cameras", str(cameras), "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
                           preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)) as process:
         assert process.stdout is not None and process.stdout.readline() == "importing\n"
