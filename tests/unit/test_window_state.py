@@ -51,6 +51,19 @@ def test_neural_waits_for_its_network_and_shows_what_was_asked():
     assert made.choice.settings.view == "neural" and made.choice.network_load is None, "a network is loaded once"
 
 
+def test_a_device_that_is_not_there_is_said_at_once_and_in_the_windows_words():
+    def none(settings):
+        raise InputError("--device cuda: no CUDA here; use --device cpu or a smaller --size, or raise --gpu-memory")
+
+    made, _ = session(loader=none)
+    made.choice.request(replace(made.choice.settings, device="cuda"))
+    finish(made)
+    assert made.notices.message is not None and made.choice.shown_settings.device == "auto"
+    assert made.notices.message.text == (
+        "device cuda: no CUDA here; use device cpu or a smaller window, or raise --gpu-memory"
+    )
+
+
 def test_missing_weights_say_so_and_change_nothing():
     def none(settings):
         raise InputError("no weights are shipped for quality 'best'")
@@ -128,7 +141,7 @@ def test_what_is_odd_about_a_scan_is_said():
     made.accept(Loaded(scene, survey(scene)))
     assert [toast.text for toast in made.notices.toasts] == [
         "no colour in the file; showing intensity", "3 points without coordinates left out",
-        "brightness matched between runs of points; --exposures as-scanned leaves it",
+        "brightness matched between runs of points; started with --exposures as-scanned it stays as it was",
     ]  # fmt: skip
 
 
@@ -210,7 +223,8 @@ def test_a_recording_without_a_frame_leaves_no_empty_file(tmp_path):
     keeper = Keeper(made, cast("Painter", NoPainter()), tmp_path)
     keeper.record()
     assert made.recording is not None and keeper.record() is None and made.recording is None
-    assert made.notices.toasts[-1].text == "No frame was drawn meanwhile: nothing saved" and not list(tmp_path.iterdir())
+    assert [toast.text for toast in made.notices.toasts] == ["No frame was drawn meanwhile: nothing saved"]
+    assert not list(tmp_path.iterdir())
     keeper.record()
     assert made.recording is not None
     made.recording.add(1.0, stats(raster=1.0), (64, 48), ("raw",))

@@ -58,6 +58,19 @@ def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
     d.session.panel = False
 
 
+def check_what_is_typed_into_a_slider_and_is_no_number_changes_nothing(d: Driver) -> None:
+    from viewer.window import panels
+
+    before, usual = d.session.choice.settings, panels.imgui.slider_float
+    panels.imgui.slider_float = lambda *_: (True, float("nan"))  # as imgui does, where one types "nan"
+    d.session.panel = True
+    try:
+        d.settle()
+    finally:
+        panels.imgui.slider_float, d.session.panel = usual, False
+    assert d.session.choice.settings == before
+
+
 def check_the_panel_folds_where_the_window_becomes_too_narrow(d: Driver) -> None:
     def resize(*size):
         d.glfw.set_window_size(d.app.window, *size)
@@ -104,6 +117,27 @@ def check_a_flight_leaves_out_what_is_hidden_and_ends_exact(d: Driver) -> None:
     occlusion.WORTH = usual
     assert np.array_equal(d.bare(), d.rendered()) and not d.session.approximations
     d.key("HOME")
+
+
+def check_ctrl_c_in_what_glfw_calls_back_stops_the_window(d: Driver) -> None:
+    import ctypes
+    import signal
+
+    ended = []
+
+    @ctypes.CFUNCTYPE(None)
+    def called_back():
+        signal.raise_signal(signal.SIGINT)
+        ended.append(True)
+
+    usual, d.glfw.poll_events = d.glfw.poll_events, called_back
+    try:
+        d.app.step(wait=False)
+        raise AssertionError("the window goes on")
+    except KeyboardInterrupt:
+        assert ended, "what a key does is done to its end"
+    finally:
+        d.glfw.poll_events = usual
 
 
 def check_no_gl_error_is_left(d: Driver) -> None:

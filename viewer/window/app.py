@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from model.interrupts import to_its_end
 from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.hands import Hands
@@ -157,10 +158,11 @@ class App:
         loading = session.loads.current is not None or session.choice.network_load is not None
         stirring = loading or perf_counter() < self._awake_until
         busy = arriving or session.needs_picture or self._settle > 0 or change == 0.0
-        if wait and (not busy or min(session.size) == 0):
-            glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
-        else:
-            glfw.poll_events()
+        with to_its_end():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
+            if wait and (not busy or min(session.size) == 0):
+                glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
+            else:
+                glfw.poll_events()
         message = session.notices.message
         if (loaded := session.poll()) is not None:
             self._upload(loaded)

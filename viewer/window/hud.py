@@ -173,8 +173,8 @@ def draw_recording(session: Session, look: Theme) -> None:
     )
     imgui.dummy(ImVec2(px(14), line))
     imgui.same_line()
-    number = len(session.recording)
-    imgui.text_unformatted(f"{counted(number, 'frame')} · F9 stops")
+    frames = counted(len(session.recording), "frame")
+    imgui.text_unformatted(frames if at_left else f"{frames} · F9 stops")
     imgui.end()
 
 

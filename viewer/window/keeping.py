@@ -8,6 +8,8 @@ from viewer.window.painter import Painter
 from viewer.window.session import Session
 from viewer.words import counted
 
+_RECORDING = "Recording frame times"
+
 
 class Keeper:
     """Saves what a session shows into ``folder``."""
@@ -41,11 +43,11 @@ class Keeper:
             return None
         if session.recording is None:
             session.recording = capture.FrameTimes()
-            session.notices.toast("Recording frame times; F9 stops")
+            session.notices.toast(f"{_RECORDING}; F9 stops")
             return None
         times, session.recording = session.recording, None
         if not len(times):
-            session.notices.toast("No frame was drawn meanwhile: nothing saved")
+            session.notices.toast("No frame was drawn meanwhile: nothing saved", instead_of=_RECORDING)
             return None
         path = capture.stamped("pointglass-frames", ".csv", self._folder)
         try:
@@ -53,5 +55,5 @@ class Keeper:
         except PointglassError as error:
             session.notices.say("The frame times were not saved", str(error))
             return None
-        session.notices.toast(f"Saved {counted(len(times), 'frame')} to {path}")
+        session.notices.toast(f"Saved {counted(len(times), 'frame')} to {path}", instead_of=_RECORDING)
         return path

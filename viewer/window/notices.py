@@ -3,10 +3,19 @@
 No window: ``dialogs`` and ``hud`` draw what is here.  Times are seconds on the session's clock.
 """
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
 TOAST_SECONDS = 4.0
+_OPTIONS = {"size": "window", "view": "view", "filter": "filter", "quality": "quality", "precision": "precision",
+            "device": "device"}  # fmt: skip
+"""Of the command line's options, those that a person finds in the window: option -> what it is called there."""
+
+
+def in_window(text: str) -> str:
+    """What went wrong and what to do, in the words of the window rather than of the command line."""
+    return re.sub(rf"(?<!\S)--({'|'.join(_OPTIONS)})(?![\w-])", lambda found: _OPTIONS[found[1]], text)
 
 
 @dataclass(frozen=True)
@@ -35,8 +44,8 @@ class Notices:
         self.toasts: list[Toast] = []
 
     def say(self, title: str, text: str) -> None:
-        """Opens a dialog."""
-        self.message = Message(title, text)
+        """Opens a dialog.  text: as for the command line."""
+        self.message = Message(title, in_window(text))
 
     def toast(
         self, text: str, *, seconds: float = TOAST_SECONDS, instead_of: str | None = None, of_scene: bool = False

@@ -44,11 +44,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     with_filter = new.filter != "off"
     imgui.begin_disabled(not with_filter)
     _label("strength", "multiplies the depth tolerance; 1 is the preset's own, less keeps fewer points", look)
-    changed, value = imgui.slider_float(
-        "##strength", new.filter_strength, 0.1, 10.0, "%.2f", imgui.SliderFlags_.logarithmic | _CLAMP
-    )
-    if changed:
-        new = replace(new, filter_strength=value)
+    new = replace(new, filter_strength=_slider("##strength", new.filter_strength, 0.1, 10.0, "%.2f"))
     _label("levels", "depths of the pyramid; auto is the preset's own", look)
     changed, value = imgui.slider_int(
         "##levels", new.filter_levels or 0, 0, 12, "auto" if new.filter_levels is None else "%d", _CLAMP
@@ -65,11 +61,8 @@ def draw_panel(session: Session, look: Theme) -> None:
     imgui.same_line()
     imgui.set_next_item_width(-1)
     imgui.begin_disabled(every)
-    changed, value = imgui.slider_float(
-        "##lod points", new.lod or _LOD_DEFAULT, 0.25, 32.0, "every point" if every else "%.2f a pixel",
-        imgui.SliderFlags_.logarithmic | _CLAMP,
-    )  # fmt: skip
-    if changed and not every:
+    value = _slider("##lod points", new.lod or _LOD_DEFAULT, 0.25, 32.0, "every point" if every else "%.2f a pixel")
+    if new.lod is not None:
         new = replace(new, lod=value)
     imgui.end_disabled()
     new = _choice(new, "stations", "stations", look)
@@ -126,6 +119,12 @@ def _label(text: str, hint: str, look: Theme) -> None:
     _hint(hint, look)
     imgui.same_line(look.px(_LABEL))
     imgui.set_next_item_width(-1)
+
+
+def _slider(label: str, value: float, least: float, most: float, form: str) -> float:
+    """The number chosen, or typed: then it may be none, which imgui takes for one within its limits."""
+    changed, chosen = imgui.slider_float(label, value, least, most, form, imgui.SliderFlags_.logarithmic | _CLAMP)
+    return chosen if changed and least <= chosen <= most else value
 
 
 def _hint(text: str, look: Theme) -> None:
