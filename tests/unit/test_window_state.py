@@ -141,7 +141,7 @@ def test_what_is_odd_about_a_scan_is_said():
     made.accept(Loaded(scene, survey(scene)))
     assert [toast.text for toast in made.notices.toasts] == [
         "no colour in the file; showing intensity", "3 points without coordinates left out",
-        "brightness matched between runs of points; started with --exposures as-scanned it stays as it was",
+        "brightness matched between runs of points; started with --exposures as-scanned it is left",
     ]  # fmt: skip
 
 

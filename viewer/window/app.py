@@ -139,8 +139,11 @@ class App:
 
     def escape(self) -> None:
         """Lets go of the pointer, or closes one thing."""
+        imgui, message = self.imgui, self.session.notices.message
         if self.session.flight.looking or self.session.dragging_handle:
             self.hands.release_pointer()
+        elif message is None and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):  # a list of choices
+            imgui.internal.close_popups_except_modals()
         else:
             self.session.escape()
 

@@ -67,8 +67,8 @@ class Choice:
         if settings.view != "raw":
             self._right = settings.view
         neural = settings.view == "neural" or (self.split and self.left == "neural")
-        network, shown = (operator.attrgetter("quality", "weights", "precision", "device")(s) for s in (settings, self.settings))
-        neural |= network != shown  # said at once if there are no such weights, or no such device
+        network = operator.attrgetter("quality", "weights", "precision", "device")
+        neural |= network(settings) != network(self.settings)  # said at once if there are no such weights, or no such device
         if neural and loading.network_key(settings) not in self._networks:
             self._wait_for_network(settings)
             return

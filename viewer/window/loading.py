@@ -30,7 +30,7 @@ def notes(meta: dict) -> list[str]:
     kinds = {"exposures": "stations", "passes": "runs of points"}
     matched = [name for key, name in kinds.items() if (meta.get(key) or {}).get("applied")]
     if matched:
-        told.append(f"brightness matched between {' and '.join(matched)}; started with --exposures as-scanned it stays as it was")
+        told.append(f"brightness matched between {' and '.join(matched)}; started with --exposures as-scanned it is left")
     return told
 
 

@@ -129,6 +129,9 @@ def _slider(label: str, value: float, least: float, most: float, form: str) -> f
 
 def _hint(text: str, look: Theme) -> None:
     if text and imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
+        left = imgui.get_io().display_size.x - look.px(MARGIN + WIDTH + 8)
+        if left > look.px(WIDTH):  # beside the panel: below the pointer it would hide the choices to come
+            imgui.set_next_window_pos(ImVec2(left, imgui.get_item_rect_min().y), 0, ImVec2(1.0, 0.0))
         imgui.begin_tooltip()
         imgui.push_text_wrap_pos(look.px(280))
         imgui.text_unformatted(text)
