@@ -177,7 +177,7 @@ def _simulate(options: argparse.Namespace) -> int:
     check(options.out, options.points, options.seed)
     with progress(int(1.1 * options.points), "scanning", " pulses") as meter:
         count = main(options.out, options.points, options.seed, step=lambda n: meter.update(min(n, meter.total - meter.done)))
-    print(f"{count} points, scan in {options.out}, cameras in {cameras_of(options.out)}")
+    print(f"{counted(count, 'point')}, scan in {options.out}, cameras in {cameras_of(options.out)}")
     return 0
 
 

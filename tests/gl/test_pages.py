@@ -178,7 +178,7 @@ def test_a_budget_close_to_the_scene_is_obeyed(context, spare):
 
 
 def test_a_budget_that_is_too_small_names_the_option(context):
-    with pytest.raises(InputError, match=r"expected 0 MiB at least; raise --gpu-memory"):
+    with pytest.raises(InputError, match=r"^\S+ KiB for points on the GPU: expected \S+ KiB at least; raise --gpu-memory"):
         pages_of(context, slots=15)
     with pytest.raises(InputError, match=r"5 MiB for points on the GPU: expected 12 MiB at least"):
         PointPages(context, replace(SCENE, points=np.zeros((1 << 20, 3), np.uint32)), 128 << 20, budget=5 << 20)

@@ -133,7 +133,7 @@ def test_truncated_and_corrupted_e57(tmp_path):
 def test_e57_without_points(tmp_path):
     xyz, rgb = surface(10)
     refused(write_e57(tmp_path / "a.e57", []), "no scans")
-    refused(write_e57(tmp_path / "b.e57", [E57Scan(xyz[:0]), E57Scan(xyz[:0])]), "no points (2 empty scan(s))")
+    refused(write_e57(tmp_path / "b.e57", [E57Scan(xyz[:0]), E57Scan(xyz[:0])]), "no points (2 empty scans)")
     refused(
         write_e57(tmp_path / "c.e57", [E57Scan(xyz, rgb, invalid=np.full(10, 2))]), "none of its 10 points is valid"
     )

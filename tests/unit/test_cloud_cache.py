@@ -318,9 +318,12 @@ def test_a_bad_scan_among_many_does_not_keep_the_others_from_being_converted(tmp
     write_ply(scans / "a.ply", *surface(300))
     (scans / "b.ply").write_text("nonsense")
     write_ply(scans / "c.ply", *surface(300))
-    with pytest.raises(InputError, match=r"b\.ply: .*the other 2 of this shard") as caught:
+    with pytest.raises(InputError, match=r"b\.ply: .*; 2 grids in ") as caught:
         convert_each([scans], tmp_path / "grids")
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(caught.value) and "d.ply" not in str(caught.value)
+    (scans / "d.ply").write_text("nonsense")
+    with pytest.raises(InputError, match=r"b\.ply: .* \(and d\.ply\); 0 grids of this shard in "):
+        convert_each([scans], tmp_path / "grids", shard=(1, 2))
     assert sorted(p.name for p in (tmp_path / "grids").iterdir()) == ["a", "c"]
     write_ply(tmp_path / "c.ply", *surface(300))
     with pytest.raises(InputError, match="would have the same folder"):

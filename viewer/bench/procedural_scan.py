@@ -19,6 +19,7 @@ from viewer.cloud.grid import processors
 from viewer.cloud.scene import Scene
 from viewer.cloud.source import Chunk, ScanInfo, Source
 from viewer.errors import InputError
+from viewer.words import counted
 
 POINTS_PER_ROOM = 5_000_000
 """Of two stations: still few.  The real rooms of such a size that we have hold 3 and 12 million."""
@@ -53,7 +54,8 @@ class ProceduralScan(Source):
         self.rooms = rooms_for(points) if rooms is None else rooms
         self.stations = len(STATIONS) * self.rooms
         if self.rooms < 1 or points < self.stations:
-            raise InputError(f"a procedural scan of {points} points in {self.rooms} rooms: at least {self.stations} are needed")
+            size = f"{counted(points, 'point')} in {counted(self.rooms, 'room')}"
+            raise InputError(f"a procedural scan of {size}: at least {self.stations} are needed")
         self.columns = math.ceil(math.sqrt(self.rooms))
         self.seed = seed
         self._boxes, self.doors = _furnish(self.rooms, self.columns, seed)

@@ -9,6 +9,9 @@ from viewer.cloud import cache
 from viewer.cloud.build import as_paths, build_scene, each_once
 from viewer.cloud.scene import Scene
 from viewer.errors import InputError
+from viewer.words import counted
+
+_NAMED = 8  # of the scans that could not be read, besides the first
 
 
 def convert(paths: list[Path], out: Path, *, match: bool = True) -> Scene:
@@ -63,7 +66,7 @@ def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1
 
     paths: files, or folders of scans.  shard: (i, n), only every n-th scan starting at the i-th, so that n processes or
     machines share the work knowing nothing of each other.  A scan that cannot be read does not keep the others from being
-    converted.  Raises InputError at the end, naming the first such and how many there were, and at once where two scans
+    converted.  Raises InputError at the end, naming such and what is wrong with the first, and at once where two scans
     would share a name.
     """
     files = scans_in(paths)
@@ -72,7 +75,8 @@ def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1
         if file.stem in names:
             raise InputError(f"{file}: {names[file.stem]} would have the same folder, {out / file.stem}; convert them apart")
         names[file.stem] = file
-    made, wrong = [], []
+    made: list[Path] = []
+    wrong: dict[str, str] = {}
     for name, file in list(names.items())[shard[0] :: shard[1]]:
         folder = out / name
         try:
@@ -81,8 +85,10 @@ def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1
                 convert([file], folder, match=match)
             made.append(folder)
         except InputError as error:
-            wrong.append(str(error))
+            wrong[file.name] = str(error)
     if wrong:
-        more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
-        raise InputError(f"{wrong[0]}{more}; the other {len(made)} of this shard are in {out}")
+        first, *others = wrong
+        more = f" (and {', '.join(others[:_NAMED])}{', ...' if len(others) > _NAMED else ''})" if others else ""
+        where = "" if shard == (0, 1) else " of this shard"
+        raise InputError(f"{wrong[first]}{more}; {counted(len(made), 'grid')}{where} in {out}")
     return made

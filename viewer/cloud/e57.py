@@ -14,6 +14,7 @@ from viewer.cloud import crs
 from viewer.cloud.e57_nodes import library, open_e57, pose_of, value_of
 from viewer.cloud.source import Chunk, ScanInfo, Source, stretch
 from viewer.errors import InputError
+from viewer.words import counted
 
 _CHUNK = 1 << 19  # buffers are float64 for every field
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -52,7 +53,7 @@ class E57Source(Source):
         if not self.scans:
             raise InputError(f"{path}: holds no scans (an E57 without data3D entries); export it with points")
         if self.count == 0:
-            raise InputError(f"{path}: holds no points ({len(self.scans)} empty scan(s)); export it again")
+            raise InputError(f"{path}: holds no points ({counted(len(self.scans), 'empty scan')}); export it again")
         self._ranges: dict[int, tuple[float, float]] = {}
 
     def _add(self, number: int, node) -> None:

@@ -23,6 +23,7 @@ from viewer.cloud.spacing import measure_spacing
 from viewer.cloud.standpoints import Standpoints
 from viewer.cloud.survey import Survey, survey_points
 from viewer.errors import InputError
+from viewer.words import counted
 
 _STEPS_APART = 4  # neighbouring points lie at least so many packed positions apart
 _COINCIDING = 0.02  # share of points packed into one place with their neighbours from which finer cells are tried
@@ -148,11 +149,11 @@ def _check_any(sources: list[Source], survey: Survey) -> None:
 def _drop_warnings(survey: Survey) -> list[str]:
     nan, stray, invalid = survey.dropped
     said = [
-        (nan, "points with coordinates that are not finite left out"),
-        (invalid, "points marked invalid by the file left out"),
-        (stray, "stray points absurdly far from the rest left out"),
+        (nan, "point", "with coordinates that are not finite"),
+        (invalid, "point", "marked invalid by the file"),
+        (stray, "stray point", "absurdly far from the rest"),
     ]
-    return [f"{n:,} {what}" for n, what in said if n]
+    return [f"{counted(n, noun)} {how} left out" for n, noun, how in said if n]
 
 
 def _even_spacing(survey: Survey) -> float:

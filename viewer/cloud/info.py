@@ -6,6 +6,7 @@ from model.places import told_apart
 from viewer.cloud.build import open_scene
 from viewer.cloud.cache import CacheError
 from viewer.cloud.scene import Scene
+from viewer.words import counted
 
 
 def describe(paths: list[Path], full: bool = False, *, cache: bool = True) -> dict:
@@ -81,7 +82,7 @@ def format_text(info: dict) -> str:
     for scan in info["scans"]:
         place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
         how = ", told by the order of the points" if scan.get("inferred") else ""
-        rows.append(("scan", f"{scan['name']}: {scan['count']:,} points, {place}{how}"))
+        rows.append(("scan", f"{scan['name']}: {counted(scan['count'], 'point')}, {place}{how}"))
     if info["stations"] == "weighed":
         rows.append(("stations", "colours come from those that looked the way the eye looks (--stations equal averages them)"))
     if grid := info.get("grid"):

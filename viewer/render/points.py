@@ -22,6 +22,7 @@ from viewer.cloud.scene import CHUNK
 from viewer.errors import DeviceError, InputError
 from viewer.render.context import describe_device
 from viewer.render.shader import BATCH
+from viewer.words import bytes_text
 
 if TYPE_CHECKING:
     import moderngl
@@ -89,8 +90,8 @@ class PointPages:
             slots = min(budget // chunk_bytes, slots - 1)
             if slots < LEAST_SLOTS:
                 raise InputError(
-                    f"{budget / 2**20:,.0f} MiB for points on the GPU: expected {LEAST_SLOTS * chunk_bytes / 2**20:,.0f} "
-                    "MiB at least; raise --gpu-memory"
+                    f"{bytes_text(budget)} for points on the GPU: expected {bytes_text(LEAST_SLOTS * chunk_bytes)} at least; "
+                    "raise --gpu-memory"
                 )
         self._context = context
         self.buffers: list[moderngl.Buffer] = []
