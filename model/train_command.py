@@ -30,23 +30,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="folders with scene.json, of ScanNet++, or of RGB-D frames with poses")
     parser.add_argument("--out", type=Path, metavar="DIR",
                         help="pairs, checkpoint and weights; resumes there (--tune: where weights go, if not to the viewer)")
-    parser.add_argument("--procedural", type=int, default=0, metavar="N", help="also N places made up, of every kind in turn")
+    parser.add_argument("--procedural", type=int, default=0, metavar="N",
+                        help="also N places made up, of every kind in turn (default 0)")
     parser.add_argument("--recipe", choices=["gpu", "night"],
                         help="gpu: the most of one CUDA GPU in 25 minutes; night: of two CPU cores in 10 hours")
     parser.add_argument("--quality", default="balanced", choices=["fast", "balanced", "best", "paper"],
                         help="which network (default balanced)")
     parser.add_argument("--unfiltered", action="store_true", help="for `--filter off`")
-    parser.add_argument("--minutes", type=float, help="of training (default 60; with --recipe, of everything: 25 or 600)")
-    parser.add_argument("--steps", type=int, default=40_000, help="at most (default 40000)")
-    parser.add_argument("--batch", type=int, default=8, metavar="N", help="crops a step and process")
-    parser.add_argument("--crop", type=int, default=192, metavar="PIXELS", help=f"side of a crop (at least {LEAST_CROP})")
-    parser.add_argument("--rate", type=float, default=1e-3, help="learning rate")
+    parser.add_argument("--minutes", type=float, metavar="M",
+                        help="of training (default 60; with --recipe, of everything: 25 or 600)")
+    parser.add_argument("--steps", type=int, default=40_000, metavar="N", help="at most (default 40000)")
+    parser.add_argument("--batch", type=int, default=8, metavar="N", help="crops a step and process (default 8)")
+    parser.add_argument("--crop", type=int, default=192, metavar="PIXELS",
+                        help=f"side of a crop, {LEAST_CROP} or more (default 192)")
+    parser.add_argument("--rate", type=float, default=1e-3, metavar="X", help="learning rate (default 0.001)")
     parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
     parser.add_argument("--validation", type=Path, metavar="FOLDER", help="with --recipe: a scene to judge the weights on")
     parser.add_argument("--start-from", type=Path, metavar="F", help="weights to go on from")
     parser.add_argument("--device", default="auto", choices=["auto", "cuda", "cpu"],
                         help="auto: CUDA where it works, else CPU (default auto)")
-    parser.add_argument("--seed", type=int, default=1, help="of crops and places made up (default 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of crops and places made up (default 1)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -41,7 +41,8 @@ def _parser() -> argparse.ArgumentParser:
     add_memory(view)
 
     demo = command("demo", "the shipped scan, in a window or as pictures")
-    demo.add_argument("--out", type=Path, default=Path("out/demo"), help="where pictures go without a display")
+    demo.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR",
+                      help="where pictures go without a display (default out/demo)")
     add_settings(demo)
 
     render = command("render", "pictures of a list of cameras")
@@ -78,7 +79,7 @@ def _parser() -> argparse.ArgumentParser:
     simulate.add_argument("--out", type=Path, required=True, metavar="FILE.laz",
                           help="the scan, .laz or .las; eight cameras for `render` go beside it, as FILE_cameras.json")
     simulate.add_argument("--points", type=int, default=1_200_000, metavar="N", help="1000 or more (default 1200000)")
-    simulate.add_argument("--seed", type=int, default=1, help="another seed, another place (default 1)")
+    simulate.add_argument("--seed", type=int, default=1, metavar="N", help="another seed, another place (default 1)")
 
     train = command("train", "train the network on registered rooms")
     train_command.add_arguments(train)

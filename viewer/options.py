@@ -1,7 +1,9 @@
 """Options that several commands share: scans, settings, exposures, memory; and what reads them."""
 
 import argparse
+from collections.abc import Sequence
 from difflib import get_close_matches
+from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
 
@@ -26,6 +28,7 @@ class Parser(argparse.ArgumentParser):
             self._mixing = False
 
     def parse_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
+        _refuse_empty(args or ())
         found, left = self.parse_known_args(args, namespace)
         if left:
             command = getattr(found, "command", None)
@@ -43,6 +46,15 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see `{self.prog} --help`)")
+
+
+def _refuse_empty(args: Sequence[str]) -> None:
+    """An unset variable of a script leaves nothing, which would be this folder, or pass for the default."""
+    for before, arg in pairwise(("", *args)):
+        option, equals, value = arg.partition("=")
+        if not arg or (option.startswith("--") and equals and not value):
+            name = option or (before if before.startswith("--") else "an argument")
+            raise InputError(f"{name} is empty; give it a value, or leave it out")
 
 
 def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
@@ -94,4 +106,5 @@ def add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
 
 def add_exposures(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--exposures", choices=["matched", "as-scanned"], default="matched",
-                        help="matched: scans of one place are given the same brightness; as-scanned: colours as in the file")
+                        help="matched: scans of one place are given the same brightness; as-scanned: colours as in the file "
+                             "(default matched)")

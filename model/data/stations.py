@@ -120,6 +120,8 @@ def load_scene(folder: Path) -> StationScene:
     pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in shots for name in (s.rgb_file, s.depth_file))
     if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in shots]):
         raise DataError(f"{folder}: {len(wrong)} pictures named in scene.json cannot be used: {'; '.join(wrong[:10])}")
+    if not any(np.isfinite(face.depth()).any() for faces in scene.stations for face in faces):
+        raise DataError(f"{folder}: the depth pictures of its stations hold no return (all 0); write metres x depth_scale")
     return scene
 
 

@@ -14,21 +14,24 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options :func:`run` reads."""
     parser.add_argument("data", type=Path, metavar="FOLDER", help="scene folder (scene.json, stations, views)")
     parser.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F", help="default: all shipped")
-    parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D", help="shares of the points")
+    parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D",
+                        help="shares of the points (default 1 0.1)")
     parser.add_argument("--views", type=int, metavar="N", help="how many, evenly chosen (default: all)")
     parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
     parser.add_argument("--exposures", choices=list(CHOICES), default="both",
-                        help="colours as the stations took them, matched between stations, or both")
+                        help="colours as the stations took them, matched between stations, or both (default both)")
     parser.add_argument("--outside", action="append", default=[], metavar="NAME=FOLDER",
                         help="another method's PNGs, named after the views; may be repeated")
     parser.add_argument("--flicker", action=argparse.BooleanOptionalAction, default=True,
-                        help="along the scene's path, where it has one")
-    parser.add_argument("--frames", type=int, default=20, metavar="N", help="of the path, from its middle (0: all)")
+                        help="along the scene's path, where it has one (default: yes)")
+    parser.add_argument("--frames", type=int, default=20, metavar="N", help="of the path, from its middle (0: all; default 20)")
     parser.add_argument("--precision", action="store_true", help="also fp16 and bf16 against fp32")
     parser.add_argument("--paper-table", action="store_true",
                         help="the paper's table instead, for a ScanNet++ or any other data folder: two sizes, 100 %% and 10 %%")
-    parser.add_argument("--split", default="val", help="of ScanNet++ (--paper-table): train, val, test or a file in splits/")
-    parser.add_argument("--camera", choices=["dslr", "iphone"], default="dslr", help="of ScanNet++ (--paper-table)")
+    parser.add_argument("--split", default="val", metavar="NAME",
+                        help="of ScanNet++ (--paper-table): train, val, test or a file in splits/ (default val)")
+    parser.add_argument("--camera", choices=["dslr", "iphone"], default="dslr",
+                        help="of ScanNet++ (--paper-table; default dslr)")
     parser.add_argument("--json", type=Path, metavar="F", help="every figure")
     parser.add_argument("--plot", type=Path, metavar="F", help="PSNR and distance against ms (.png, .svg, .pdf)")
 

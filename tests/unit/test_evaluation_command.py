@@ -52,6 +52,18 @@ def test_pictures_missing_or_of_another_size_are_refused_naming_ten(room, tmp_pa
         open_outside({"x": tmp_path}, shots, scene.path, [1.0])
 
 
+def test_a_scene_without_a_return_is_refused(room, tmp_path):
+    import shutil
+
+    shutil.copytree(room, tmp_path / "void")
+    depths = {face.depth_file for faces in load_scene(room).stations for face in faces}
+    for name in depths:
+        with Image.open(room / name) as depth:
+            Image.new(depth.mode, depth.size).save(tmp_path / "void" / name)
+    with pytest.raises(DataError, match=r"void: the depth pictures of its stations hold no return"):
+        evaluate(tmp_path / "void")
+
+
 def test_a_density_has_a_folder_of_its_own_where_there_is_one(room, tmp_path):
     scene = load_scene(room)
     for name, value in (("D100", 250), ("D30", 30)):

@@ -46,6 +46,22 @@ def test_values_beyond_the_limits_are_refused(option, text, said):
         settings_of(typed(f"--{option}", text))
 
 
+@pytest.mark.parametrize("words, name", [
+    (("--size", ""), "--size"), (("--shard=",), "--shard"), (("--out", ""), "--out"), (("",), "an argument"),
+])
+def test_what_an_unset_variable_leaves_is_refused(words, name):
+    with pytest.raises(InputError, match=f"^{name} is empty; "):
+        typed(*words)
+
+
+def test_every_option_tells_its_default():
+    commands = next(action for action in _parser()._actions if action.dest == "command")
+    untold = [f"{name} {action.option_strings[0]}" for name, command in commands.choices.items() for action in command._actions
+              if action.option_strings and action.default not in (None, False, [], "==SUPPRESS==")
+              and "default" not in (action.help or "")]  # fmt: skip
+    assert not untold
+
+
 def test_each_kind_of_memory_is_given_its_own_size():
     assert memory_of(typed("--gpu-memory", "2G")) == Memory(gpu=2 << 30)
     assert memory_of(typed("--read-ahead", "3M")) == Memory(read_ahead=3 << 20)

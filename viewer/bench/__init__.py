@@ -282,11 +282,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--procedural", metavar="N", help="instead of a scan: so many points of rooms made on the spot (25M)")
     parser.add_argument("--rooms", type=int, metavar="N",
                         help="procedural: rooms (default: one for every 5M points)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of what is made on the spot")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of what is made on the spot (default 1)")
     parser.add_argument("--size", action="append", metavar="WxH[,WxH]",
                         help="picture size, default 960x720; frame and versus take several")
     parser.add_argument("--along", choices=["path", "views"], default="path",
-                        help="frame: the fixed path of 48 frames, or the eight named views")
+                        help="frame: the fixed path of 48 frames, or the eight named views (default path)")
     parser.add_argument("--frames", type=int, metavar="N",
                         help="versus, occlusion (at least 3): cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
