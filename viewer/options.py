@@ -41,7 +41,7 @@ class Parser(argparse.ArgumentParser):
         known = self._option_string_actions
         for name in (arg.partition("=")[0] for arg in args if arg.startswith("--")):
             if not any(option.startswith(name) for option in known):
-                meant = get_close_matches(name, known, 1)
+                meant = get_close_matches(name, known, 1, 0.7)
                 self.error(f"unrecognized arguments: {name}{f', did you mean {meant[0]}?' if meant else ''}")
 
     def error(self, message: str) -> NoReturn:

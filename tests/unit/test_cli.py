@@ -270,6 +270,9 @@ def test_importing_the_command_line_loads_nothing_heavy():
 def test_demo_without_a_display_makes_all_pictures(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    (tmp_path / "file").touch()
+    assert run("demo", "--out", tmp_path / "file") == 2
+    assert "file: cannot make this folder (a file has this name); choose another --out\n" in one_line(capsys)
     assert run("demo", "--out", tmp_path / "demo") == 0
     cameras = json.loads((assets_dir() / "demo_cameras.json").read_text())["camera_path"]
     assert len(list((tmp_path / "demo").glob("*.png"))) == 4 * len(cameras) + 1

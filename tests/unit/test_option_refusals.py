@@ -318,6 +318,7 @@ def test_a_training_stopped_while_places_are_built_leaves_no_folder(tmp_path, mo
 @pytest.mark.parametrize(("words", "said"), [
     (("render", "x.laz", "--camras", "f", "--out", "o"), "--camras, did you mean --cameras? (see `pointglass render --help`)"),
     (("train", "--out", "o", "--minute=3", "--perceptul=d"), "--perceptul, did you mean --perceptual?"),  # --minute is short
+    (("demo", "--size", "9x9"), "unrecognized arguments: --size (see `pointglass demo --help`)"),  # not --view
     (("bench", "frame", "--zzz"), "unrecognized arguments: --zzz (see `pointglass bench --help`)"),
 ])
 def test_what_is_misspelt_is_told_before_what_is_missing(words, said, capsys):

@@ -9,7 +9,7 @@ import numpy as np
 from viewer.errors import InputError
 from viewer.paths import assets_dir
 from viewer.settings import VIEWS, Settings
-from viewer.tools.files import write_png
+from viewer.tools.files import out_folder, write_png
 
 
 def demo_scan() -> Path:
@@ -45,7 +45,6 @@ def contact_sheet(rows: list[list[np.ndarray]], scale: int = 2, gap: int = 4) ->
 
 def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     """Renders the shipped cameras in every view into ``out``, with one contact sheet.  Returns the files, it first."""
-    from model.folders import made_folder
     from viewer.cloud import open_scene
     from viewer.progress import progress
     from viewer.render.context import create_context
@@ -57,7 +56,7 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     renderer = Renderer(create_context(), scene)
     files, rows = [], []
     try:
-        with made_folder(out), progress(len(cameras), "rendering the demo", "camera") as meter:
+        with out_folder(out), progress(len(cameras), "rendering the demo", "camera") as meter:
             for camera in cameras:
                 frame = renderer.render(camera, settings, views=tuple(VIEWS))
                 pictures = [frame.image(view)[..., :3] for view in VIEWS]

@@ -4,12 +4,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from model.folders import made_folder
 from viewer.errors import InputError
 from viewer.numerals import whole_number
 from viewer.progress import progress
 from viewer.settings import Settings
-from viewer.tools.files import write_array, write_json, write_png, write_together
+from viewer.tools.files import out_folder, write_array, write_json, write_png, write_together
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -44,16 +43,10 @@ def export_pictures(
     the filter, whatever the view.
     """
     views = (settings.view,) if settings.view != "raw" or not aux else ("raw", "filtered")
-    with made_folder(out, make=False):
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            why = "a file has this name" if out.is_file() else error.strerror
-            raise InputError(f"{out}: cannot make this folder ({why}); choose another --out") from None
-        with progress(len(cameras), "rendering", "picture") as meter:
-            for camera in cameras:
-                write_together(out, _files(renderer.render(camera, settings, views), camera.name, settings.view, aux=aux))
-                meter.update(1)
+    with out_folder(out), progress(len(cameras), "rendering", "picture") as meter:
+        for camera in cameras:
+            write_together(out, _files(renderer.render(camera, settings, views), camera.name, settings.view, aux=aux))
+            meter.update(1)
     return len(cameras)
 
 

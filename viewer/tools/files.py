@@ -1,15 +1,29 @@
 """Pictures, arrays and JSON, and several files at once, written beside and renamed (model.whole)."""
 
+import contextlib
 import json
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 
+from model.folders import made_folder
 from model.whole import write_whole
 from viewer.errors import InputError
+
+
+@contextlib.contextmanager
+def out_folder(out: Path) -> Iterator[None]:
+    """Makes the folder of ``--out``; where the block fails, what it made and left empty goes again.  Raises InputError."""
+    with made_folder(out, make=False):
+        try:
+            out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            why = "a file has this name" if out.is_file() else error.strerror
+            raise InputError(f"{out}: cannot make this folder ({why}); choose another --out") from None
+        yield
 
 
 def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> None:
