@@ -230,6 +230,7 @@ def test_a_recording_without_a_frame_leaves_no_empty_file(tmp_path):
     made.recording.add(1.0, stats(raster=1.0), (64, 48), ("raw",))
     path = keeper.record()
     assert path is not None and made.notices.toasts[-1].text == f"Saved 1 frame to {path}"
+    assert not [toast for toast in made.notices.toasts if "F9 stops" in toast.text]
 
 
 def test_recording_has_a_row_a_frame(tmp_path):

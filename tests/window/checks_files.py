@@ -4,7 +4,7 @@ import csv
 from dataclasses import replace
 
 import numpy as np
-from driver import Driver
+from driver import SIZE, Driver
 
 
 def check_screenshot_is_the_picture(d: Driver) -> None:
@@ -110,6 +110,22 @@ def check_load_can_be_cancelled(d: Driver) -> None:
         assert d.session.loads.current is None and work.join(5.0)
         d.settle()
         assert d.session.scene is scene and d.session.notices.message is None
+
+
+def check_a_load_is_seen_where_the_figures_leave_no_room_beside_it(d: Driver) -> None:
+    from imgui_bundle import imgui
+
+    d.glfw.set_window_size(d.app.window, 500, 400)
+    d.until(lambda: d.session.size == (500, 400))
+    d.bare()
+    d.drop(d.folder / "slow.ply")
+    d.until(lambda: d.session.loads.current.done > 3)
+    d.settle()
+    order = [window.name for window in imgui.get_current_context().windows if window.active]
+    assert order.index("load") > order.index("hud"), order
+    d.session.cancel_load()
+    d.glfw.set_window_size(d.app.window, *SIZE)
+    d.until(lambda: d.session.size == SIZE)
 
 
 def check_second_drop_replaces_the_scene(d: Driver) -> None:

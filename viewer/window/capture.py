@@ -32,7 +32,8 @@ def write_beside(path: Path, data: bytes) -> None:
     try:
         write_whole(path, lambda beside: beside.write_bytes(data))
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose a folder with room") from None
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}); "
+                         "start pointglass in a folder that has room and can be written to") from None
 
 
 def save_png(path: Path, image: np.ndarray) -> None:

@@ -125,6 +125,8 @@ def draw_load(session: Session, look: Theme) -> None:
     width = min(px(420), imgui.get_io().display_size.x - px(80))
     _centre()
     imgui.begin("load", None, OVERLAY | imgui.WindowFlags_.always_auto_resize)
+    if imgui.is_window_appearing() and session.notices.message is None:  # over figures, where there is no room beside
+        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
     imgui.push_font(look.bold, theme.FONT_SIZE)
     imgui.text_unformatted(fitted(work.title, width))
     imgui.pop_font()

@@ -8,7 +8,7 @@ from viewer.window.painter import Painter
 from viewer.window.session import Session
 from viewer.words import counted
 
-_RECORDING = "Recording frame times"
+_RECORDING = "Recording frame times; F9 stops"
 
 
 class Keeper:
@@ -43,11 +43,12 @@ class Keeper:
             return None
         if session.recording is None:
             session.recording = capture.FrameTimes()
-            session.notices.toast(f"{_RECORDING}; F9 stops")
+            session.notices.toast(_RECORDING)
             return None
         times, session.recording = session.recording, None
+        session.notices.drop(_RECORDING)
         if not len(times):
-            session.notices.toast("No frame was drawn meanwhile: nothing saved", instead_of=_RECORDING)
+            session.notices.toast("No frame was drawn meanwhile: nothing saved")
             return None
         path = capture.stamped("pointglass-frames", ".csv", self._folder)
         try:
@@ -55,5 +56,5 @@ class Keeper:
         except PointglassError as error:
             session.notices.say("The frame times were not saved", str(error))
             return None
-        session.notices.toast(f"Saved {counted(len(times), 'frame')} to {path}", instead_of=_RECORDING)
+        session.notices.toast(f"Saved {counted(len(times), 'frame')} to {path}")
         return path
