@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from model.processors import usable_processors
+from viewer.cloud.apart import Apart
 from viewer.cloud.colour import Colours
 from viewer.cloud.faces import cover_of_faces
 from viewer.cloud.histogram import FARTHEST, power_of_two
@@ -63,14 +64,16 @@ def build_grid(
     """
     clock = _Clock({} if stages is None else stages)
     with ThreadPoolExecutor(processors(), "grid") as pool:
-        stands = Standpoints(sources)
-        survey = survey_points(sources, () if colours is None else (colours, stands))
+        stands, apart = Standpoints(sources), Apart(sources)
+        watchers = () if colours is None else (colours, stands)
+        survey = survey_points(sources, (*watchers, apart) if len(sources) > 1 else watchers)
         _check_any(sources, survey)
         if colours is not None:
             turns = stands.solve(survey.kept)
             meta["colour"], said = colours.decide(_heights(survey), turns)
             meta |= colours.matched
             meta["warnings"] += said
+        meta["warnings"] += apart.said()
         clock.lap("count")
         points = allocate(survey.count)
         layout, steps = choose_layout(survey), 0.0
