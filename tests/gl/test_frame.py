@@ -31,7 +31,7 @@ def assert_agrees(frame, twin):
     """Depth to the bit; colour and mask exact; the filled picture to the rounding of one level.
 
     A GPU need not round its divisions as a processor does: there a point on the border of two pixels may fall either way, two
-    pixels in 100,000, and where one did, what the filter and the fill make around it.
+    pixels in 100,000, and where one did, what the filter and the fill make around it; and a trust or a tone between two steps.
     """
     wrong = frame.depth() != twin.raster.depth.numpy()
     colour = twin.raster.colour.permute(1, 2, 0).numpy()
@@ -39,12 +39,13 @@ def assert_agrees(frame, twin):
     software = describe_device(frame.depth_texture.ctx).software
     assert wrong.sum() <= (0 if software else max(2, 2e-5 * wrong.size))
     around = 0.01 * wrong.size if wrong.any() else 0
+    between = 0 if software else 1e-3 * wrong.size
     assert (frame.mask() != twin.mask).sum() <= around
     image = frame.image("filled")
     same_alpha = (image[..., 3] > 0) == twin.alpha
     assert (~same_alpha).sum() <= 2e-4 * same_alpha.size + 2 + around  # float32 rays on the border of a direction cell
     filled = np.clip(twin.filled[:3], 0, 1).transpose(1, 2, 0) * 255 * twin.alpha[..., None]
-    assert (np.abs(image[..., :3] - filled)[same_alpha].max(-1) > 0.51).sum() <= around
+    assert (np.abs(image[..., :3] - filled)[same_alpha].max(-1) > 0.51).sum() <= max(around, between)
 
 
 def sums(renderer) -> np.ndarray:

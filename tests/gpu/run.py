@@ -98,7 +98,7 @@ def _pytest(*which: str) -> list[str]:
 
 def _pictures(plan: Plan, _work: Path) -> list[str]:
     # what fails is told at the end only: soon, where all does
-    names = ("frame", "sums", "auto_raster", "occlusion")
+    names = ("frame", "sums", "auto_raster", "occlusion", "stations")
     return _pytest(*(f"tests/gl/test_{name}.py" for name in names), "--maxfail=10", *(["-k", "any_sum"] if plan is DRY else []))
 
 
