@@ -27,6 +27,7 @@ from viewer.errors import InputError
 from viewer.paths import cache_dir
 from viewer.progress import progress
 from viewer.settings import Settings
+from viewer.words import counted
 
 if TYPE_CHECKING:
     import moderngl
@@ -220,7 +221,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
     """For the table on the terminal."""
     out = []
     for row in result["rows"]:
-        name = f"by {row['series']}: {short(row['points'])} points, {row['rooms']} rooms"
+        name = f"by {row['series']}: {short(row['points'])} points, {counted(row['rooms'], 'room')}"
         if not row["fits"]:
             out.append((name, row["why"]))
             continue
