@@ -1,4 +1,4 @@
-"""Around the bridge, without a GPU: which EGL device is which CUDA device, whose fault an error is, which stage is made anew."""
+"""Around the bridge, without a GPU: which EGL device is which CUDA device, whose fault an error is, stages made anew."""
 
 import ctypes.util
 import subprocess
