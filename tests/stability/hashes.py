@@ -14,6 +14,7 @@ import numpy as np
 
 from viewer.bench.stress_frames import Stand, arrays_of, place_at
 from viewer.bench.stress_scenes import axis_camera, placed, view_inside
+from viewer.bench.stress_stations import lit, scene_of, standing
 from viewer.cloud import scene_from_arrays
 from viewer.settings import FILTERS, SOFT_Z, Settings
 
@@ -24,6 +25,7 @@ SETTINGS = {
     **{f"soft depth {name}": Settings(soft_z=name) for name in SOFT_Z},
     "level of detail 1": Settings(lod=1.0), "strength 2, 3 levels": Settings(filter_strength=2.0, filter_levels=3),
 }
+WEIGHED = {"weighed by scanners": Settings()}
 
 
 def hashes_of(stand: Stand) -> dict[str, str]:
@@ -32,14 +34,16 @@ def hashes_of(stand: Stand) -> dict[str, str]:
     for seed, scale, away in PLACES:
         xyz, _, origin = place_at(seed, scale, away)
         rgb = np.random.default_rng(seed).integers(0, 256, xyz.shape).astype(np.uint8)  # no sines, which libraries round
-        with stand.renderer(scene_from_arrays(xyz, rgb)) as renderer:
-            cameras = {"turned": placed(view_inside(seed, (97, 61), 60.0), scale, origin),
-                       "along y": placed(axis_camera((64, 48), (4.0, 0.5, 2.0)), scale, origin)}
-            for where, camera in cameras.items():
-                for how, settings in SETTINGS.items():
-                    pictures = arrays_of(renderer, camera, settings)
-                    whole = hashlib.sha256(b"".join(np.ascontiguousarray(pictures[k]).tobytes() for k in sorted(pictures)))
-                    made[f"place {seed} at {scale:g}, {where}, {how}"] = whole.hexdigest()[:16]
+        weighed = scene_of(xyz, *lit(seed, rgb, 3), standing(seed, 3) * scale + origin)
+        cameras = {"turned": placed(view_inside(seed, (97, 61), 60.0), scale, origin),
+                   "along y": placed(axis_camera((64, 48), (4.0, 0.5, 2.0)), scale, origin)}
+        for scene, ways in ((scene_from_arrays(xyz, rgb), SETTINGS), (weighed, WEIGHED)):
+            with stand.renderer(scene) as renderer:
+                for where, camera in cameras.items():
+                    for how, settings in ways.items():
+                        pictures = arrays_of(renderer, camera, settings)
+                        whole = hashlib.sha256(b"".join(np.ascontiguousarray(pictures[k]).tobytes() for k in sorted(pictures)))
+                        made[f"place {seed} at {scale:g}, {where}, {how}"] = whole.hexdigest()[:16]
     return made
 
 

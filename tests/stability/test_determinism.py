@@ -41,6 +41,7 @@ def test_a_changed_picture_changes_its_hash(stand, monkeypatch):
     both = []
     for settings in (Settings(), Settings(filter="off")):
         monkeypatch.setattr(hashes, "SETTINGS", {"the same name": settings})
+        monkeypatch.setattr(hashes, "WEIGHED", {"weighed": settings})
         both.append(hashes_of(stand))
     first, second = both
     assert first.keys() == second.keys() and not set(first.values()) & set(second.values())

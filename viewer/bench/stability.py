@@ -11,6 +11,7 @@ import numpy as np
 
 from viewer.bench import stress_frames as frames
 from viewer.bench import stress_points as points
+from viewer.bench import stress_stations as stations
 from viewer.bench.stress_network import network_rows
 from viewer.bench.stress_scenes import axis_camera
 from viewer.bench.stress_truth import depth_faults
@@ -71,6 +72,10 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
         "points": lambda: [
             *points.crowd(stand, seed), *points.crowd(stand, seed, 2_000_000, 255), *points.lonely(stand, seed),
             *points.doubles(stand, seed), *points.no_numbers(stand, seed, size), *points.levels(stand, seed),
+        ],
+        "scanners": lambda: [
+            *stations.anywhere(stand, seed, size, frames.SCALES, frames.ORIGINS), *stations.exactness(stand, seed, size),
+            *stations.hard_places(stand, seed, size), *stations.heavy(stand, seed),
         ],
         "network": networks,
         "the same again": lambda: points.repeats(stand, other, seed, size),

@@ -26,7 +26,8 @@ SCALE_LIMIT = 0.02  # mean difference of a picture from the same place at scale 
 
 
 def masks(seed: int, size: tuple[int, int]) -> dict[str, torch.Tensor]:
-    """(H, W, 8) half floats by kind: noise under masks that are empty, full, a checkerboard, one point, and extremes."""
+    """(H, W, 8) half floats by kind: noise under masks that are empty, full, a checkerboard, one point, shares of trust, and
+    extremes."""
     rng = np.random.default_rng(seed)
     width, height = size
     board = (np.indices((height, width)).sum(axis=0) % 2).astype(bool)
@@ -41,6 +42,9 @@ def masks(seed: int, size: tuple[int, int]) -> dict[str, torch.Tensor]:
         packed[..., 3] = mask
         packed[..., 4] = rng.uniform(-2, 2, (height, width)) if mask.any() else 0
         made[name] = torch.from_numpy(packed)
+    trusted = made["full"].clone()  # of points with weights: how far each pixel is trusted, in steps of 1/255
+    trusted[..., 3] = torch.from_numpy(rng.integers(0, 256, (height, width)) / 255.0)
+    made["trusted in part"] = trusted
     extreme = np.zeros((height, width, PACKED_IN), np.float16)
     extreme[..., :5] = rng.choice([0.0, 1.0], (height, width, 5)) * [1, 1, 1, 1, 4] - [0, 0, 0, 0, 2]
     return {**made, "extremes": torch.from_numpy(extreme)}

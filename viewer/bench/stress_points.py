@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.light import TO_LINEAR, TO_SRGB
-from viewer.bench.stress_frames import Stand, arrays_of, different, row
+from viewer.bench.stress_frames import Stand, arrays_of, different, place_at, row
 from viewer.bench.stress_scenes import axis_camera, direction, placed, view_inside, walls
-from viewer.cloud import scene_from_arrays
+from viewer.bench.stress_stations import scanned
+from viewer.cloud import Scene, scene_from_arrays
 from viewer.render.renderer import RASTERISERS
 from viewer.settings import FILTERS, Settings
 
@@ -130,13 +131,20 @@ def levels(stand: Stand, seed: int) -> list[dict]:
 
 
 def repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int, int]) -> list[dict]:
-    """The same frame again: twice, after another, by another renderer, in another context, by the other rasteriser."""
+    """The same frame again, of the place by every filter, and of one that says where its scanners stood."""
+    xyz, rgb, _ = place_at(seed, 1.0, 1e5)
+    weighed = scanned(seed, 1.0, 1e5).scene
+    return [*_repeats(stand, other, seed, size, scene_from_arrays(xyz, rgb), {name: f"filter {name}" for name in FILTERS}),
+            *_repeats(stand, other, seed, size, weighed, {"auto": "weighed by scanners"})]
+
+
+def _repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int, int], scene: Scene,
+             filters: dict[str, str]) -> list[dict]:
+    """Twice, after another, by another renderer, in another context, by the other rasteriser.  filters: and what a row says."""
     origin = direction(seed) * 1e5
-    place, rgb = walls(seed)
-    scene = scene_from_arrays(place + origin, rgb)
     camera, elsewhere = (placed(view_inside(seed + n, size), 1.0, origin) for n in (0, 1))
     rows = []
-    for name in FILTERS:
+    for name, how in filters.items():
         settings = Settings(filter=name)
         with stand.renderer(scene) as renderer:
             first = arrays_of(renderer, camera, settings)
@@ -151,5 +159,5 @@ def repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int,
             changed["in another context"] = different(first, Stand(other).pictures(scene, camera, settings))
         finally:
             stand.context.__enter__()
-        rows += [row(f"bytes changed, {what}, filter {name}", count, 0) for what, count in changed.items()]
+        rows += [row(f"bytes changed, {what}, {how}", count, 0) for what, count in changed.items()]
     return rows

@@ -34,16 +34,25 @@ def exact_view(xyz: np.ndarray, camera: "Camera") -> np.ndarray:
     return (xyz - camera.position) @ camera.view_rotation.T
 
 
-def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: float) -> Truth:
-    """The picture by ``model.project`` in float64 from unpacked points, with the presets ``auto``.  spacing: file units."""
+def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: float, scan: np.ndarray | None = None,
+                  places: np.ndarray | None = None) -> Truth:
+    """The picture by ``model.project`` in float64 from unpacked points, with the presets ``auto``.  spacing: file units.
+
+    scan, places: (N,) and (S, 3) file coordinates, where points count by where their scanners stood; None: all alike.
+    """
     import torch
 
     from model.project import SoftZ, frame, network_input, pixels
+    from model.station_weights import station_weights
 
     x, y, z = torch.from_numpy(exact_view(xyz, camera)).unbind(1)
     index, inside = pixels(x, y, z, camera)
-    colours = torch.from_numpy(rgb)[inside].long()
-    raster, mask = frame(index, z[inside], colours, camera, SoftZ.preset("auto", spacing, 1.0))
+    x, y, z, colours = x[inside], y[inside], z[inside], torch.from_numpy(rgb)[inside].long()
+    weight = None
+    if scan is not None and places is not None:
+        station = torch.from_numpy(scan)[inside].long()
+        weight = station_weights(x, y, z, station, torch.from_numpy(exact_view(places, camera)))
+    raster, mask = frame(index, z, colours, camera, SoftZ.preset("auto", spacing, 1.0), weight=weight)
     filled = network_input(raster, mask, camera.fx, spacing)[:3]
     return Truth(raster.depth.numpy(), mask.numpy(), filled.permute(1, 2, 0).numpy() * 255)
 
