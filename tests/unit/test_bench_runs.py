@@ -3,12 +3,15 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
 from viewer.bench import approximations, errors, frames, room, scaling, views
+from viewer.bench.stress_stations import scanned
+from viewer.errors import InputError
 from viewer.paths import cache_dir
 
 
@@ -162,6 +165,17 @@ def test_leaving_out_void_is_timed_apart_and_changes_no_pixel(tmp_path, monkeypa
     row = next(row for row in made["rows"] if row["group"] == "void")
     assert row["psnr"] is None and row["largest"] == 0 and len(row["by_view"]) == 1
     assert run("bench", "error", "--only", "nothing") == 2 and "packing" in capsys.readouterr().err
+
+
+@pytest.mark.gl
+def test_weighing_by_scanners_is_judged_where_the_scan_knows_them(monkeypatch):
+    monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[:1])
+    weighed = SimpleNamespace(scene=lambda: scanned(3).scene, facts=lambda *_: {})
+    row = next(row for row in errors.run_errors(weighed, SIZE, 1, "stations")["rows"] if row["group"] == "stations")
+    assert 15 < row["psnr"] < 40 and row["mask"] == 0, "all points alike show another light, on the same surfaces"
+    nobody = SimpleNamespace(scene=lambda: scanned(3, places=np.full((3, 3), np.nan)).scene, facts=lambda *_: {})
+    with pytest.raises(InputError, match="expected one of"):
+        errors.run_errors(nobody, SIZE, 1, "stations")
 
 
 @pytest.mark.gl

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rooms import make_room
 
+from model.data.stations import load_scene, scan_stations
 from viewer.bench import glance, readme
 from viewer.bench.figures import FIGURES, command
 from viewer.bench.figures import main as run_figures
 from viewer.bench.readme import BLOCKS, filled, main
+from viewer.cloud import open_scene
 
 MACHINE = {"cores": 2, "processor": "X", "gpu": None, "versions": {"torch": "9"}}
 BENCH = {
@@ -152,12 +155,24 @@ def test_figures_run_every_bench_the_readme_needs():
 
 
 def test_a_scan_that_is_not_there_is_named_and_its_bench_left_out(tmp_path, capsys):
-    given, missing = command(("open", "plant_room.laz", "--size", "64x48"), tmp_path)
+    given, missing = command(("open", "plant_room.laz", "--size", "64x48"), tmp_path, tmp_path)
     assert given == ["open", str(tmp_path / "plant_room.laz"), "--size", "64x48"] and missing == [tmp_path / "plant_room.laz"]
+    assert command(("error", "cellar.ply"), tmp_path, tmp_path, tmp_path / "rooms")[1] == [tmp_path / "rooms" / "cellar"]
     assert run_figures(["open-plant_room"], tmp_path / "out", tmp_path) == 0
     assert "plant_room.laz is not there" in capsys.readouterr().out
     assert not list((tmp_path / "out").iterdir())
     assert run_figures(["nothing"], Path(tmp_path)) == 2 and "expected one of" in capsys.readouterr().err
+
+
+def test_a_room_is_written_as_one_plain_file_that_keeps_its_stations_in_turn(tmp_path):
+    make_room(tmp_path / "rooms" / "box")
+    made = tmp_path / "box.ply"
+    assert command(("error", "box.ply"), tmp_path, tmp_path, tmp_path / "rooms") == (["error", str(made)], [])
+    scan, scene = scan_stations(load_scene(tmp_path / "rooms" / "box"), 11), open_scene(made, cache=False)
+    assert scene.count == len(scan.xyz) and [path.name for path in tmp_path.glob("*.ply*")] == ["box.ply"]
+    assert np.allclose(scene.bounds, [scan.xyz.min(0), scan.xyz.max(0)])
+    before = made.stat().st_mtime_ns
+    assert command(("error", "box.ply"), tmp_path, tmp_path, tmp_path / "rooms")[1] == [] and made.stat().st_mtime_ns == before
 
 
 def test_stability_names_what_is_nearest_to_its_limit():
@@ -167,10 +182,14 @@ def test_stability_names_what_is_nearest_to_its_limit():
         {"group": "same", "name": "twice", "value": 0.0, "limit": 0.0, "ok": True},
         {"group": "bad", "name": "sums", "value": 72.0, "limit": 0.0, "ok": False},
         {"group": "bad", "name": "huge", "value": 0.0, "limit": 0.0, "ok": True, "skipped": "no room"},
+        {"group": "scanners", "name": "near", "value": 46.5, "limit": 40.0, "least": True, "ok": True},
+        {"group": "scanners", "name": "far", "value": 52.0, "limit": 40.0, "least": True, "ok": True},
+        {"group": "scanners", "name": "shifted", "value": 0.0, "limit": 0.0, "ok": True},
     ]
     made = block("stability", {"stability": {"seed": 3, "rows": rows, "machine": MACHINE, "opengl": "llvmpipe"}})
-    assert "3 of 4 claims hold" in made and "| scale | 2 | mask: 0.004, limit 0.005 |" in made
+    assert "6 of 7 claims hold" in made and "| scale | 2 | mask: 0.004, limit 0.005 |" in made
     assert "| same | 1 | all exact |" in made and "| bad | 1 | sums |" in made
+    assert "| scanners | 3 | near: 46.5, at least 40 |" in made
 
 
 def test_what_is_skipped_is_told_with_its_saving():
@@ -180,13 +199,16 @@ def test_what_is_skipped_is_told_with_its_saving():
         "void": {"scans": ["/a/street.laz"], "rows": [
             {"group": "exact", "name": "x"},
             {"group": "void", "name": "y", "time": 1.43, "by_view": {"near": 1.1, "far": 1.8}}]},
+        "stations": {"scans": ["/a/hall.ply"], "points": 3_000_000, "rows": [
+            {"group": "exact", "name": "x"},
+            {"group": "stations", "name": "y", "time": 0.82, "psnr": 27.25}]},
         "occlusion": {"machine": MACHINE, "rooms": 20,
                       "points": 10**8, "points_drawn_share": 0.3, "all_time_share": 0.44, "wrong_worst": 0.00051,
                       "wrong_after_jump": 0.0001},
     }
     made = block("frames", files)
     for figure in ("81 ms", "6.1 times", "1.43 times", "*far* 1.8", "20 rooms of 100 M", "30% of the points", "44% of the time",
-                   "0.051%"):
+                   "0.051%", "hall (3.0 M points", "0.82 of the time", "27.2 dB"):
         assert figure in made, figure
 
 

@@ -43,8 +43,9 @@ class Approximation:
     against: str = EXACT.quality
 
 
-def approximations(qualities: list[str], precisions: list[str]) -> list[Approximation]:
-    """The table.  qualities: with weights; the first is the exact frame's.  precisions: that run here, int8 among them."""
+def approximations(qualities: list[str], precisions: list[str], weighed: bool = False) -> list[Approximation]:
+    """The table.  qualities: with weights; the first is the exact frame's.  precisions: that run here, int8 among them.
+    weighed: whether the scan knows where its scanners stood."""
     first = qualities[0]
     network = replace(EXACT, view="neural", quality=first)
     table = [
@@ -54,6 +55,7 @@ def approximations(qualities: list[str], precisions: list[str]) -> list[Approxim
         *(Approximation("filter", name, settings=replace(EXACT, filter=name)) for name in ("paper-code", "npbg++", "off")),
         *(Approximation("soft depth", f"1/{1 / r:.0f} of depth", soft=r) for r in TOLERANCES if r != SOFT_RELATIVE),
         *(Approximation("soft depth", name, settings=replace(EXACT, soft_z=name)) for name in ("paper-code", "paper-text")),
+        *([Approximation("stations", "all points alike", settings=replace(EXACT, stations="equal"))] if weighed else []),
         *(Approximation("internal resolution", f"{s:.0%} of each side", view="neural", settings=network, scale=s)
           for s in (0.75, 0.5)),
         *(Approximation("precision", p, view="neural", int8=p == "int8",

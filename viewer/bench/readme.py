@@ -100,6 +100,12 @@ def _skipped(files: dict[str, dict]) -> list[str]:
         lines.append(f"- Void left out by the network: without that a frame of {scan}, seen from outside, takes "
                      f"{row['time']:.2f} times as long (median of eight views; *{most}* "
                      f"{row['by_view'][most]:.1f} times) and is the same to the bit.")
+    if "stations" in files:
+        found = files["stations"]
+        row = next(row for row in found["rows"] if row["group"] == "stations")
+        lines.append("- Points weighed by where their scanners stood, pixels trusted and toned: with all points alike a filled "
+                     f"frame of {Path(found['scans'][0]).stem} ({found['points'] / 1e6:.1f} M points, eight views) takes "
+                     f"{row['time']:.2f} of the time, and is {row['psnr']:.1f} dB from the weighed one.")
     if "occlusion" in files:
         found = files["occlusion"]
         lines.append(f"- Hidden cells left out in flight: a walk through {found['rooms']} rooms of "
@@ -199,9 +205,13 @@ def stability(files: dict[str, dict]) -> str:
     for group in dict.fromkeys(row["group"] for row in claims):
         mine = [row for row in claims if row["group"] == group]
         loose = [row for row in mine if row["limit"] > 0 and not row.get("least")]
+        least = [row for row in mine if row.get("least")]
         if loose:
             worst = max(loose, key=lambda row: row["value"] / row["limit"])
             near = f"{worst['name']}: {worst['value']:.2g}, limit {worst['limit']:g}"
+        elif least:
+            worst = min(least, key=lambda row: row["value"] / row["limit"])
+            near = f"{worst['name']}: {worst['value']:.3g}, at least {worst['limit']:g}"
         else:
             near = "all exact" if all(row["value"] == row["limit"] for row in mine) else \
                 ", ".join(row["name"] for row in mine if not row["ok"])
