@@ -85,12 +85,14 @@ def test_stability_is_registered(monkeypatch, capsys, tmp_path):
 
     def run_stability(size, seed, plot):
         called["stability"] = (size, seed, plot)
-        return {"rows": [{"name": "depth", "value": 3.0, "limit": 1.0, "ok": False}], "failed": ["depth"]}
+        return {"rows": [{"name": "depth", "value": 3.0, "limit": 1.0, "least": False, "ok": False},
+                         {"name": "share", "value": 3.0, "limit": 1.0, "least": True, "ok": True}], "failed": ["depth"]}
 
     stability.run_stability = run_stability  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "viewer.bench.stability", stability)
     assert run("bench", "stability", "--size", "64x48", "--seed", "7", "--json", tmp_path / "s.json") == 1
-    assert called["stability"] == ((64, 48), 7, None) and "ABOVE ITS LIMIT" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert called["stability"] == ((64, 48), 7, None) and "3 (limit 1)    BEYOND ITS LIMIT" in said and "3 (at least 1)" in said
     assert json.loads((tmp_path / "s.json").read_text())["failed"] == ["depth"]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
-from viewer.bench import approximations, errors, frames, room, scaling, views
+from viewer.bench import approximations, culling, errors, frames, room, scaling, views
 from viewer.bench.stress_stations import scanned
 from viewer.errors import InputError
 from viewer.paths import cache_dir
@@ -176,6 +176,29 @@ def test_weighing_by_scanners_is_judged_where_the_scan_knows_them(monkeypatch):
     nobody = SimpleNamespace(scene=lambda: scanned(3, places=np.full((3, 3), np.nan)).scene, facts=lambda *_: {})
     with pytest.raises(InputError, match="expected one of"):
         errors.run_errors(nobody, SIZE, 1, "stations")
+
+
+def test_bench_cull(tmp_path, monkeypatch):
+    monkeypatch.setattr(culling, "CELLS", 3000)
+    monkeypatch.setattr(culling, "_POINTS", 50_000)
+    made = made_by("cull", tmp_path, "--repeats", "1")
+    assert made["cells"] >= 3000 and set(made["detail"]) == set(culling.DETAIL)
+    for held in made["detail"].values():
+        assert held["cells_ms"] > 0 and 0 < held["visible"] < made["cells"]
+    assert made["detail"]["1 point a pixel"]["runs"] < made["detail"]["every point"]["runs"]
+
+
+@pytest.mark.parametrize("times", [1, 2, 5])
+def test_a_repeated_floor_has_every_cell_so_often_and_none_twice(small, times):
+    _, scene = small
+    cells = len(scene.cell_coords)
+    made, often = culling.repeated(scene, (times - 1) * cells + 1)
+    assert often == times and len(made.cell_coords) == times * cells == len(np.unique(made.cell_coords, axis=0))
+    assert made.offsets[-1] == times * scene.offsets[-1] and len(made.offsets) == made.layers * times * cells + 1
+    runs = np.diff(made.offsets).reshape(made.layers, times, cells)
+    assert (runs == np.diff(scene.offsets).reshape(scene.layers, 1, cells)).all()
+    eyes = {tuple(camera.position) for camera in culling.views_around(made, SIZE)}
+    assert len(eyes) == 1
 
 
 @pytest.mark.gl

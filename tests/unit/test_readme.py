@@ -199,6 +199,9 @@ def test_what_is_skipped_is_told_with_its_saving():
         "void": {"scans": ["/a/street.laz"], "rows": [
             {"group": "exact", "name": "x"},
             {"group": "void", "name": "y", "time": 1.43, "by_view": {"near": 1.1, "far": 1.8}}]},
+        "cull": {"cells": 10**6, "rooms": 9261, "detail": {
+            "every point": {"visible": 219_391.0, "cells_ms": 1.91, "list_ms": 3.02},
+            "1 point a pixel": {"visible": 219_391.0, "cells_ms": 2.64, "list_ms": 2.76}}},
         "stations": {"scans": ["/a/hall.ply"], "points": 3_000_000, "rows": [
             {"group": "exact", "name": "x"},
             {"group": "stations", "name": "y", "time": 0.82, "psnr": 27.25}]},
@@ -208,7 +211,8 @@ def test_what_is_skipped_is_told_with_its_saving():
     }
     made = block("frames", files)
     for figure in ("81 ms", "6.1 times", "1.43 times", "*far* 1.8", "20 rooms of 100 M", "30% of the points", "44% of the time",
-                   "0.051%", "hall (3.0 M points", "0.82 of the time", "27.2 dB"):
+                   "0.051%", "hall (3.0 M points", "0.82 of the time", "27.2 dB", "1.0 M cells in 9,261 rooms",
+                   "219 k in view are found in 1.9 ms", "listed in 3.0 ms (2.6 and 2.8 ms"):
         assert figure in made, figure
 
 

@@ -1,5 +1,5 @@
 """Run time, measured and never asserted: ``pointglass bench frame | grid | open | error | scale | versus | stability |
-occlusion | raster``.
+occlusion | raster | cull``.
 
 Every result carries the machine, driver, versions, scan and size it was had with.  Speed is shown here, not by timed tests.
 """
@@ -57,6 +57,7 @@ KINDS = {
     "occlusion": Kind("what occlusion culling saves, and its error", 1, "nothing",
                       ("lod", "points", "rooms", "frames", "seed")),
     "raster": Kind("both rasterisers on points at random", 5, "nothing", ("points", "repeats", "seed")),
+    "cull": Kind("finding what is in view among a million cells", 5, "nothing", ("repeats", "seed")),
 }
 _OF_SCANS = ("procedural", "rooms", "seed")
 
@@ -243,9 +244,10 @@ def _stability(options: argparse.Namespace, settings: "Settings", repeats: int) 
 
 def _limit_rows(result: dict) -> list[tuple[str, str]]:
     def verdict(row: dict) -> str:
-        return f"left out: {row['skipped']}" if "skipped" in row else "" if row["ok"] else "   ABOVE ITS LIMIT"
+        return f"left out: {row['skipped']}" if "skipped" in row else "" if row["ok"] else "   BEYOND ITS LIMIT"
 
-    return [(row["name"], f"{row['value']:.4g} (limit {row['limit']:.4g}) {verdict(row)}") for row in result["rows"]]
+    return [(row["name"], f"{row['value']:.4g} ({'at least' if row['least'] else 'limit'} {row['limit']:.4g}) {verdict(row)}")
+            for row in result["rows"]]
 
 
 def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
@@ -266,9 +268,15 @@ def _raster(options: argparse.Namespace, settings: "Settings", repeats: int) -> 
     return rasters.run_rasters(count, parse_sizes(options.size)[0], repeats, options.seed), rasters.rows, rasters.plot
 
 
+def _cull(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import culling
+
+    return culling.run_culling(parse_sizes(options.size)[0], repeats, options.seed), culling.rows, culling.plot
+
+
 _RUN: dict[str, Callable[[argparse.Namespace, "Settings", int], Outcome]] = {
     "frame": _frame, "grid": _grid, "open": _open, "error": _error, "scale": _scale, "versus": _versus,
-    "stability": _stability, "occlusion": _occlusion, "raster": _raster,
+    "stability": _stability, "occlusion": _occlusion, "raster": _raster, "cull": _cull,
 }
 
 

@@ -27,6 +27,7 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "frame-plant_room-lod4": ("frame", PLANT, "--lod", "4"),
     "frame-demo-sizes": ("frame", "--size", "960x720,1920x1440,3840x2160", "--along", "views", "--repeats", "3"),
     "raster": ("raster",),
+    "cull": ("cull",),
     "void": ("error", STREETS, "--only", "void"),
     "stations": ("error", ROOM, "--only", "stations"),
     "error-demo": ("error",),

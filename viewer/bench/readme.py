@@ -93,6 +93,13 @@ def _skipped(files: dict[str, dict]) -> list[str]:
         found = files["raster"]
         lines.append(f"- {found['points'] / 1e6:.0f} M points at random, both passes: {found['milliseconds']['compute']:.0f} "
                      f"ms by compute shaders; point primitives take {found['ratio']:.1f} times as long.")
+    if "cull" in files:
+        found = files["cull"]
+        whole, less = found["detail"]["every point"], found["detail"]["1 point a pixel"]
+        lines.append(f"- Of {found['cells'] / 1e6:.1f} M cells in {found['rooms']:,} rooms, seen from inside, the "
+                     f"{whole['visible'] / 1e3:.0f} k in view are found in {whole['cells_ms']:.1f} ms on one core, and the points "
+                     f"to draw listed in {whole['list_ms']:.1f} ms ({less['cells_ms']:.1f} and {less['list_ms']:.1f} ms with a "
+                     "level of detail of 1 point a pixel).")
     if "void" in files:
         row = next(row for row in files["void"]["rows"] if row["group"] == "void")
         most = max(row["by_view"], key=lambda name: row["by_view"][name])
