@@ -189,22 +189,7 @@ def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> O
 def _grid(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
     from viewer.bench import grid
 
-    return grid.run(parse_count(options.points or "10M", "--points"), repeats), _grid_rows, _grid_plot
-
-
-def _grid_rows(result: dict) -> list[tuple[str, str]]:
-    rows = [(name, f"{value:.2f} ms per 1M points") for name, value in result["stages_ms_per_million"].items()]
-    return [*rows, ("total, best", f"{result['ms_per_million']:.2f} ms per 1M points")]
-
-
-def _grid_plot(result: dict, path: "Path") -> None:
-    from viewer.bench.plots import INK, figure, save
-
-    made, axes = figure(7.0, 2.4)
-    axes.barh(list(result["stages_ms_per_million"]), list(result["stages_ms_per_million"].values()), color=INK[0])
-    axes.invert_yaxis()
-    axes.set_xlabel(f"milliseconds per 1M points, {result['points']:,} points made on the spot")
-    save(made, path, result)
+    return grid.run(parse_count(options.points or "10M", "--points"), repeats), grid.rows, grid.plot
 
 
 def _open(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:

@@ -4,6 +4,7 @@ The points lie at random on the walls of a room with millimetre noise, in random
 """
 
 import time
+from pathlib import Path
 
 import numpy as np
 
@@ -55,3 +56,20 @@ def measure(xyz: np.ndarray, rgb: np.ndarray, repeats: int = 3) -> dict:
         "cell_size": scene.cell_size,
         "spacing": scene.spacing,
     }
+
+
+def rows(result: dict) -> list[tuple[str, str]]:
+    """The table."""
+    found = [(name, f"{value:.2f} ms per 1M points") for name, value in result["stages_ms_per_million"].items()]
+    return [*found, ("total, best", f"{result['ms_per_million']:.2f} ms per 1M points")]
+
+
+def plot(result: dict, path: Path) -> None:
+    """A bar for each stage of the best run."""
+    from viewer.bench.plots import INK, figure, save
+
+    made, axes = figure(7.0, 2.4)
+    axes.barh(list(result["stages_ms_per_million"]), list(result["stages_ms_per_million"].values()), color=INK[0])
+    axes.invert_yaxis()
+    axes.set_xlabel(f"milliseconds per 1M points, {result['points']:,} points made on the spot")
+    save(made, path, result)

@@ -14,6 +14,7 @@ from typing import Any
 
 from model.whole import write_whole
 from viewer.bench import glance
+from viewer.bench.readme_truth import ablation, precision, truth
 
 SOFTWARE = ("llvmpipe", "softpipe", "swr")
 """In the names of OpenGL on the processor, for files that do not say which it was."""
@@ -97,9 +98,9 @@ def _skipped(files: dict[str, dict]) -> list[str]:
         found = files["cull"]
         whole, less = found["detail"]["every point"], found["detail"]["1 point a pixel"]
         lines.append(f"- Of {found['cells'] / 1e6:.1f} M cells in {found['rooms']:,} rooms, seen from inside, the "
-                     f"{whole['visible'] / 1e3:.0f} k in view are found in {whole['cells_ms']:.1f} ms on one core, and the points "
-                     f"to draw listed in {whole['list_ms']:.1f} ms ({less['cells_ms']:.1f} and {less['list_ms']:.1f} ms with a "
-                     "level of detail of 1 point a pixel).")
+                     f"{whole['visible'] / 1e3:.0f} k in view are found in {whole['cells_ms']:.1f} ms on one core, and the "
+                     f"points to draw listed in {whole['list_ms']:.1f} ms ({less['cells_ms']:.1f} and {less['list_ms']:.1f} ms "
+                     "with a level of detail of 1 point a pixel).")
     if "void" in files:
         row = next(row for row in files["void"]["rows"] if row["group"] == "void")
         most = max(row["by_view"], key=lambda name: row["by_view"][name])
@@ -223,55 +224,6 @@ def stability(files: dict[str, dict]) -> str:
             near = "all exact" if all(row["value"] == row["limit"] for row in mine) else \
                 ", ".join(row["name"] for row in mine if not row["ok"])
         lines.append(f"| {group} | {len(mine)} | {near} |")
-    return "\n".join(lines)
-
-
-def _judged(rows: list[dict[str, Any]]) -> list[str]:
-    lines = ["| picture | points | PSNR | SSIM | distance |", "|---|---|---|---|---|"]
-    for row in sorted(rows, key=lambda r: (-r["density"], r["psnr"] or 0)):
-        method = row["method"]
-        name = f"**neural**, {method.removeprefix('network ')}" if method.startswith("network ") else method
-        lines.append(f"| {name} | {row['density']:.0%} | {row['psnr']:.2f} | {row['ssim']:.3f} | {row['distance']:.3f} |")
-    return lines
-
-
-def truth(files: dict[str, dict]) -> str:
-    """Pictures against registered truth."""
-    found = files["evaluate"]
-    by_exposure = {kind: [row for row in found["rows"] if row["exposure"] == kind] for kind in ("matched", "scanned")}
-    lines = [f"{found['scene']}, {found['views']} views, {found['points'] / 1e6:.1f} M points; distance: "
-             f"{found['distance']}.", "", *_judged(by_exposure["matched"])]
-    if by_exposure["scanned"]:
-        lines += ["", "<details><summary>the same with exposures as scanned</summary>", ""]
-        lines += [*_judged(by_exposure["scanned"]), "", "</details>"]
-    if found["flicker"]:
-        lines += ["", f"Along {found['frames']} frames of a slow move, against the truth's own change and gradient energy:", "",
-                  "| picture | points | change | gradient energy |", "|---|---|---|---|"]
-        lines += [f"| {row['method'].removeprefix('network ')} | {row['density']:.0%} | {row['flicker']:.2f} | "
-                  f"{row['gradient']:.2f} |" for row in found["flicker"]
-                  if row["method"].startswith("network") or row["method"].startswith("pull-push, our filter")]
-    return "\n".join(lines)
-
-
-def precision(files: dict[str, dict]) -> str:
-    """Half precision against fp32."""
-    lines = ["| weights | numbers | unit | largest | 99.9th percentile | PSNR | NaN |", "|---|---|---|---|---|---|---|"]
-    units = {1e-3: "kilometre", 1.0: "metre", 1e3: "millimetre"}
-    for row in files["evaluate"].get("precision") or []:
-        unit = units.get(row["scale"], row["scale"])
-        lines.append(f"| {row['method']} | {row['precision']} | {unit} | {row['largest']:.4f} | {row['percentile']:.4f} | "
-                     f"{row['psnr']:.2f} | {row['nan']} |")
-    return "\n".join(lines)
-
-
-def ablation(files: dict[str, dict]) -> str:
-    """Variants of the fast network."""
-    found = files["ablation"]
-    lines = [f"Fast size, {found['steps']} steps of {found['batch']} crops of {found['crop']}x{found['crop']} from nothing, "
-             "judged on validation pairs of mixed densities:", "",
-             "| variant | PSNR | distance | change | energy | MAC a pixel |", "|---|---|---|---|---|---|"]
-    lines += [f"| {r['variant']} | {r['psnr']:.2f} | {r['distance']:.3f} | {r['change']:.4f} | {r['energy']:.2f} | "
-              f"{r['mac']:,.0f} |" for r in found["rows"]]
     return "\n".join(lines)
 
 
