@@ -18,8 +18,6 @@ from viewer.errors import InputError
 from viewer.settings import CHOICES
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from viewer.bench.subject import Subject
     from viewer.settings import Settings
 
