@@ -105,6 +105,14 @@ def check_the_panel_folds_where_the_window_becomes_too_narrow(d: Driver) -> None
     assert d.session.panel, "there is room"
     resize(330, 240)
     assert not d.session.panel
+    resize(900, 400)
+    assert d.session.panel, "there is room again"
+    d.session.panel = False
+    resize(330, 240)
+    resize(900, 400)
+    assert not d.session.panel, "it had not been open"
+    d.session.panel = True
+    resize(330, 240)
     d.session.panel = True  # brought back by hand: it stays
     resize(320, 240)
     assert d.session.panel

@@ -39,7 +39,7 @@ class Hands:
         self._host = host
         self.pointer = (0.0, 0.0)
         self._by_key = {getattr(host.glfw, f"KEY_{key}"): control for key, control in by_key().items()}
-        self._narrow = False
+        self._narrow, self._was_open = False, False
         self._connect()
         self._fold_where_narrow()
 
@@ -144,10 +144,14 @@ class Hands:
             self._fold_where_narrow()
 
     def _fold_where_narrow(self) -> None:
-        """Folds the panel when the window becomes too narrow for it beside the figures; its button brings it back."""
+        """Folds the panel when the window becomes too narrow for it beside the figures, and opens it again, where it was open
+        before, when there is room; in between its button does."""
+        session = self._host.session
         narrow = self._host.glfw.get_window_size(self._host.window)[0] < self._host.theme.px(NARROW)
         if narrow and not self._narrow:
-            self._host.session.panel = False
+            self._was_open, session.panel = session.panel, False
+        elif self._narrow and not narrow:
+            session.panel |= self._was_open
         self._narrow = narrow
 
     def _density(self) -> float:
