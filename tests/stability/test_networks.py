@@ -12,9 +12,10 @@ SIZE = (56, 40)
 QUALITY = "fast" if "fast-filtered" in shipped() else "balanced"
 
 
+@pytest.mark.parametrize("filtered", [True, False])
 @pytest.mark.parametrize("precision", list(PRECISIONS))
-def test_outputs_are_numbers_in_range_and_close_to_float64(seed, claims, precision):
-    rows, table = network_rows(seed, SIZE, QUALITY, scales=(1e-3, 1.0, 1e3, 1e6), precisions=(precision,))
+def test_outputs_are_numbers_in_range_and_close_to_float64(seed, claims, precision, filtered):
+    rows, table = network_rows(seed, SIZE, QUALITY, (1e-3, 1.0, 1e3, 1e6), (precision,), filtered=filtered)
     claims(rows)
     kinds = {entry["kind"] for entry in table}
     assert kinds >= {"empty", "full", "checkerboard", "one point", "random", "extremes", "scale 0.001", "scale 1e+06"}

@@ -4,6 +4,7 @@ The same measurements as ``tests/stability``, over wider ranges: a table of rows
 scale and origin, the networks' precision table, and a plot of both.
 """
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -38,7 +39,7 @@ def largest_picture(stand: frames.Stand, seed: int, size: tuple[int, int] = LARG
 
 def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path | None = None) -> dict:
     """All rows.  size: of most pictures.  Returns rows, failed (their names), curves, network, opengl, size, seed."""
-    from model.weights import shipped
+    from model.weights import shipped, weights_name
     from viewer.render.context import create_context, describe_device
 
     context, other = create_context(), create_context()
@@ -54,11 +55,11 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     def networks() -> list[dict]:
         found = []
-        for quality in ("fast", "balanced", "best"):
-            if f"{quality}-filtered" in shipped():
-                more, made = network_rows(seed, (112, 80), quality)
+        for quality, filtered in itertools.product(("fast", "balanced", "best"), (True, False)):
+            if (name := weights_name(quality, filtered=filtered)) in shipped():
+                more, made = network_rows(seed, (112, 80), quality, filtered=filtered)
                 found += more
-                table.extend({"quality": quality, **entry} for entry in made)
+                table.extend({"network": name, **entry} for entry in made)
         return found
 
     sections: dict[str, Callable[[], list[dict]]] = {
@@ -117,13 +118,13 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
             axis.set_yscale("log")
     axes.flat[0].legend(fontsize="x-small", ncols=2)
     axis = axes.flat[3]
+    kinds = list(dict.fromkeys(entry["kind"] for entry in table))
     for precision in dict.fromkeys(entry["precision"] for entry in table):
-        mine = [entry for entry in table if entry["precision"] == precision]
-        names = [f"{e['quality']}: {e['kind']}" for e in mine]
-        axis.plot([max(e["mean"], 1e-6) for e in mine], range(len(mine)), ".", label=precision)
-        axis.set_yticks(range(len(mine)), names, fontsize=5)
+        worst = [max(e["mean"] for e in table if (e["precision"], e["kind"]) == (precision, kind)) for kind in kinds]
+        axis.plot(np.maximum(worst, 1e-6), range(len(kinds)), ".", label=precision)
     if table:
-        axis.set(xscale="log", xlabel="network: mean difference from float64")
+        axis.set_yticks(range(len(kinds)), kinds, fontsize=6)
+        axis.set(xscale="log", xlim=(1e-6, 1e-2), xlabel="mean difference from float64, the worst of all networks")
         axis.legend(fontsize="x-small")
     write_whole(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
     plt.close(figure)

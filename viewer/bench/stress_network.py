@@ -15,6 +15,7 @@ from model.blend_rows import CLOSED
 from model.project import SoftZ, frame, network_input, pixels
 from model.reconstruct import PACKED_IN, PRECISIONS, Reconstructor, fitting_weights
 from model.unet import INPUT_CHANNELS
+from model.weights import weights_name
 from viewer.bench.stress_frames import SCALES, row
 from viewer.bench.stress_scenes import view_inside, walls
 from viewer.bench.stress_truth import exact_view
@@ -82,15 +83,16 @@ def _faulty(made: torch.Tensor) -> int:
 
 
 def network_rows(seed: int, size: tuple[int, int], quality: str = "fast", scales: Sequence[float] = SCALES,
-                 precisions: Sequence[str] = tuple(PRECISIONS)) -> tuple[list[dict], list[dict]]:
+                 precisions: Sequence[str] = tuple(PRECISIONS), *, filtered: bool = True) -> tuple[list[dict], list[dict]]:
     """Rows with limits, and the table: kind, precision, largest and mean difference from float64, values that are
     faulty."""
     inputs: dict[str | float, torch.Tensor] = {**masks(seed, size), **scaled(seed, size, scales)}
-    exact = fitting_weights(quality, filtered=True)[1].double().eval()
+    which = weights_name(quality, filtered=filtered)
+    exact = fitting_weights(quality, filtered=filtered)[1].double().eval()
     truth = {kind: in_float64(exact, packed) for kind, packed in inputs.items()}
     rows, table = [], []
     for precision in precisions:
-        network = Reconstructor(quality, filtered=True, device="cpu", precision=precision)
+        network = Reconstructor(quality, filtered=filtered, device="cpu", precision=precision)
         largest, mean = PRECISION_LIMITS[precision]
         for kind, packed in inputs.items():
             made = network(packed)
@@ -101,13 +103,13 @@ def network_rows(seed: int, size: tuple[int, int], quality: str = "fast", scales
                           "faulty": _faulty(made), "not finite before clamping": int((~raw.isfinite()).sum())})
         mine = [entry for entry in table if entry["precision"] == precision]
         rows += [
-            row(f"{quality} in {precision}: largest difference from float64", max(e["largest"] for e in mine), largest),
-            row(f"{quality} in {precision}: mean difference from float64", max(e["mean"] for e in mine), mean),
-            row(f"{quality} in {precision}: values that are NaN or outside 0..1", sum(e["faulty"] for e in mine), 0),
-            row(f"{quality} in {precision}: values not finite before clamping",
+            row(f"{which} in {precision}: largest difference from float64", max(e["largest"] for e in mine), largest),
+            row(f"{which} in {precision}: mean difference from float64", max(e["mean"] for e in mine), mean),
+            row(f"{which} in {precision}: values that are NaN or outside 0..1", sum(e["faulty"] for e in mine), 0),
+            row(f"{which} in {precision}: values not finite before clamping",
                 sum(e["not finite before clamping"] for e in mine), 0),
         ]
     if 1.0 in truth:
         apart = max(float((truth[s] - truth[1.0]).abs().mean()) for s in scales)
-        rows.append(row(f"{quality}: mean difference between scales {min(scales):g} to {max(scales):g}", apart, SCALE_LIMIT))
+        rows.append(row(f"{which}: mean difference between scales {min(scales):g} to {max(scales):g}", apart, SCALE_LIMIT))
     return rows, table
