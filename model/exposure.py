@@ -13,6 +13,8 @@ from model.data.spacing import median_spacing
 DARKEST, BRIGHTEST = 20, 240  # sRGB values that neither noise nor clipping rules
 VOXEL_SPACINGS = 6.0
 SHARED_VOXELS = 300  # fewer than these seen by both of two stations tell nothing
+_REACH = 1 << 17
+"""Voxels from the middle.  Beyond are stray points, and with more voxels their numbers would not fit 64 bits."""
 LARGEST_GAIN = 1.6  # beyond it two scans differ in more than exposure
 LARGEST_SPREAD = 0.35  # of a pair's log ratios (1.48 x median absolute deviation)
 
@@ -36,6 +38,9 @@ def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing:
     scan = scan.astype(np.int64)
     count = int(scan.max(initial=-1)) + 1
     gains, shared = np.ones((count, 3)), np.zeros((count, count), int)
+    if len(xyz):
+        near = (np.abs(xyz - np.median(xyz, axis=0)) <= _REACH * VOXEL_SPACINGS * spacing).all(axis=1)
+        xyz, rgb, scan = xyz[near], rgb[near], scan[near]
     low = xyz.min(0) if len(xyz) else 0.0
     steps = np.floor((xyz - low) / (VOXEL_SPACINGS * spacing)).astype(np.int64)
     means, voxels, owners = _voxel_means(steps, rgb, scan, count)

@@ -76,6 +76,16 @@ def test_a_las_header_that_promises_too_many_points_is_refused(tmp_path):
         refused(path, "of 4,000,000,000 points could be read")
 
 
+def test_points_beyond_all_places_are_left_out_quietly(tmp_path, recwarn):
+    xyz, rgb = surface(4000)
+    xyz[[5, 2500]] = [[1.7e308, 0, 0], [-1.7e308, 1e300, 1e25]]
+    halves = enumerate((slice(2000), slice(2000, None)))
+    scans = [E57Scan(xyz[half], rgb[half], None, (1, 0, 0, 0), (i, 0, 0)) for i, half in halves]
+    scene = open_scene(write_e57(tmp_path / "a.e57", scans), cache=False)
+    assert scene.count == 3998 and scene.meta["dropped"]["stray"] == 2
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 def test_las_without_points(tmp_path):
     path = write_las(tmp_path / "a.las", *surface(10))
     data = bytearray(path.read_bytes())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from model.exposure import exposures_of, match_exposures
+from model.exposure import exposures_of, match_exposures, solve_exposures
 
 
 def _room(rng, count, gains, noise=2.0, apart=0.0):
@@ -63,3 +63,16 @@ def test_two_linked_groups_each_keep_their_own_mean():
     found = exposures_of(xyz, np.concatenate([a[1], b[1]]), np.concatenate([a[2], b[2] + 2]))
     assert found.gains[:2].mean(1) == pytest.approx([1 / 0.9, 1 / 1.1], abs=0.02)
     assert found.gains[2:].mean(1) == pytest.approx([1 / 0.95, 1 / 1.05], abs=0.02)
+
+
+@pytest.mark.parametrize("far", [1e12, 1e20, 1e300])
+def test_stray_points_change_nothing(far):
+    """Their voxels' numbers are beyond 64 bits: all others became one voxel."""
+    xyz, rgb, scan = _room(np.random.default_rng(3), 20_000, np.array([[0.9] * 3, [1.1] * 3]))
+    stray = np.array([[far, 0, 0], [0, -far, 0], [far, far, far]])
+    with np.errstate(all="raise"):
+        known = solve_exposures(xyz, rgb, scan, 0.03)
+        more = np.concatenate([xyz, stray]), np.append(rgb, [[99] * 3] * 3, axis=0), np.append(scan, [0, 1, 1])
+        found = solve_exposures(*more, 0.03)
+    assert known.matched.all()
+    np.testing.assert_array_equal(found.gains, known.gains)

@@ -10,6 +10,7 @@ import numpy as np
 
 from model.exposure import exposures_of
 from model.passes import Passes, solve_passes
+from viewer.cloud.histogram import is_place
 from viewer.cloud.rim import DARK, rim_share
 from viewer.cloud.source import Chunk
 
@@ -39,7 +40,7 @@ class Matching:
             return
         number = self._numbers(source, first, chunk)
         pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
-        pick = pick[np.isfinite(chunk.xyz[pick]).all(axis=1)]
+        pick = pick[is_place(chunk.xyz[pick])]
         self._parts.append((chunk.xyz[pick], chunk.rgb[pick], number[pick], first + pick))
         self._held += len(pick)
         while self._held > 2 * SAMPLE:

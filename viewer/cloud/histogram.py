@@ -72,7 +72,7 @@ class Histogram:
     def __init__(self, sample: np.ndarray, expected: int, cell_size: float | None = None):
         wanted = int(np.clip(expected // 1024, 8192, MAX_CELLS // 4))
         sample = np.ascontiguousarray(sample[:: max(1, len(sample) // (8 * wanted))])
-        sample = sample[_near(sample)]
+        sample = sample[is_place(sample)]
         if len(sample) == 0:
             sample = np.zeros((1, 3))
         low, middle, high = _quantiles(sample, (0.02, 0.5, 0.98))
@@ -149,7 +149,7 @@ class Histogram:
                 raise OutOfReach(wider)
 
     def _wide_enough(self, xyz: np.ndarray) -> float:
-        near = xyz[_near(xyz)]
+        near = xyz[is_place(xyz)]
         if len(near) == 0:
             return 0.0
         # the furthest tolerated share stays stray
@@ -194,7 +194,7 @@ def _wait(parts: Iterable[_Part]) -> None:
             part.job.result()
 
 
-def _near(xyz: np.ndarray) -> np.ndarray:
+def is_place(xyz: np.ndarray) -> np.ndarray:
     """(n,) bool: points that are positions, and no NaN, infinity or number beyond any place."""
     x, y, z = np.abs(xyz).T  # a comparison with NaN is false
     return (x <= FARTHEST) & (y <= FARTHEST) & (z <= FARTHEST)

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from model.places import places_of, told_apart
+from viewer.cloud.histogram import is_place
 from viewer.cloud.source import Chunk, ScanInfo, Source
 from viewer.cloud.sweeps import WINDOW, Stand, find_stands
 
@@ -44,7 +45,7 @@ class Standpoints:
         self._points[source] = at + len(chunk.xyz)
         for start in range(-at % self._stride, len(chunk.xyz) - WINDOW + 1, self._stride):
             window = np.array(chunk.xyz[start : start + WINDOW], np.float64)
-            if np.isfinite(window).all():
+            if is_place(window).all():
                 self._kept.append((at + start, window))
         while len(self._kept) > 2 * MOST:
             self._stride *= 2

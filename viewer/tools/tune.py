@@ -29,6 +29,7 @@ from model.train import TrainConfig, train
 from model.weights import load_weights, save_weights, weights_dir, weights_name
 from viewer.cloud.colour import Colours
 from viewer.cloud.e57_images import Photo, read_photographs
+from viewer.cloud.histogram import is_place
 from viewer.cloud.source import open_source
 from viewer.errors import InputError
 from viewer.paths import weights_home
@@ -82,7 +83,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
         for chunk in source.chunks():
             rgb = colours.apply(0, first, chunk)
             shown = rgb.any(1) if facts["uncoloured"] else np.ones(len(rgb), bool)
-            pick = np.flatnonzero(shown & np.isfinite(chunk.xyz).all(1) & (rng.random(len(chunk.xyz)) < share))
+            pick = np.flatnonzero(shown & is_place(chunk.xyz) & (rng.random(len(chunk.xyz)) < share))
             station = np.broadcast_to(np.minimum(chunk.scan, 255), len(chunk.xyz))[pick].astype(np.uint8)
             parts.append((chunk.xyz[pick], rgb[pick], station))
             first += len(chunk.xyz)
