@@ -76,6 +76,56 @@ def test_a_las_header_that_promises_too_many_points_is_refused(tmp_path):
         refused(path, "of 4,000,000,000 points could be read")
 
 
+def test_las_records_behind_the_points_end_with_the_file(tmp_path):
+    """laspy goes on making empty ones, as many as the header says: up to 2**32."""
+    import laspy
+
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = surface(100)[0].T
+    las.write(str(path := tmp_path / "a.las"))
+    data = bytearray(path.read_bytes())
+    for place, number in ((len(data), 100_000), (2**63, 1), (0, 2**32 - 1)):
+        struct.pack_into("<QI", data, 235, place, number)
+        path.write_bytes(data)
+        with pytest.raises(InputError, match=r"a\.las: truncated: the last of its .* extended records ends beyond"):
+            open_source(path)
+
+
+@pytest.mark.parametrize("kind", ["las", "ascii", "binary_little_endian", "binary_big_endian", "vertex_list"])
+def test_points_beyond_those_that_the_header_counts_are_said(tmp_path, kind):
+    xyz, rgb = surface(500)
+    if kind == "las":
+        path = write_las(tmp_path / "a.las", xyz, rgb)
+        data = bytearray(path.read_bytes())
+        struct.pack_into("<I", data, 107, 400)
+    else:
+        form = {"vertex_list": True} if kind == "vertex_list" else {"order": kind}
+        path = write_ply(tmp_path / "a.ply", xyz, rgb, **form)
+        data = path.read_bytes().replace(b"vertex 500", b"vertex 400")
+    assert not any("more follow" in text for text in open_scene(path, cache=False).meta["warnings"])
+    path.write_bytes(data)
+    scene = open_scene(path, cache=False)
+    told = [text for text in scene.meta["warnings"] if "its header counts 400 points, but more follow" in text]
+    assert scene.count == 400 and len(told) == 1
+
+
+def test_values_that_are_no_colours_and_no_places_are_read_quietly(tmp_path, recwarn):
+    """NumPy would tell of casts, on lines of its own."""
+    head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+    head += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue")) + "property uchar intensity\nend_header\n"
+    (tmp_path / "a.ply").write_text(head + "0 0 0 inf -5 300 nan\n0 0 1 255 0 7 1e99\n0 1 0 nan 2 3 -1\n")
+    chunk = next(open_source(tmp_path / "a.ply").chunks())
+    assert chunk.rgb is not None and chunk.intensity is not None
+    assert chunk.rgb.tolist() == [[255, 0, 255], [255, 0, 7], [0, 2, 3]] and chunk.intensity[0] == chunk.intensity[2] == 0
+    xyz = np.zeros((3, 3), "<f4")
+    xyz.view("<u4")[1, 1] = 0x7F800001  # a NaN that signals
+    write_ply(tmp_path / "b.ply", xyz, kind="float")
+    (tmp_path / "b.ply").write_bytes((tmp_path / "b.ply").read_bytes()[: -xyz.nbytes] + xyz.tobytes())
+    assert np.isnan(next(open_source(tmp_path / "b.ply").chunks()).xyz[1, 1])
+    assert [str(warning.message) for warning in recwarn] == []
+
+
 def test_points_beyond_all_places_are_left_out_quietly(tmp_path, recwarn):
     xyz, rgb = surface(4000)
     xyz[[5, 2500]] = [[1.7e308, 0, 0], [-1.7e308, 1e300, 1e25]]
@@ -110,6 +160,7 @@ def test_truncated_ply_says_how_many_points_could_be_read(tmp_path, order, form)
 def test_ply_that_cannot_be_shown(tmp_path):
     path = tmp_path / "a.ply"
     xyz = "property float x\nproperty float y\nproperty float z\n"
+    big, many = "format binary_big_endian 1.0\n", "\xff" * 40
     for head, part in (
         ("format ascii 1.0\nelement face 1\nproperty list uchar int v\nend_header\n", "without vertices"),
         ("format ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n", "without z"),
@@ -121,6 +172,10 @@ def test_ply_that_cannot_be_shown(tmp_path):
         (f"format ascii 1.0\nelement vertex \u00b2\n{xyz}end_header\n1 2 3\n", "line 3 not understood"),
         ("format ascii 1.0\nelement vertex 1\nproperty quad x\nend_header\n", "line 4 not understood"),
         (f"format ascii 1.0\nelement vertex 1\n{xyz}end_header\n1 b 3\n", "vertex 1 is not 3 numbers"),
+        (f"format ascii 1.0\nelement vertex 1\nproperty list float int v\n{xyz}end_header\n", "line 4 not understood"),
+        (f"{big}element face {'9' * 18}\nproperty double a\nelement vertex 1\n{xyz}end_header\n1 2 3", "0 of 1 points"),
+        (f"{big}element face 1\nproperty list ulong double v\nelement vertex 1\n{xyz}end_header\n{many}", "in element face"),
+        (f"{big}element vertex 1\n{xyz}property list ulong double v\nend_header\n{'0' * 12}{many}", "0 of 1 points"),
         (f"format ascii 1.0\nelement vertex 2\n{xyz}end_header\n1 2 3\n4 5", "1 of 2 points could be read"),
     ):
         path.write_bytes(b"ply\n" + head.encode("latin-1"))

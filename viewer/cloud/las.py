@@ -12,8 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from viewer.cloud import crs
-from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source
+from viewer.cloud.laz_chunks import check_chunks
+from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
 from viewer.errors import InputError
+
+_AT_ONCE = 1 << 30  # bytes of a chunk's points that lazrs may hold whole, as it does to use several processors
 
 
 class LasSource(Source):
@@ -22,28 +25,51 @@ class LasSource(Source):
     def __init__(self, path: Path):
         super().__init__(path, "LAS", scans=[ScanInfo(path.stem)])
         _check_header(path)
+        self._large_chunks = False
         with self._open() as reader:
             header = reader.header
             self.count = int(header.point_count)
             compressed = header.are_points_compressed
             records = list(header.vlrs) + list(header.evlrs or [])
+            more = self._check_chunks(header) if compressed else self._beyond(header)
         copc = any(record.user_id == "copc" for record in records)
         self.format = "COPC" if copc else "LAZ" if compressed else "LAS"
         if not (np.isfinite(header.scales).all() and np.isfinite(header.offsets).all() and np.all(header.scales != 0)):
             raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
         self.crs, self.units, self.metres_per_unit = _reference(records)
+        if more > 0:
+            self.warnings.append(told_beyond(path, self.count))
         if self.units == "degree":
             self.warnings.append(f"{path.name}: coordinates in degrees, shapes are distorted; reproject it to metres")
 
     def _open(self):
         import laspy
 
+        backend = laspy.LazBackend.Lazrs if self._large_chunks else None
         try:
-            return laspy.open(self.path)
+            return laspy.open(self.path, laz_backend=backend)
         except InputError:
             raise
         except Exception as error:  # laspy raises many kinds, lazrs its own: all mean the file cannot be read
             raise InputError(f"{self.path}: not readable as LAS/LAZ: {_line(error)}; copy or export it again") from None
+
+    def _beyond(self, header) -> int:
+        """How many points more than the header counts have room before whatever follows them."""
+        after = [self.path.stat().st_size, header.start_of_waveform_data_packet_record or 0]
+        after.append(header.start_of_first_evlr if header.number_of_evlrs else 0)
+        end = header.offset_to_point_data + header.point_count * header.point_format.size
+        return (min((place for place in after if place >= end), default=end) - end) // header.point_format.size
+
+    def _check_chunks(self, header) -> int:
+        """How many points more than the header counts are in chunks of their own."""
+        if header.point_count == 0:
+            return 0
+        described = [record.record_data_bytes() for record in header.vlrs if record.record_id == 22204]
+        length = header.point_format.size
+        most, points = check_chunks(self.path, described[0] if described else b"", offset=header.offset_to_point_data,
+                                    length=length, count=header.point_count)  # fmt: skip
+        self._large_chunks = most * length > _AT_ONCE
+        return (points - header.point_count) // most
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16) and intensity as stored."""
@@ -66,7 +92,8 @@ class LasSource(Source):
                 done += n
                 xyz = np.empty((n, 3))
                 for axis, name in enumerate("XYZ"):
-                    values = np.asarray(points[name]) * points.scales[axis] + points.offsets[axis]
+                    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left to the grid
+                        values = np.asarray(points[name]) * points.scales[axis] + points.offsets[axis]
                     stray |= bool(values.min() < low[axis] or values.max() > high[axis])
                     xyz[:, axis] = values
                 colours = [np.asarray(points[c]) for c in ("red", "green", "blue") if c in names]
@@ -101,6 +128,8 @@ def _check_header(path: Path) -> None:
         count = struct.unpack_from("<Q", head, 247)[0] or count
     if major != 1 or minor > 4:
         raise InputError(f"{path}: LAS version {major}.{minor} is not known; versions 1.0 to 1.4 are read")
+    if minor == 4 and len(head) >= 255:
+        _check_extended(path, size, *struct.unpack_from("<QI", head, 235))
     if header_size < 227 or offset < header_size or records * 54 > offset - header_size:
         raise InputError(f"{path}: damaged header ({header_size} bytes, {records} records before byte {offset})")
     if count == 0:
@@ -109,18 +138,20 @@ def _check_header(path: Path) -> None:
         raise InputError(f"{path}: truncated: 0 of {count:,} points could be read; copy or export it again")
     if length == 0:
         raise InputError(f"{path}: its header is damaged (point record of 0 bytes)")
-    if compressed:
-        with path.open("rb") as file:
-            file.seek(offset)
-            place = int.from_bytes(file.read(8), "little", signed=True)
-        if place >= size - 8:  # -1: written as a stream, its place then stands in the last 8 bytes
-            raise InputError(
-                f"{path}: truncated: 0 of {count:,} points could be read, the table of chunks that should end it is "
-                "missing; copy or export it again"
-            )
     readable = (size - offset) // length
     if not compressed and readable < count:
         raise InputError(f"{path}: truncated: {readable:,} of {count:,} points could be read; copy or export it again")
+
+
+def _check_extended(path: Path, size: int, place: int, number: int) -> None:
+    """The records behind the points.  Where they end beyond the file, laspy would go on making empty ones, 2**32 at most."""
+    with path.open("rb") as file:
+        for _ in range(number):
+            file.seek(min(place + 20, size))
+            place += 60 + int.from_bytes(file.read(8), "little")
+            if place > size:
+                raise InputError(f"{path}: truncated: the last of its {number:,} extended records ends beyond its {size:,} "
+                                 "bytes; copy or export it again")
 
 
 def _reference(records) -> crs.Reference:

@@ -11,7 +11,7 @@ from typing import BinaryIO
 import numpy as np
 
 from viewer.cloud.ply_header import Element, read_header
-from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source, stretch
+from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source, stretch, told_beyond
 from viewer.errors import InputError
 
 _COLOURS = (
@@ -34,6 +34,8 @@ class PlySource(Source):
         names = [element.name for element in self._header.elements]
         if "vertex" not in names:
             raise InputError(f"{path}: PLY without vertices (elements: {', '.join(names) or 'none'}); nothing to show")
+        after = self._header.elements[names.index("vertex") + 1 :]
+        self._last = not any(element.count for element in after)
         self._before = self._header.elements[: names.index("vertex")]
         self._vertex = self._header.elements[names.index("vertex")]
         plain = {p.name.lower(): p for p in self._vertex.properties if not p.length_type}
@@ -52,16 +54,15 @@ class PlySource(Source):
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint8, or uint16 where the fields are wider) and intensity."""
         for columns in self._columns():
-            xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
+            with np.errstate(invalid="ignore"):  # some NaN of damaged files
+                xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
             rgb = None if self._rgb is None else np.stack([self._channel(columns, name) for name in self._rgb], axis=1)
             yield Chunk(xyz, rgb, None if self._intensity is None else self._level(columns[self._intensity]))
 
     def _channel(self, columns: Columns, name: str) -> np.ndarray:
         kind, values = self._types[name], columns[name]
-        if kind == "u1":
-            return values.astype(np.uint8)
         if kind[0] != "f":
-            return np.clip(values, 0, 65535).astype(np.uint16)
+            return _whole(values, np.uint8 if kind == "u1" else np.uint16)
         largest = max(self._ranges()[n][1] for n in self._rgb or ())
         full = 1.0 if largest <= 1 else 255.0 if largest <= 255 else 65535.0
         return (stretch(values, 0, full) / 257.0 + 0.5).astype(np.uint8)
@@ -69,7 +70,7 @@ class PlySource(Source):
     def _level(self, values: np.ndarray) -> np.ndarray:
         kind = self._types[self._intensity or ""]
         if kind in ("u1", "u2"):
-            return values.astype(np.uint16)
+            return _whole(values, np.uint16)
         return stretch(values, *self._ranges()[self._intensity or ""])
 
     def _ranges(self) -> dict[str, tuple[float, float]]:
@@ -102,10 +103,10 @@ class PlySource(Source):
         for element in self._before:
             if element.has_lists:
                 for row in range(element.count):
-                    if self._walk(file, element) is None:
+                    if self._walk(file, element, size) is None:
                         raise self._truncated(0, f"in element {element.name}, row {row:,}")
             else:
-                file.seek(element.count * self._dtype(element).itemsize, 1)
+                file.seek(min(file.tell() + element.count * self._dtype(element).itemsize, size))
         dtype = self._dtype(self._vertex)
         names = [p.name.lower() for p in self._vertex.properties if not p.length_type]
         if not self._vertex.has_lists and (size - file.tell()) // dtype.itemsize < self._vertex.count:
@@ -115,7 +116,7 @@ class PlySource(Source):
             n = min(CHUNK, self._vertex.count - done)
             if self._vertex.has_lists:
                 rows = []
-                while len(rows) < n and (row := self._walk(file, self._vertex)) is not None:
+                while len(rows) < n and (row := self._walk(file, self._vertex, size)) is not None:
                     rows.append(row)
                 data = b"".join(rows)
             else:
@@ -125,9 +126,15 @@ class PlySource(Source):
             if len(records) < n:
                 raise self._truncated(done)
             yield {name: records[f"{i}"] for i, name in enumerate(names)}
+        self._end(size - file.tell() >= dtype.itemsize)
 
-    def _walk(self, file: BinaryIO, element: Element) -> bytes | None:
-        """One row's plain values as they are stored, its lists skipped; None at the end of the file."""
+    def _end(self, more: bool) -> None:
+        """Takes note, once, of points behind those that were counted.  more: something is left that may be one."""
+        if more and self._last and (text := told_beyond(self.path, self.count)) not in self.warnings:
+            self.warnings.append(text)
+
+    def _walk(self, file: BinaryIO, element: Element, size: int) -> bytes | None:
+        """One row's plain values as they are stored, its lists skipped; None at the end of the file, ``size`` bytes long."""
         kept = []
         for p in element.properties:
             data = file.read(int((p.length_type or p.type)[1]))
@@ -135,7 +142,7 @@ class PlySource(Source):
                 return None
             if p.length_type:
                 length = int(np.frombuffer(data, self._header.order + p.length_type)[0])
-                if length < 0:
+                if not 0 <= length <= size:
                     return None
                 file.seek(length * int(p.type[1]), 1)
             else:
@@ -148,9 +155,11 @@ class PlySource(Source):
         skip = sum(element.count for element in self._before)
         names = [p.name.lower() for p in self._vertex.properties if not p.length_type]
         done = 0
-        for lines in _lines(self.path, file):
+        blocks = _lines(self.path, file)
+        for lines in blocks:
             skipped = min(skip, len(lines))
             skip -= skipped
+            beyond = len(lines) > skipped + self._vertex.count - done
             lines = lines[skipped : skipped + self._vertex.count - done]
             for start in range(0, len(lines), CHUNK):
                 rows = lines[start : start + CHUNK]
@@ -163,6 +172,7 @@ class PlySource(Source):
                 done += len(table)
                 yield {name: table[:, i] for i, name in enumerate(names)}
             if done >= self._vertex.count:
+                self._end(beyond or any(blocks))
                 return
         raise self._truncated(done)
 
@@ -197,6 +207,11 @@ class PlySource(Source):
         return InputError(
             f"{self.path}: truncated: {done:,} of {self.count:,} points could be read{place}; copy or export it again"
         )
+
+
+def _whole(values: np.ndarray, kind: type) -> np.ndarray:
+    """Values as unsigned whole numbers; of text they are floats, and may be anything."""
+    return values if values.dtype == kind else np.clip(np.nan_to_num(values), 0, np.iinfo(kind).max).astype(kind)
 
 
 def _is_number(word: str) -> bool:

@@ -65,7 +65,7 @@ def read_header(path: Path, file: BinaryIO) -> Header:
                 order = ORDERS[name]
             case ["element", name, count] if (number_of := whole_number(count)) is not None:
                 elements.append((name, number_of, []))
-            case ["property", "list", length, kind, name] if elements and length in TYPES and kind in TYPES:
+            case ["property", "list", length, kind, name] if elements and _is_count(length) and kind in TYPES:
                 elements[-1][2].append(Property(name, TYPES[kind], TYPES[length]))
             case ["property", kind, name] if elements and kind in TYPES:
                 elements[-1][2].append(Property(name, TYPES[kind]))
@@ -75,3 +75,8 @@ def read_header(path: Path, file: BinaryIO) -> Header:
                 text = ascii(" ".join(words)[:60])
                 raise InputError(f"{path}: PLY header line {number} not understood: {text}; export it again")
     raise InputError(f"{path}: PLY header without an end; export it again")
+
+
+def _is_count(kind: str) -> bool:
+    """Whether the lengths of lists can be of this type: those of real numbers may be infinite, or none."""
+    return TYPES.get(kind, "f")[0] != "f"

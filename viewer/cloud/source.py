@@ -70,10 +70,16 @@ class Source:
         raise NotImplementedError
 
 
+def told_beyond(path: Path, count: int | None) -> str:
+    """The warning about a file that holds more points than its header says."""
+    return f"{path.name}: its header counts {count:,} points, but more follow; they are left out, it may be damaged"
+
+
 def stretch(values: np.ndarray, low: float, high: float) -> np.ndarray:
     """Maps ``low..high`` linearly to the whole of uint16, clipped; what is not a number becomes 0."""
-    scaled = (np.asarray(values, np.float64) - low) * (65535.0 / (high - low) if high > low else 0.0)
-    return np.clip(np.nan_to_num(scaled, nan=0.0) + 0.5, 0, 65535).astype(np.uint16)
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = (np.asarray(values, np.float64) - low) * (65535.0 / (high - low) if high > low else 0.0)
+        return np.clip(np.nan_to_num(scaled, nan=0.0) + 0.5, 0, 65535).astype(np.uint16)
 
 
 _MAGIC = {b"LASF": "las", b"ply\n": "ply", b"ply\r": "ply", b"ASTM": "e57"}

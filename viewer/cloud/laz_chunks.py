@@ -1,0 +1,101 @@
+"""What a LAZ file says of its compressed chunks, checked before lazrs believes it.
+
+Where a damaged table asks for more memory than there is, lazrs ends the whole process; where sizes do not add up, it panics.
+Neither leaves a line that a person could use, so what can be told beforehand is told here: by the record that describes the
+compression, the table of chunks behind the points and, of the layered formats (6 to 10), the sizes at the head of each chunk.
+"""
+
+import struct
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from viewer.errors import InputError
+
+VARIABLE = 2**32 - 1
+"""In place of a number of points a chunk: each chunk has its own (COPC)."""
+_SIZES = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}  # bytes of an item; extra bytes, 0 and 14, have any number
+_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # that an item is stored in; extra bytes, 14, have one each
+
+
+def check_chunks(path: Path, record: bytes, *, offset: int, length: int, count: int) -> tuple[int, int]:
+    """Returns how many points the largest chunk has at most, and how many all of them have.
+
+    Raises InputError where they cannot be as the file says.
+
+    record: data of the record that describes the compression.  offset: byte at which points begin.  length: bytes a point.
+    count: points by the file's header.
+    """
+    chunk_size, items = _described(path, record, length)
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        place = _number(file, offset, 8)
+        if place < 0:  # written as a stream, its place then stands in the last 8 bytes
+            place = _number(file, size - 8, 8)
+        if not offset + 8 <= place <= size - 8:
+            raise InputError(
+                f"{path}: truncated: 0 of {count:,} points could be read, the table of chunks that should end it is "
+                "missing; copy or export it again"
+            )
+        room, chunks = place - offset - 8, _number(file, place + 4, 4) % 2**32
+        if chunks > room:
+            raise _damaged(path, f"says that it has {chunks:,} chunks in {room:,} bytes")
+        table = _table(path, file, record, offset)
+        if (said := sum(held for _, held in table)) > room:
+            raise _damaged(path, f"its chunks would take {said:,} bytes where {room:,} are")
+        points = sum(n for n, held in table if held)  # some writers end with a chunk of nothing
+        if points < count:
+            raise _damaged(path, f"{points:,} of {count:,} points could be read, its chunks hold no more")
+        if chunk_size == VARIABLE and points > count:
+            raise _damaged(path, f"its header counts {count:,} points, its chunks hold {points:,}")
+        if items[0][2] >= 3:
+            _check_layers(path, file, table, offset + 8, length, sum(_LAYERS.get(kind, n) for kind, n, _ in items))
+    return max(n for n, _ in table), points
+
+
+def _described(path: Path, record: bytes, length: int) -> tuple[int, list[tuple[int, int, int]]]:
+    """Points a chunk, and kind, bytes and version of the items a point is made of."""
+    number = int.from_bytes(record[32:34], "little")
+    if number == 0 or len(record) < 34 + 6 * number:
+        raise _damaged(path, "does not say how it is compressed")
+    items = list(struct.iter_unpack("<3H", record[34 : 34 + 6 * number]))
+    if sum(n for _, n, _ in items) != length or any(_SIZES.get(kind, n) != n for kind, n, _ in items):
+        raise _damaged(path, f"its compressed points are not made of {length} bytes")
+    chunk_size = int.from_bytes(record[12:16], "little")
+    if chunk_size == 0:
+        raise _damaged(path, "says that its chunks have 0 points")
+    return chunk_size, items
+
+
+def _table(path: Path, file: BinaryIO, record: bytes, offset: int) -> list[tuple[int, int]]:
+    """Points and bytes of each chunk, as lazrs will read them."""
+    lazrs: Any = import_module("lazrs")  # compiled, and declares nothing
+
+    file.seek(offset)
+    try:
+        return lazrs.read_chunk_table(file, lazrs.LazVlr(record))
+    except lazrs.LazrsError as error:
+        raise _damaged(path, f"its table of chunks cannot be read ({error})") from None
+
+
+def _check_layers(path: Path, file: BinaryIO, table: list[tuple[int, int]], start: int, length: int, layers: int) -> None:
+    """A chunk is its first point, a count, the size of each layer, the layers."""
+    head = length + 4 + 4 * layers
+    for number, (_, held) in enumerate(table, 1):
+        if held:
+            file.seek(start + length + 4)
+            sizes = np.frombuffer(file.read(4 * layers), "<u4")
+            if head + int(sizes.sum(dtype=np.uint64)) > held:
+                raise _damaged(path, f"chunk {number:,} of {len(table):,} would have more than its {held:,} bytes")
+        start += held
+
+
+def _number(file: BinaryIO, place: int, size: int) -> int:
+    file.seek(place)
+    return int.from_bytes(file.read(size), "little", signed=True)
+
+
+def _damaged(path: Path, what: str) -> InputError:
+    return InputError(f"{path}: damaged: {what}; copy or export it again")
