@@ -1,5 +1,7 @@
 """Makers of small scan files in every format, and the random surfaces they hold.  Metres, any frame."""
 
+import re
+import struct
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -194,3 +196,32 @@ def _write_pose(e, file, node, scan: E57Scan) -> None:
             pose.set(name, part)
             for key, value in zip(keys, values, strict=True):
                 part.set(key, e.FloatNode(file, float(value)))
+
+
+def edited_e57(path: Path, *changes: tuple[bytes, bytes], byte: tuple[int, int] | None = None) -> Path:
+    """The file with what patterns find in its XML replaced, or the byte at a place; lengths and checksums fit again."""
+    raw = path.read_bytes()
+    data = bytearray(b"".join(raw[i : i + 1020] for i in range(0, len(raw), 1024)))
+    place, length = struct.unpack_from("<2Q", data, 24)
+    begin = place // 1024 * 1020 + place % 1024
+    xml = bytes(data[begin : begin + length])
+    for pattern, new in changes:
+        xml, found = re.subn(pattern, lambda _, new=new: new, xml, flags=re.DOTALL)
+        assert found, pattern
+    data[begin:] = xml
+    data += bytes(-len(data) % 1020)
+    struct.pack_into("<3Q", data, 16, len(data) // 1020 * 1024, place, len(xml))
+    if byte is not None:
+        data[byte[0]] = byte[1]
+    pages = [bytes(data[i : i + 1020]) for i in range(0, len(data), 1020)]
+    path.write_bytes(b"".join(page + struct.pack(">I", _crc32c(page)) for page in pages))
+    return path
+
+
+def _crc32c(data: bytes) -> int:
+    value = 0xFFFFFFFF
+    for byte in data:
+        value ^= byte
+        for _ in range(8):
+            value = (value >> 1) ^ (0x82F63B78 if value & 1 else 0)
+    return value ^ 0xFFFFFFFF

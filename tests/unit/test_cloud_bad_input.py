@@ -2,10 +2,11 @@
 
 import os
 import struct
+import sys
 
 import numpy as np
 import pytest
-from cloud_files import SCANS, E57Scan, surface, write_e57, write_las, write_ply
+from cloud_files import SCANS, E57Scan, edited_e57, surface, write_e57, write_las, write_ply
 
 from viewer.cloud import open_scene, unpack
 from viewer.cloud.ply import PlySource
@@ -202,6 +203,53 @@ def test_e57_without_points(tmp_path):
     refused(
         write_e57(tmp_path / "c.e57", [E57Scan(xyz, rgb, invalid=np.full(10, 2))]), "none of its 10 points is valid"
     )
+
+
+def test_e57_points_without_a_prototype_are_refused(tmp_path):
+    """libe57 would end the process, asked for it: looked for in the XML, therefore, before."""
+    path = write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))])
+    edited_e57(path, (rb"<prototype.*</prototype>", b""))
+    with pytest.raises(InputError, match=r"a\.e57: damaged: points without a prototype") as error:
+        open_source(path)
+    assert "\n" not in str(error.value)
+
+
+TEXT, NUMBER = b' type="String"><![CDATA[what]]></', b' type="Integer">5</'
+
+
+@pytest.mark.parametrize(("old", "new", "said"), [
+    (rb"<name .*?name>", b"<name" + NUMBER + b"name>", None), (rb"<w .*?</w>", b'<w type="Float">-1e308</w>', None),
+    (rb"<w .*?</w>", b"<w" + TEXT + b"w>", None), (rb"<pose .*?</pose>", b"<pose" + NUMBER + b"pose>", None),
+    (rb"<rotation .*?</rotation>", b"<rotation" + TEXT + b"rotation>", None),
+    (rb"<intensityMaximum [^>]*>(1</intensityMaximum>)?", b"<intensityMaximum" + TEXT + b"intensityMaximum>", None),
+    (rb"<intensityLimits .*?</intensityLimits>", b"<intensityLimits" + NUMBER + b"intensityLimits>", None),
+    (rb"<colorRed [^>]*>(</colorRed>)?", b"<colorRed" + TEXT + b"colorRed>", None),
+    (rb"<data3D .*</data3D>", b"<data3D" + NUMBER + b"data3D>", "no scans"),
+    (rb"<vectorChild .*</data3D>", b"<vectorChild" + NUMBER + b"vectorChild></data3D>", "scan 1 is none"),
+    (rb"<points .*</points>", b"<points" + NUMBER + b"points>", "the points of 'one' are none"),
+])  # fmt: skip
+def test_e57_entries_of_another_kind_are_left_out_or_refused(tmp_path, old, new, said):
+    xyz, rgb = surface(100)
+    path = write_e57(tmp_path / "a.e57", [E57Scan(xyz, rgb, np.linspace(0, 1, 100), (1, 0, 0, 0), (0, 0, 0), name="one")])
+    edited_e57(path, (old, new))
+    if said:
+        refused(path, said)
+    else:
+        with np.errstate(all="raise"):
+            assert open_scene(path, cache=False).count == 100
+
+
+def test_e57_with_packets_of_no_kind_is_refused(tmp_path):
+    """libe57's own message quotes the byte, which is no text."""
+    path = edited_e57(write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))]), byte=(80, 0xA0))
+    refused(path, "damaged")
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names are text there")
+def test_scans_whose_names_are_no_text_are_read(tmp_path):
+    path = write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))])
+    path = path.rename(os.fsdecode(os.fsencode(tmp_path) + b"/a\xff\xfe.e57"))
+    assert open_scene(path, cache=False).count == 100
 
 
 @pytest.mark.parametrize("name", ["bad-crc.e57", "empty.e57", "ZeroPoints.e57"])

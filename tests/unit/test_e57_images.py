@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cloud_files import SCANS
+from cloud_files import SCANS, edited_e57
 from PIL import Image, ImageFile
 
 from viewer.cloud import e57_images
@@ -330,6 +330,20 @@ def test_missing_fields_and_pictures_are_refused_by_name(points, tmp_path):
     given = panorama((0, 0, 0), 0.0, name="bad")
     given.values["pixelWidth"] = 0.1
     assert "degrees" in _refused(tmp_path, points, given)
+
+
+def test_entries_of_another_kind_are_refused_or_said(points, tmp_path):
+    for name, told in (("pixelWidth", "focal length"), ("pngImage", "has no pngImage but something else"),
+                       ("pinholeRepresentation", ""), ("pose", ""), ("images2D", None)):  # fmt: skip
+        tag = name.encode()
+        path = write_photos(tmp_path / "a.e57", [pinhole((0, 0, 0), 0.3)], *points)
+        edited_e57(path, (rb"<%b [^>]*/>|<%b .*?</%b>" % (tag, tag, tag), b'<%b type="Integer">5</%b>' % (tag, tag)))
+        if told:
+            with pytest.raises(InputError, match=told):
+                read_photographs(path)
+        else:
+            photos, warnings = read_photographs(path)
+            assert photos == [] and len(warnings) == (0 if told is None else 1)
 
 
 def test_size_is_checked_before_anything_is_decoded(points, tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from viewer.cloud import crs
-from viewer.cloud.e57_nodes import library, open_e57, pose_of, value_of
+from viewer.cloud.e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, value_of
 from viewer.cloud.source import Chunk, ScanInfo, Source, stretch
 from viewer.errors import InputError
 from viewer.words import counted
@@ -46,7 +46,8 @@ class E57Source(Source):
         with open_e57(self.path) as file:
             root = file.root()
             self.crs = _crs(root)
-            data = root["data3D"] if root.isDefined("data3D") else ()
+            data = child(root, "data3D", "Vector") or ()
+            check_prototypes(path)
             for i in range(len(data)):
                 self._add(i, data[i])
         self.count = sum(scan.count for scan in self._scans)
@@ -58,8 +59,9 @@ class E57Source(Source):
 
     def _add(self, number: int, node) -> None:
         libe57 = library()
-        name = node["name"].value() if node.isDefined("name") else ""
-        name = name or f"scan {number + 1}"
+        if not isinstance(node, libe57.StructureNode):
+            raise InputError(f"{self.path}: damaged: scan {number + 1} is none; copy or export it again")
+        name = text_of(node, "name") or f"scan {number + 1}"
         rotation, translation, position = np.eye(3), np.zeros(3), None
         if node.isDefined("pose"):
             placed = pose_of(node)
@@ -69,13 +71,16 @@ class E57Source(Source):
                 rotation, translation = placed
                 position = tuple(translation.tolist())
         self.scans.append(ScanInfo(name, position))
-        points = node["points"] if node.isDefined("points") else None
+        points = child(node, "points", "CompressedVector")
+        if points is None and node.isDefined("points"):
+            raise InputError(f"{self.path}: damaged: the points of {name!r} are none; copy or export it again")
         count = int(points.childCount()) if points is not None else 0
         if points is None or count == 0:
             self._scans.append(_Scan(0, frozenset(), rotation, translation))
             return
         prototype = libe57.StructureNode(points.prototype())
-        nodes = {prototype[i].elementName(): prototype[i] for i in range(prototype.childCount())}
+        fields = [prototype[i] for i in range(prototype.childCount())]
+        nodes = {field.elementName(): field for field in fields if is_number(field)}
         if not (set(_CARTESIAN) <= set(nodes) or set(_SPHERICAL) <= set(nodes)):
             raise InputError(f"{self.path}: {name!r} has neither cartesian nor spherical coordinates; export it again")
         colour = _colour_range(node, nodes) if set(_RGB) <= set(nodes) else (0.0, 255.0, True)
@@ -162,9 +167,10 @@ def _declared(node) -> tuple[float, float]:
 
 
 def _limits(scan, group: str, names: tuple[str, str]) -> tuple[float, float] | None:
-    if not scan.isDefined(group) or not all(scan[group].isDefined(name) for name in names):
+    limits = child(scan, group, "Structure")
+    if limits is None or not all(limits.isDefined(name) for name in names):
         return None
-    low, high = (value_of(scan[group][name]) for name in names)
+    low, high = (value_of(limits[name]) for name in names)
     return (low, high) if low is not None and high is not None and low < high < np.inf else None
 
 
@@ -192,7 +198,5 @@ def _intensity_range(scan, nodes) -> tuple[float, float] | None:
 
 
 def _crs(root) -> str | None:
-    if not root.isDefined("coordinateMetadata"):
-        return None
-    text = root["coordinateMetadata"].value()
+    text = text_of(root, "coordinateMetadata")
     return crs.from_wkt(text)[0] or (text.strip()[:80] or None)

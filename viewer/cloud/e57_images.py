@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud.e57_nodes import first_line, library, open_e57, pose_of, value_of
+from viewer.cloud.e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
 from viewer.cloud.source import check_file
 from viewer.errors import InputError
 
@@ -88,15 +88,12 @@ class _Entry:
 def _entries(path: Path, root) -> tuple[list[_Entry], list[str]]:
     """What images2D lists and has a geometry known here, and a warning for every other image."""
     entries, warnings = [], []
-    data = root["data3D"] if root.isDefined("data3D") else ()
-    scans = {data[i]["guid"].value(): i for i in range(len(data)) if data[i].isDefined("guid")}
-    images = root["images2D"] if root.isDefined("images2D") else ()
-    for number in range(len(images)):
-        image = images[number]
-        name = (image["name"].value() if image.isDefined("name") else "") or f"image {number + 1}"
+    scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(_structures(root, "data3D"))}
+    for number, image in enumerate(_structures(root, "images2D")):
+        name = text_of(image, "name") or f"image {number + 1}"
         label = f"{path}: photograph {name!r}"
         kinds = ("pinhole", "spherical", "cylindrical", "visualReference")
-        kind = next((k for k in kinds if image.isDefined(f"{k}Representation")), None)
+        kind = next((k for k in kinds if child(image, f"{k}Representation", "Structure") is not None), None)
         if kind not in ("pinhole", "spherical"):
             why = {
                 None: "has no representation the standard names", "cylindrical": "is cylindrical, which is not read",
@@ -113,10 +110,16 @@ def _entries(path: Path, root) -> tuple[list[_Entry], list[str]]:
         else:
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = placed
-            guid = image["associatedData3DGuid"].value() if image.isDefined("associatedData3DGuid") else None
-            room = path.stat().st_size
-            entries.append(_Entry(label, name, kind == "spherical", node, pose, scans.get(guid), room))
+            scan, room = scans.get(text_of(image, "associatedData3DGuid")), path.stat().st_size
+            entries.append(_Entry(label, name, kind == "spherical", node, pose, scan, room))
     return entries, warnings
+
+
+def _structures(root, name: str) -> list:
+    """The structures of a vector, in its order; other things in it, which damage made, as none."""
+    vector = child(root, name, "Vector")
+    nodes = [vector[i] for i in range(len(vector))] if vector is not None else []
+    return [node for node in nodes if isinstance(node, library().StructureNode)]
 
 
 def _value(entry: _Entry, name: str, *, positive: bool = True) -> float:
@@ -129,7 +132,9 @@ def _value(entry: _Entry, name: str, *, positive: bool = True) -> float:
 
 
 def _bytes(entry: _Entry, name: str) -> io.BytesIO:
-    blob = entry.node[name]  # type: ignore[index]
+    blob = child(entry.node, name, "Blob")
+    if blob is None:
+        raise InputError(f"{entry.label} has no {name} but something else of this name; export it again")
     if not 0 < blob.byteCount() <= entry.room:
         raise InputError(f"{entry.label} has a {name} of {blob.byteCount()} bytes; export it again")
     return io.BytesIO(blob.read_buffer().tobytes())

@@ -1,5 +1,8 @@
 """What both readers of an E57 need of libe57: a file opened with its errors in one line, numbers and poses out of its tree."""
 
+import os
+import struct
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from viewer.errors import InputError
+
+_PAGE = 1024  # bytes, by the standard
 
 
 def library() -> Any:
@@ -28,10 +33,12 @@ def open_e57(path: Path) -> Iterator[Any]:
     libe57 = library()
     file = None
     try:
-        file = libe57.ImageFile(str(path), "r")
+        file = libe57.ImageFile(os.fsencode(path), "r")  # a name need not be text
         yield file
     except libe57.E57Exception as error:
         raise InputError(f"{path}: {first_line(error)}; copy or export it again") from None
+    except UnicodeDecodeError:  # an error whose text quotes what it stumbled over
+        raise InputError(f"{path}: damaged: what its points are packed as makes no sense; copy or export it again") from None
     except RuntimeError as error:
         raise InputError(f"{path}: cannot be read as E57: {first_line(error)}; copy or export it again") from None
     finally:
@@ -39,28 +46,68 @@ def open_e57(path: Path) -> Iterator[Any]:
             file.close()
 
 
+def check_prototypes(path: Path) -> None:
+    """Raises InputError where points do not say what they are made of: asked for that, libe57 would end the process.
+
+    path: a file that open_e57 opened: where its XML lies has been checked.
+    """
+    with path.open("rb") as file:
+        place, length = struct.unpack("<2Q", file.read(40)[24:])
+        file.seek(place // _PAGE * _PAGE)
+        pages = [file.read(_PAGE)[:-4] for _ in range((place % _PAGE + length) // (_PAGE - 4) + 1)]  # the rest is a checksum
+    try:
+        tree = ElementTree.fromstring(b"".join(pages)[place % _PAGE :][:length])
+    except ElementTree.ParseError:
+        return  # libe57 could read it
+    for node in tree.iter():
+        if node.get("type") == "CompressedVector" and node.find("{*}prototype") is None:
+            raise InputError(f"{path}: damaged: points without a prototype, which says what they are; copy or export it again")
+
+
+def child(node, name: str, kind: str) -> Any:
+    """What ``node`` holds under a name, None where there is nothing or no ``kind`` (String, Structure, ...) of node."""
+    found = node[name] if node.isDefined(name) else None
+    return found if isinstance(found, getattr(library(), f"{kind}Node")) else None
+
+
+def text_of(node, name: str) -> str:
+    """The text that ``node`` holds under a name, "" where there is none."""
+    found = child(node, name, "String")
+    return found.value() if found is not None else ""
+
+
+def is_number(node) -> bool:
+    """Whether a node is an integer, float or scaled integer."""
+    libe57 = library()
+    return isinstance(node, (libe57.IntegerNode, libe57.FloatNode, libe57.ScaledIntegerNode))
+
+
 def value_of(node) -> float | None:
-    """The value of an integer, float or scaled-integer node."""
-    value = getattr(node, "scaledValue", None) or getattr(node, "value", None)
-    return float(value()) if value else None
+    """The value of an integer, float or scaled-integer node, None of another."""
+    if not is_number(node):
+        return None
+    return float(node.scaledValue() if hasattr(node, "scaledValue") else node.value())
 
 
 def pose_of(node) -> tuple[np.ndarray, np.ndarray] | None:
     """Rotation (3, 3) and translation (3,) to the file's frame of a scan or an image; None where it has none that is usable."""
-    if not node.isDefined("pose"):
+    pose = child(node, "pose", "Structure")
+    if pose is None:
         return None
-    quaternion = _vector(node["pose"], "rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
-    translation = _vector(node["pose"], "translation", "xyz", (0.0, 0.0, 0.0))
-    length = np.linalg.norm(quaternion)
-    if not (np.isfinite(translation).all() and np.isfinite(length) and length > 1e-6):
+    quaternion = _vector(pose, "rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
+    translation = _vector(pose, "translation", "xyz", (0.0, 0.0, 0.0))
+    largest = np.abs(quaternion).max()  # not its length: squares overflow
+    if not (np.isfinite(translation).all() and np.isfinite(largest) and largest > 1e-6):
         return None
     from scipy.spatial.transform import Rotation
 
-    return Rotation.from_quat(np.roll(quaternion, -1)).as_matrix(), translation  # x, y, z, w
+    return Rotation.from_quat(np.roll(quaternion / largest, -1)).as_matrix(), translation  # x, y, z, w
 
 
 def _vector(parent, name: str, parts: str, otherwise) -> np.ndarray:
     if not parent.isDefined(name):
         return np.array(otherwise)
-    node = parent[name]
+    node = child(parent, name, "Structure")
+    if node is None:
+        return np.full(len(parts), np.nan)
     return np.array([value_of(node[part]) if node.isDefined(part) else 0.0 for part in parts], np.float64)
