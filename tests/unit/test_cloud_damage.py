@@ -1,6 +1,8 @@
 """Damaged grids: one in the cache is built again, a folder made by convert is refused in one line; neither is drawn."""
 
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -90,7 +92,7 @@ def test_a_folder_without_sums_opens_as_before(scan, tmp_path):
     convert([scan], out)
     for folder in (cache.folder_of([scan]), out):
         head = json.loads((folder / "meta.json").read_text())
-        del head["sums"]
+        del head["sums"], head["sum"]
         (folder / "meta.json").write_text(json.dumps(head))
     assert cache.load(cache.folder_of([scan]), [scan]) is not None
     np.testing.assert_array_equal(np.asarray(open_scene(out).boxes), np.asarray(fresh.boxes))
@@ -102,7 +104,7 @@ def test_a_folder_is_read_in_the_parts_that_its_version_made(scan, tmp_path, sai
     out = tmp_path / "grid"
     convert([scan], out)
     head = json.loads((out / "meta.json").read_text())
-    del head["parts"]
+    del head["parts"], head["sum"]
     (out / "meta.json").write_text(json.dumps(head | said))
     assert open_scene(out).parts == parts
 
@@ -134,9 +136,56 @@ def test_points_in_another_order_are_not_taken_for_points(scan, tmp_path):
 def test_facts_that_are_none_are_never_read(scan, tmp_path, change):
     def changed(folder):
         head = json.loads((folder / "meta.json").read_text())
+        del head["sum"]
         (folder / "meta.json").write_text(json.dumps(head | change))
 
     both(scan, tmp_path, changed)
+
+
+@pytest.mark.parametrize("change", [
+    {"scans": [[0, 0]]}, {"scans": [{"name": "a", "count": 1, "position": [0, "x", [1]]}]}, {"metres_per_unit": "feet"},
+    {"warnings": [None]}, {"colour": 5},
+])  # fmt: skip
+def test_what_is_told_of_the_scan_is_checked_too(scan, tmp_path, change):
+    """It is believed by whoever draws or describes the scene: damaged, it was a traceback."""
+    def changed(folder):
+        head = json.loads((folder / "meta.json").read_text())
+        head["meta"] |= change
+        (folder / "meta.json").write_text(json.dumps(head))
+
+    both(scan, tmp_path, changed)
+
+
+def test_a_meta_json_of_brackets_is_none(scan, tmp_path):
+    fresh, out = open_scene(scan), tmp_path / "grid"
+    convert([scan], out)
+    for folder in (cache.folder_of([scan]), out):
+        (folder / "meta.json").write_text("[" * 200_000)
+    assert cache.load(cache.folder_of([scan]), [scan]) is None
+    assert open_scene(scan).count == fresh.count
+    with pytest.raises(InputError, match=r"grid: is a folder, but not one made by convert"):
+        open_scene(out)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
+@pytest.mark.parametrize("name", ["faces.npy", "points.npy", "meta.json"])
+def test_a_pipe_in_place_of_a_file_is_not_waited_for(scan, tmp_path, name):
+    out = tmp_path / "grid"
+    convert([scan], out)
+    (out / name).unlink()
+    os.mkfifo(out / name)
+
+    def waited(*_):
+        raise AssertionError("it waits for somebody to write")
+
+    before = signal.signal(signal.SIGALRM, waited)
+    signal.alarm(10)
+    try:
+        with pytest.raises(InputError, match=r"grid: (damaged grid \(.* is no file\)|is a folder, but not one made)"):
+            open_scene(out)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_the_command_says_so_in_one_line(scan, tmp_path, capsys):

@@ -38,7 +38,8 @@ _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
-_DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError)  # what reading a folder that is not whole raises
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError)
+"""What reading a folder that is not whole raises."""
 _JOB = 16  # chunks a thread sums at a time
 
 
@@ -71,8 +72,8 @@ def load(folder: Path, files: list[Path]) -> Scene | None:
 def is_grid(folder: Path) -> bool:
     """True where ``folder`` holds a pointglass grid, whole or torn."""
     try:
-        return json.loads((folder / _META).read_text("utf-8")).get("magic") == MAGIC
-    except (OSError, ValueError, AttributeError):
+        return _head(folder).get("magic") == MAGIC
+    except (*_DAMAGE, AttributeError):
         return False
 
 
@@ -94,9 +95,11 @@ def load_folder(folder: Path) -> Scene:
 
 
 def _read(folder: Path, identity: list | None) -> Scene:
-    head = json.loads((folder / _META).read_text("utf-8"))
+    head = _head(folder)
     if head["magic"] != MAGIC or head["version"] != VERSION:
         raise ValueError(f"version {head['version']!r} where {VERSION} is expected")
+    if head.pop("sum", None) not in (None, _sum(head)):  # earlier versions kept none
+        raise ValueError(f"{_META} does not match its checksum")
     if identity is not None and head["identity"] != identity:
         raise ValueError("made from other files")
     arrays, sums = {}, head.get("sums")  # earlier versions kept no sums
@@ -135,8 +138,21 @@ def _read(folder: Path, identity: list | None) -> Scene:
     )  # fmt: skip
 
 
+def _head(folder: Path) -> dict:
+    if not (folder / _META).is_file():
+        raise ValueError(f"{_META} is no file")
+    return json.loads((folder / _META).read_text("utf-8"))
+
+
+def _sum(head: dict) -> int:
+    """The checksum of what meta.json says, whatever its spaces."""
+    return zlib.crc32(json.dumps(head).encode())
+
+
 def _mapped(path: Path) -> np.ndarray:
     """The array in an .npy file, memory-mapped, in C order.  Raises ValueError naming the file where it holds none."""
+    if not path.is_file():  # of a pipe, opening would wait
+        raise ValueError(f"{path.name} is no file")
     try:
         array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load takes no zip and no pickle for an array
     except Exception as error:  # of what NumPy raises, much is not of one kind: torn headers are parsed as Python
@@ -208,6 +224,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "parts": scene.parts,
         "meta": scene.meta,
     }
+    head["sum"] = _sum(head)
     (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")
 
 
