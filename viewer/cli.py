@@ -205,6 +205,8 @@ def _doctor(options: argparse.Namespace) -> int:
     return exit_code(found)
 
 
+_LONGEST = 1500  # characters of a message
+
 _RUN = {
     "view": _view, "demo": _demo, "render": _render, "info": _info, "convert": _convert, "bench": _bench,
     "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
@@ -254,8 +256,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             message, code = f"OpenGL: {error}; choose a smaller --size or --gpu-memory, and see `pointglass doctor`", 3
         else:
             raise
-    print(f"pointglass: {' '.join(message.split())}", file=sys.stderr)
+    print(f"pointglass: {_one_line(message)}", file=sys.stderr)
     return code
+
+
+def _one_line(message: str) -> str:
+    """A message as a line to be read: what a damaged file put into it may be long, or commands to the terminal.  It begins
+    with the file and ends with the remedy."""
+    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(message.split()))
+    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 200]} ... {line[-200:]}"
 
 
 if __name__ == "__main__":

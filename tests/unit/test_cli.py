@@ -278,3 +278,11 @@ def test_demo_without_a_display_makes_all_pictures(tmp_path, monkeypatch, capsys
     assert len(list((tmp_path / "demo").glob("*.png"))) == 4 * len(cameras) + 1
     assert "contact-sheet.png" in capsys.readouterr().out
     assert (assets_dir() / "demo.laz").stat().st_size <= 8 * 2**20
+
+
+def test_what_a_message_quotes_is_neither_endless_nor_a_command_to_the_terminal(tmp_path, capsys):
+    path = tmp_path / "\x1b[31m\x9bm" / ("a" * 3000)
+    assert main(["info", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and len(said) < 1600 and said.rstrip("\n").isprintable()
+    assert str(tmp_path) in said and "x1b[31m" in said and said.endswith("a: no such file\n")
