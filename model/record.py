@@ -92,7 +92,7 @@ def read_record(path: Path, *names: str) -> Facts | None:
         data = json.loads(path.read_text())
     except FileNotFoundError:
         return None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DataError(f"{path}: cannot be read ({error}); choose another --out") from None
     if not isinstance(data, dict) or not set(names) <= data.keys():
         raise DataError(f"{path}: not a record of a training; choose another --out")

@@ -91,9 +91,9 @@ def wrong_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | N
 
 def _wrong(where: Path, path: Path, size: tuple[int, int] | None, *, depth: bool) -> str | None:
     name = path.relative_to(where) if path.is_relative_to(where) else path
-    if not path.is_file():
-        return f"{name} is missing"
     try:
+        if not path.is_file():
+            return f"{name} is missing"
         if path.suffix == ".npy":
             array = np.load(path, mmap_mode="r")
             rows, columns = array.shape

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.data.truth import DataError, Scan
+from model.data.truth import FAR, DataError, Scan
 
 PLY_TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",
@@ -69,17 +69,18 @@ class PlyHeader:
 
 def _vertices(path: Path, header: PlyHeader) -> tuple[np.ndarray, np.ndarray]:
     rows = np.memmap(path, header.vertex, "r", header.start, (header.vertices,))
-    xyz = np.stack([rows[axis].astype(np.float64) for axis in "xyz"], 1)
+    with np.errstate(invalid="ignore"):  # some NaN of damaged files
+        xyz = np.stack([rows[axis].astype(np.float64) for axis in "xyz"], 1)
     rgb = np.stack([rows[name] for name in ("red", "green", "blue")], 1)
     if rgb.dtype.kind == "f" and rgb.size and rgb.max() <= 1:
         rgb = rgb * 255
-    return xyz, np.clip(np.rint(rgb), 0, 255).astype(np.uint8)
+    return xyz, np.clip(np.nan_to_num(np.rint(rgb)), 0, 255).astype(np.uint8)
 
 
 def read_points(path: Path, header: PlyHeader, hidden: Path) -> Scan:
-    """All points of a PLY but those that are not finite or whose indices ``hidden`` lists (where that file is)."""
+    """All points of a PLY but those that are no places or whose indices ``hidden`` lists (where that file is)."""
     xyz, rgb = _vertices(path, header)
-    keep = np.asarray(np.isfinite(xyz).all(axis=1))
+    keep = np.asarray((np.abs(xyz) < FAR).all(axis=1))
     if hidden.is_file():
         try:
             keep[np.array(hidden.read_text().split(), np.int64)] = False

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from model.data.lens import Lens
 from model.data.photos import check_pictures
 from model.data.rgbd_frame import MILLIMETRE, Frame
-from model.data.truth import DataError
+from model.data.truth import FAR, MOST_FOCAL, DataError
 
 APART = 0.02  # seconds between a picture and its depth
 POSE_GAP = 0.2  # seconds between the poses around a picture
@@ -66,7 +66,7 @@ def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
             mask = folder / entry["mask_path"] if "mask_path" in entry else None
             lens = _nerfstudio_lens(f"{path}: {entry['file_path']}", {**data, **entry})
             frames.append(Frame(folder / entry["file_path"], lens, pose, mask, folder / entry["depth_file_path"], unit))
-    except (OSError, KeyError, TypeError, ValueError, AttributeError) as error:
+    except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
         raise DataError(f"{path}: not a nerfstudio description ({error!r})") from None
     return sorted(frames, key=lambda frame: str(frame.path))
 
@@ -87,8 +87,8 @@ def _tum(folder: Path, unit: float | None) -> list[Frame]:
     pictures, depths, poses = (_listed(folder / name) for name in ("rgb.txt", "depth.txt", "groundtruth.txt"))
     try:
         rows = np.array([[time, *map(float, words[:7])] for time, words in poses], np.float64).reshape(-1, 8)
-        if not np.isfinite(rows).all():
-            raise ValueError("numbers that are not finite")
+        if not (np.abs(rows[:, 1:]) < FAR).all() or not np.isfinite(rows).all():
+            raise ValueError("numbers that are no time, place or turn")
         turns = Rotation.from_quat(rows[:, 4:])
     except ValueError:
         raise DataError(f"{folder / 'groundtruth.txt'}: expected lines of: timestamp tx ty tz qx qy qz qw") from None
@@ -152,9 +152,9 @@ def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: f
         depth_path = next((p for s in (".png", ".npy", ".tiff") if (p := depths / f"{depth}{s}").is_file()),
                           depths / f"{depth}.png")
         try:
-            pose = np.loadtxt(pose_path, np.float64).reshape(4, 4)
-        except ValueError:
-            raise DataError(f"{pose_path}: not 4x4 numbers") from None
+            pose = _table(pose_path).reshape(4, 4)
+        except (OSError, ValueError):
+            raise DataError(f"{pose_path}: not 4x4 numbers; extract or download it again") from None
         if not np.isfinite(pose).all():
             continue
         if lens is None and path.is_file():
@@ -169,8 +169,9 @@ def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: f
 
 
 def _checked(where: str, pose: np.ndarray) -> np.ndarray:
-    if not np.isfinite(pose).all() or not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-2):
-        raise DataError(f"{where}: its pose is no rotation and shift")
+    near = (np.abs(pose) < FAR).all()  # nor not finite
+    if not near or not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-2):
+        raise DataError(f"{where}: its pose is no rotation and shift in metres")
     return pose
 
 
@@ -193,7 +194,7 @@ def _intrinsics(folder: Path) -> tuple[float, ...] | None:
 def _numbers(path: Path) -> tuple[float, ...]:
     """fx, fy, cx, cy from a row of them or from a 3x3 or 4x4 matrix."""
     try:
-        table = np.loadtxt(path, np.float64, ndmin=2)
+        table = _table(path)
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: intrinsics that are no table of numbers ({error})") from None
     if table.shape in ((3, 3), (4, 4)):
@@ -202,9 +203,17 @@ def _numbers(path: Path) -> tuple[float, ...]:
         values = tuple(table[0])
     else:
         raise DataError(f"{path}: {table.shape[0]}x{table.shape[1]} numbers; expected fx fy cx cy or a 3x3 or 4x4 matrix")
-    if not (np.isfinite(values).all() and values[0] > 0 and values[1] > 0):
+    if not ((np.abs(values) < MOST_FOCAL).all() and values[0] > 0 and values[1] > 0):
         raise DataError(f"{path}: {[float(v) for v in values]}: not the intrinsics of a camera")
     return tuple(float(v) for v in values)
+
+
+def _table(path: Path) -> np.ndarray:
+    """(rows, columns) float64.  Raises OSError, or ValueError where the file holds no such table."""
+    lines = [line for line in path.read_text().splitlines() if line.partition("#")[0].strip()] if path.is_file() else []
+    if not lines:
+        raise ValueError("no numbers in it")
+    return np.loadtxt(lines, np.float64, ndmin=2)
 
 
 def _centred(values: Sequence[float], size: tuple[int, int]) -> Lens:

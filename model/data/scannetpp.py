@@ -126,7 +126,7 @@ def _json(path: Path) -> dict:
         return {}
     try:
         data = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise DataError(f"{path}: not JSON ({error}); download it again") from None
     if not isinstance(data, dict):
         raise DataError(f"{path}: not a JSON object; download it again")
@@ -146,14 +146,14 @@ def _nerfstudio_lens(path: Path, facts: dict) -> Lens:
     try:
         values = [float(facts[key]) for key in ("fl_x", "fl_y", "cx", "cy")] + [float(facts.get(k, 0.0)) for k in names]
         return Lens.colmap(str(path), model, int(facts["w"]), int(facts["h"]), values)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise DataError(f"{path}: no camera in it ({error!r}); download it again") from None
 
 
 def _pose(folder: Path, frame: dict) -> np.ndarray:
     try:
         return np.asarray(frame["transform_matrix"], np.float64).reshape(4, 4)
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise DataError(f"{folder / 'nerfstudio/transforms.json'}: {frame.get('file_path')}: no pose ({error!r})") from None
 
 
@@ -207,6 +207,8 @@ def quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """Line numbers and words of all lines that are no comments, empty ones too."""
     try:
+        if not path.is_file():  # of a pipe, reading would wait
+            raise ValueError("no such file")
         lines = path.read_text().splitlines()
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: cannot be read ({error}); download it again") from None

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image
 
 from model.data.photos import wrong_pictures
-from model.data.truth import DataError, Scan
+from model.data.truth import FAR, MOST_FOCAL, DataError, Scan
 from model.synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
 from model.synth.scanner import ScannerModel, VirtualScanner
 
@@ -80,9 +80,9 @@ def _shot(folder: Path, entry: dict, scale: float) -> Shot:
     made = Shot(folder, str(entry["rgb"]), str(entry["depth"]), int(entry["w"]), int(entry["h"]), float(entry["fl"]),
                 np.asarray(entry["camera_to_world"], np.float64).reshape(4, 4), scale)
     turn = made.camera_to_world[:3, :3]
-    if not (np.isfinite(made.camera_to_world).all() and np.allclose(turn @ turn.T, np.eye(3), atol=1e-2)):
+    if not ((np.abs(made.camera_to_world) < FAR).all() and np.allclose(turn @ turn.T, np.eye(3), atol=1e-2)):
         raise ValueError(f"{made.rgb_file}: camera_to_world is no rotation and shift")
-    if not (0 < made.fl < np.inf and made.width > 0 and made.height > 0):
+    if not (0 < made.fl < MOST_FOCAL and made.width > 0 and made.height > 0):
         raise ValueError(f"{made.rgb_file}: {made.width}x{made.height} pixels, fl {made.fl:g}: not a camera")
     return made
 
@@ -113,8 +113,8 @@ def load_scene(folder: Path) -> StationScene:
             raise ValueError(f"stations of {FACES} faces of one size and focal length are needed")
     except FileNotFoundError:
         raise DataError(f"{folder}: {'no scene.json in this folder' if folder.exists() else 'no such folder'}") from None
-    except (KeyError, TypeError, ValueError) as error:
-        said = error if isinstance(error, ValueError) else repr(error)
+    except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
+        said = error if isinstance(error, (OSError, ValueError)) else repr(error)
         raise DataError(f"{folder / 'scene.json'}: not a scene description ({said})") from None
     shots = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
     pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in shots for name in (s.rgb_file, s.depth_file))

@@ -10,6 +10,11 @@ from typing import Protocol
 
 import numpy as np
 
+FAR = 1e9
+"""Metres from the origin, from which on a number is no place."""
+MOST_FOCAL = 1e6
+"""Pixels, from which on a number is no focal length, nor anything else of a lens."""
+
 
 class DataError(Exception):
     """Data that cannot be used; the message names the files and says what to do."""

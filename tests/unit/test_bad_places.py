@@ -1,14 +1,16 @@
 """Places that are not what they say: every one is refused in a line that names the file, before anything is learned."""
 
 import json
+import re
 import shutil
+import struct
 
 import numpy as np
 import pytest
 from PIL import Image
 from rooms import make_room
 from scannetpp_files import write_scannetpp
-from test_rgbd import PLAIN, write_nerfstudio, write_tum
+from test_rgbd import PLAIN, write_nerfstudio, write_scannet, write_tum
 
 from model.data.rgbd import load_rgbd
 from model.data.scannetpp import load_scannetpp, scenes
@@ -24,6 +26,7 @@ def good(tmp_path_factory):
     make_room(root / "room")
     write_nerfstudio(root / "rgbd", PLAIN)
     write_tum(root / "tum")
+    write_scannet(root / "scannet")
     write_scannetpp(root / "plus")
     return root
 
@@ -49,6 +52,9 @@ def _face(key, value):
     (_face("w", 0), "0x48 pixels"), (_face("fl", 25.0), "one size and focal length"),
     (_face("camera_to_world", [[float("nan")] * 4] * 4), "no rotation"),
     (_face("camera_to_world", [[0] * 4] * 4), "no rotation"),
+    (_face("camera_to_world", (np.eye(4) + 1e300 * np.eye(4, k=3)).tolist()), "no rotation"),
+    (_face("camera_to_world", [[10**400] * 4] * 4), "not a scene description"),
+    (_face("rgb", "x" * 5000), "cannot be read"), (_face("fl", 1e300), "not a camera"),
     (_face("camera_to_world", [1, 2]), "not a scene description"), (_face("rgb", 5), "5 is missing"),
     (lambda data: data.update(depth_scale=0), "depth_scale 0"), (lambda data: data.update(stations=[]), "stations of 6 faces"),
     (lambda data: data["stations"][1]["faces"].pop(), "stations of 6 faces"),
@@ -112,3 +118,45 @@ def test_lists_that_are_none_are_refused(good, tmp_path, name, text, said):
     _refused(lambda: load_scannetpp(root, "aa11bb22cc"), said)
     (root / "splits" / "nvs_sem_train.txt").write_bytes(b"\xff\xfe")
     _refused(lambda: scenes(root, "train"), "not a list of scenes")
+
+
+def test_brackets_within_brackets_are_no_description(good, tmp_path):
+    """The reader of JSON has its own end to them, which is no error of values."""
+    room, frames, plus = (shutil.copytree(good / name, tmp_path / name) for name in ("room", "rgbd", "plus"))
+    home = plus / "data" / "aa11bb22cc" / "dslr"
+    for path, load in ((room / "scene.json", lambda: load_scene(room)), (frames / "transforms.json", lambda: load_rgbd(frames)),
+                       (home / "train_test_lists.json", lambda: load_scannetpp(plus, "aa11bb22cc"))):  # fmt: skip
+        path.write_text("[" * 200_000)
+        _refused(load, re.escape(f"{path}: not "))
+
+
+@pytest.mark.parametrize("text", ["", "# none\n", "1 2 3\n", "1 0 0 1e300\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", None])
+def test_a_file_that_holds_no_pose_is_refused_quietly(good, tmp_path, text, recwarn):
+    frames = shutil.copytree(good / "scannet", tmp_path / "scannet")
+    path = frames / "pose" / "7.txt"
+    path.unlink()
+    if text is None:
+        path.mkdir()
+    else:
+        path.write_text(text)
+    _refused(lambda: load_rgbd(frames), re.escape(f"{path}: "))
+    assert [str(warning.message) for warning in recwarn] == []
+
+
+@pytest.mark.parametrize("text", ["1e300 55 41 29", "55 55 41 -1e300", "", "0 0 0 0"])
+def test_intrinsics_that_are_no_lens_are_refused_by_name(good, tmp_path, text):
+    frames = shutil.copytree(good / "tum", tmp_path / "tum")
+    (frames / "calibration.txt").write_text(text)
+    _refused(lambda: load_rgbd(frames), r"calibration\.txt: ")
+
+
+def test_points_that_are_no_places_are_left_out(good, tmp_path, recwarn):
+    root = shutil.copytree(good / "plus", tmp_path / "plus")
+    path = root / "data" / "aa11bb22cc" / "scans" / "pc_aligned.ply"
+    data = bytearray(path.read_bytes())
+    begin = data.index(b"end_header\n") + 11
+    struct.pack_into("<3f", data, begin, 3e38, 0, 0)
+    struct.pack_into("<I", data, begin + 15, 0x7F800001)  # a NaN that signals
+    path.write_bytes(data)
+    assert len(load_scannetpp(root, "aa11bb22cc").scan(0).xyz) == 60_000 - 2
+    assert [str(warning.message) for warning in recwarn] == []
