@@ -75,7 +75,7 @@ class PhotoPlace:
         more likely to the nearer, so that they meet and mix as merged scans do."""
         scan = self.unspoiled()
         if not len(scan.xyz):
-            raise DataError(f"{self.name}: its scan holds no points")
+            raise DataError(f"{self.name}: its scan holds no points; are its depth pictures, lenses and poses of one place?")
         tones, own = self._tones(seed)
         station = scan.station if own else _invented(scan.xyz, len(tones.contrast), np.random.default_rng([seed, 3]))
         return replace(scan, rgb=tones.apply(scan.rgb, station), station=station, places=scan.places if own else None)

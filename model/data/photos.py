@@ -37,7 +37,11 @@ class Photograph:
 
     @property
     def fl(self) -> float:
-        return self.lens.fx if self.lens.plain else straight_focal(self.lens)
+        """Pixels.  Raises DataError where no pinhole fits inside the lens's picture."""
+        try:
+            return self.lens.fx if self.lens.plain else straight_focal(self.lens)
+        except DataError as error:
+            raise DataError(f"{self.path}: {error}") from None
 
     @property
     def cx(self) -> float:

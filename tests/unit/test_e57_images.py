@@ -330,6 +330,10 @@ def test_missing_fields_and_pictures_are_refused_by_name(points, tmp_path):
     given = panorama((0, 0, 0), 0.0, name="bad")
     given.values["pixelWidth"] = 0.1
     assert "degrees" in _refused(tmp_path, points, given)
+    for value in (1e-320, 1e308):
+        given.values["pixelHeight"] = value
+        with np.errstate(all="raise", under="ignore"):
+            assert "degrees" in _refused(tmp_path, points, given)
 
 
 def test_entries_of_another_kind_are_refused_or_said(points, tmp_path):

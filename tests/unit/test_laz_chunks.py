@@ -123,3 +123,17 @@ def test_a_header_that_counts_no_points_is_refused(tmp_path):
     path.write_bytes(data)
     with pytest.raises(InputError, match=r"a\.laz: holds no points"):
         open_scene(path, cache=False)
+
+
+def test_a_panic_of_the_library_is_one_line(tmp_path, monkeypatch):
+    """Some damage within a chunk is found by its decoder's own checks, and what that raises is no Exception."""
+    class PanicException(BaseException):
+        pass
+
+    def panics(*_):
+        raise PanicException("index out of bounds: the len is 4 but the index is 9")
+
+    path = write_laz(tmp_path / "a.laz")
+    monkeypatch.setattr(laspy.LasReader, "read_points", panics)
+    with pytest.raises(InputError, match=r"a\.laz: truncated or damaged: 0 of 2,000 points .*index out of bounds.*; copy"):
+        open_scene(path, cache=False)

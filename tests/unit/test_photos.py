@@ -14,7 +14,7 @@ from model.data.pairs import place_pairs
 from model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
 from model.data.photos import Photograph
 from model.data.projected import project_scan, raster_of
-from model.data.truth import MemoryPicture, Scan
+from model.data.truth import DataError, MemoryPicture, Scan
 from model.objective import inside_flow, warp
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -193,3 +193,9 @@ def test_a_neighbouring_picture_of_a_photographed_place_shows_the_photographs_co
     both = inside_flow(flow)[0, 0] & (back[0, 3] > 0.5) & (x[0, 3] > 0.5)
     apart, otherwise = (float((back - shown)[0, :3, both].abs().mean()) for shown in (x, 1 - x))
     assert both.sum() > 500 and apart < 0.2 * otherwise
+
+
+def test_a_lens_that_no_pinhole_fits_into_is_told_with_its_picture():
+    lens = replace(LENSES[0], cy=-500.0)
+    with pytest.raises(DataError, match=r"^room/bent\.png: .*no pinhole picture fits"):
+        assert Photograph(Path("room/bent.png"), lens, np.eye(4)).fl

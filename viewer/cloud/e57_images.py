@@ -22,6 +22,7 @@ from viewer.errors import InputError
 
 MOST_PIXELS = 1 << 28
 """Of one stored picture; larger ones are refused before anything is decoded."""
+_LEAST_SPAN = 1e-3  # radians of a panorama: a millimetre at a metre
 FACES = {
     "front": ((1, 0, 0), (0, 0, 1)), "left": ((0, 1, 0), (0, 0, 1)), "back": ((-1, 0, 0), (0, 0, 1)),
     "right": ((0, -1, 0), (0, 0, 1)), "up": ((0, 0, 1), (-1, 0, 0)), "down": ((0, 0, -1), (1, 0, 0)),
@@ -217,13 +218,14 @@ def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
     """The cube faces of a panorama, as fine as it, those it does not reach left out."""
     full = np.array([_value(entry, "imageWidth"), _value(entry, "imageHeight")])
     pitch = np.array([_value(entry, "pixelWidth"), _value(entry, "pixelHeight")])
-    spans = full * pitch
+    with np.errstate(over="ignore"):
+        spans = full * pitch
     if full[0] == 2 * full[1] and spans.max() < 0.1:
         warnings.append(f"{entry.label}: its pixels are {pitch[0]:g} rad wide, which cannot be; taken as the whole sphere")
         pitch, spans = np.array([2 * np.pi, np.pi]) / full, np.array([2 * np.pi, np.pi])
-    if spans[0] > 2 * np.pi * 1.001 or spans[1] > np.pi * 1.001:
+    if spans[0] > 2 * np.pi * 1.001 or spans[1] > np.pi * 1.001 or spans.min() < _LEAST_SPAN:
         width, height = np.degrees(spans)
-        raise InputError(f"{entry.label} spans {width:.1f} x {height:.1f} degrees; export it again")
+        raise InputError(f"{entry.label} spans {width:.4g} x {height:.4g} degrees; export it again")
     side = int(min(longest, np.ceil(2 / pitch.max())))
     scale = np.maximum(1, np.rint(full * np.minimum(1.0, pitch * side / 2))) / full  # a face's middle has 2 / side rad a pixel
     picture, trusted = _decode(entry, (float(scale[0]), float(scale[1])))

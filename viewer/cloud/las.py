@@ -84,7 +84,9 @@ class LasSource(Source):
                     points = next(iterator)
                 except StopIteration:
                     raise self._truncated(done) from None
-                except Exception as error:
+                except BaseException as error:
+                    if not (isinstance(error, Exception) or _is_panic(error)):
+                        raise
                     raise self._truncated(done, _line(error)) from None
                 n = len(points)
                 if n == 0:
@@ -177,5 +179,10 @@ def _reference(records) -> crs.Reference:
     return best
 
 
-def _line(error: Exception) -> str:
+def _is_panic(error: BaseException) -> bool:
+    """Whether lazrs gave up where it did not expect to: of damage inside a chunk.  Its class can be known by name only."""
+    return type(error).__name__ == "PanicException"
+
+
+def _line(error: BaseException) -> str:
     return (str(error).strip().splitlines() or [type(error).__name__])[0][:120]
