@@ -4,7 +4,7 @@ Every function takes a :class:`Stand` and a seed and returns rows (see ``row``);
 them.  Each row's limit is a claim about the renderer and stands where it is measured.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -143,21 +143,26 @@ def _is_refused(seed: int, scale: float, away: float) -> bool:
 
 
 def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, -3, 7, 20),
-              shifts: Sequence[int] = (4, 12, 23, 30)) -> list[dict]:
-    """Powers of two of the scale, and shifts by whole cells (2**n file units): bytes that differ."""
+              shifts: Sequence[int] = (4, 12, 23, 30), scene_at: Callable[[float, np.ndarray], Scene] | None = None,
+              what: str = "bytes changed") -> list[dict]:
+    """Powers of two of the scale, and shifts by whole cells (2**n file units): bytes that differ.
+
+    scene_at: the place at a scale and an origin (3,), None: that of ``walls``.  what: a row says, changed by which of them.
+    """
     place, rgb = walls(seed)
-    camera = view_inside(seed, size)
-    base = stand.pictures(scene_from_arrays(place, rgb), camera)
+    at = scene_at or (lambda factor, origin: scene_from_arrays(place * factor + origin, rgb))
+    camera, zero = view_inside(seed, size), np.zeros(3)
+    base = stand.pictures(at(1.0, zero), camera)
     rows = []
     for exponent in exponents:
         factor = 2.0**exponent
-        made = stand.pictures(scene_from_arrays(place * factor, rgb), placed(camera, factor, np.zeros(3)))
+        made = stand.pictures(at(factor, zero), placed(camera, factor, zero))
         made["depth"] = made["depth"] / np.float32(factor)
-        rows.append(row(f"bytes changed by scaling by 2^{exponent}", different(base, made), 0))
+        rows.append(row(f"{what} by scaling by 2^{exponent}", different(base, made), 0))
     for shift in shifts:
         origin = np.round(direction(seed + shift) * 2.0 ** (shift - 4)) * 16.0  # whole cells: none is larger than 16
-        made = stand.pictures(scene_from_arrays(place + origin, rgb), placed(camera, 1.0, origin))
-        rows.append(row(f"bytes changed by a shift of about 2^{shift}", different(base, made), 0))
+        rows.append(row(f"{what} by a shift of about 2^{shift}",
+                        different(base, stand.pictures(at(1.0, origin), placed(camera, 1.0, origin))), 0))
     return rows
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.station_weights import HEAVIEST
+from viewer.bench import stress_frames as frames
 from viewer.bench.stress_frames import Stand, arrays_of, different, place_at, row
 from viewer.bench.stress_scenes import ROOM, axis_camera, direction, placed, view_inside, walls
 from viewer.bench.stress_truth import Agreement, agreement, exact_picture
@@ -98,19 +99,11 @@ def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequenc
     """Powers of two of the scale, and shifts by whole cells: bytes that differ."""
     place, rgb = walls(seed)
     places, (rgb, scan) = standing(seed, 3), lit(seed, rgb, 3)
-    camera = view_inside(seed, size)
-    base = stand.pictures(scene_of(place, rgb, scan, places), camera)
-    rows = []
-    for exponent in exponents:
-        factor = 2.0**exponent
-        made = stand.pictures(scene_of(place * factor, rgb, scan, places * factor), placed(camera, factor, np.zeros(3)))
-        made["depth"] = made["depth"] / np.float32(factor)
-        rows.append(row(f"weighed, bytes changed by scaling by 2^{exponent}", different(base, made), 0))
-    for shift in shifts:
-        origin = np.round(direction(seed + shift) * 2.0 ** (shift - 4)) * 16.0
-        made = stand.pictures(scene_of(place + origin, rgb, scan, places + origin), placed(camera, 1.0, origin))
-        rows.append(row(f"weighed, bytes changed by a shift of about 2^{shift}", different(base, made), 0))
-    return rows
+
+    def scene_at(factor: float, origin: np.ndarray) -> Scene:
+        return scene_of(place * factor + origin, rgb, scan, places * factor + origin)
+
+    return frames.exactness(stand, seed, size, exponents, shifts, scene_at, "weighed, bytes changed")
 
 
 def hard_places(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
