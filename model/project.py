@@ -19,6 +19,15 @@ from model.station_weights import toned, trust
 
 DEPTH_FEATURE_SCALE = 0.25
 DEPTH_FEATURE_LIMIT = 2.0
+MEASURED_CHANNELS = 6
+"""Of :func:`measured_input`."""
+NOISE_SCALE = 20.0
+"""The network is told NOISE_SCALE times the standard deviation of a pixel's mean colour: 1 for 0.05 of full brightness."""
+MOST_AVERAGED = 255
+"""Points that a pixel's noise is divided by at most: the count is stored in 8 bits."""
+TYPICAL_WEIGHT = 8.0
+"""What a point's weight of :mod:`model.station_weights` (1 to 15) counts as one averaged point.  About the mean weight of the
+points that decide a pixel; the network is trained with the same."""
 SOFT_RELATIVE = 1.0 / 128.0  # of depth
 SOFT_SPACINGS = 1.0  # of point spacing
 PAPER_SOFT_METRES = 0.02
@@ -140,12 +149,40 @@ def depth_feature(depth: Tensor, focal: float, spacing: float) -> Tensor:
     return torch.where(torch.isfinite(depth), value.clamp(-DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_LIMIT), 0.0)
 
 
-def network_input(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:
-    """(5, H, W): filled RGB 0..1, keep-mask (or, of points with weights, how far each pixel is trusted), filled depth
-    feature."""
-    feature, (colour, trusted) = depth_feature(raster.depth, focal, spacing), raster.trusted(mask)
-    filled = pull_push(torch.cat([colour / 255.0, feature[None]]), trusted)
-    return torch.cat([filled[:3], trusted.to(filled.dtype)[None], filled[3:]])
+def averaging(count: Tensor, *, weighed: bool) -> Tensor:
+    """(H, W) float32, 1 / sqrt(n) of the n points averaged in each pixel: by how much its mean is less noisy than a point.
+
+    count: (H, W) int64, points or their weights, 0 where there is none, which gives 1.
+    """
+    points = count.clamp_max(MOST_AVERAGED).to(torch.float32)
+    return (points / TYPICAL_WEIGHT if weighed else points).clamp_min(1.0).rsqrt()
+
+
+def measured_input(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:
+    """(6, H, W), what the network's input is filled from: RGB 0..1; keep-mask or, of points with weights, confidence 0..1;
+    depth feature; 1 / sqrt(points averaged).  All 0 where nothing is kept."""
+    colour, confidence = raster.trusted(mask)
+    kept = confidence > 0
+    planes = [colour / 255.0, confidence.to(raster.depth.dtype)[None], depth_feature(raster.depth, focal, spacing)[None],
+              averaging(raster.count, weighed=raster.weighed).to(raster.depth.dtype)[None]]
+    return torch.cat(planes) * kept
+
+
+def filled_input(measured: Tensor, noise: Tensor | float = 0.0) -> Tensor:
+    """(6, H, W), the network's input: filled RGB 0..1; confidence; filled depth feature; filled noise level.
+
+    measured: (6, H, W) of :func:`measured_input`.  noise: standard deviation of a single point's colour, of full brightness,
+    at each pixel (H, W) or everywhere.  The noise level is that of a pixel's mean colour (a noise-level map: Zhang et al.
+    2018, FFDNet), NOISE_SCALE times.
+    """
+    level = NOISE_SCALE * noise * measured[5]
+    filled = pull_push(torch.stack([*measured[:3], measured[4], level]), measured[3])
+    return torch.cat([filled[:3], measured[3:4], filled[3:]])
+
+
+def network_input(raster: Raster, mask: Tensor, focal: float, spacing: float, noise: Tensor | float = 0.0) -> Tensor:
+    """(6, H, W): the network's input, see :func:`filled_input`."""
+    return filled_input(measured_input(raster, mask, focal, spacing), noise)
 
 
 def frame(index: Tensor, z: Tensor, rgb: Tensor, camera, soft: SoftZ, *, preset: str = "auto", strength: float = 1.0,

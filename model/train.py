@@ -25,6 +25,7 @@ from model.folders import made_folder, replace_text
 from model.interrupts import to_its_end
 from model.memory import keep_freed_memory
 from model.objective import Objective
+from model.reconstruct import fast_precision
 from model.record import EARLIER, Facts, pairs_facts, refuse_other, start_fact
 from model.torchrun import Process, of_the_first, processes
 from model.training_log import TrainingLog
@@ -37,7 +38,7 @@ DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "cro
             "perceptual_weight", "coverage_weight", "steady_weight", "average")
 """Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
 
-CROPS = 3
+CROPS = 4
 """Version of how crops are drawn; raised when the same seed draws others."""
 
 
@@ -51,7 +52,7 @@ class TrainConfig:
     perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
     average: what the averaged network keeps of itself each step.
     start_from: weights to begin with, of this size or a smaller one (:mod:`model.widen`).
-    recolour: crops take other exposures and orders of channels, stations disagree and points stray (model.data.disturbances);
+    recolour: crops take other exposures and orders of channels, stations disagree and points stray (model.data.augmentation);
     not where one scanner's own colours are to be learned.
     sources: what the pairs were made from, for the record.
     threads: of each process on the CPU (0: torch's choice).  loaders: processes that make crops ahead (-1: none on the CPU,
@@ -127,6 +128,8 @@ class Trainer:
         self.averaged.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
         self.step, self.spent, self.saved, self.whole = 0, 0.0, 0, True
+        # on CPUs that do not multiply bf16 in hardware a step in bf16 takes three times as long as in fp32
+        self.mixed = process.device.type == "cuda" or fast_precision("cpu") == "bf16"
         self.checkpoint = config.state / "checkpoint.pt"
         self.model: nn.Module = self.network
 
@@ -189,7 +192,7 @@ class Trainer:
         self.whole = False
         for group in self.optimiser.param_groups:
             group["lr"] = rate
-        with torch.autocast(self.process.device.type, torch.bfloat16):
+        with torch.autocast(self.process.device.type, torch.bfloat16, enabled=self.mixed):
             made = self.model(torch.cat([batch.x, batch.neighbour]).contiguous(memory_format=torch.channels_last))
             loss, terms = objective(made[: len(batch.x)], made[len(batch.x) :], batch)
         self.optimiser.zero_grad(set_to_none=True)

@@ -1,6 +1,6 @@
 """The networks: a compact U-Net that corrects the filled picture, and the paper's, for comparison.
 
-``CompactUNet`` takes the five channels of :func:`model.project.network_input` and returns RGBA of the same size.  It cannot
+``CompactUNet`` takes the six channels of :func:`model.project.network_input` and returns RGBA of the same size.  It cannot
 invent a colour: at every pixel it chooses how far to blend the filled picture towards ever smoother versions of itself
 (measured pixels count most), by no more than points stray by there, and then lightens or darkens that mixture, by no more
 than the contrast of what was measured around it, without a local mean and what goes to and fro from pixel to pixel, and the
@@ -51,8 +51,10 @@ SPARSE = 1.0 / 6.0
 DARK = 0.08
 """Light below which the correction fades: black stays black."""
 LUMA = (0.25, 0.6, 0.15)
-INPUT_CHANNELS = 5
-"""Filled red, green, blue; keep-mask; filled scale-free depth."""
+INPUT_CHANNELS = 6
+"""Filled red, green, blue; keep-mask or confidence; filled scale-free depth; filled noise level (model/project.py)."""
+PAPER_CHANNELS = 5
+"""Of these, what the paper's network takes: all but the noise level."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ def without_mesh(x: Tensor, kernel: Tensor) -> Tensor:
 
 
 class CompactUNet(nn.Module):
-    """(B, 5, H, W) -> (B, 4, H, W), RGB and coverage, to be clamped to 0..1.  Skips are added, not concatenated; no
+    """(B, 6, H, W) -> (B, 4, H, W), RGB and coverage, to be clamped to 0..1.  Skips are added, not concatenated; no
     normalisation layers.
 
     multiple: pixels that a side is padded to.  reach: no pixel further away than this many plays a part in one.
@@ -196,7 +198,7 @@ class CompactUNet(nn.Module):
 class PaperUNet(nn.Module):
     """The paper's U-Net (Vanherck et al. 2025): 64 to 1024 channels, batch normalisation, transposed convolutions.
 
-    (B, 5, H, W) RGB, keep-mask and depth -> (B, 3, H, W).  31 million parameters.
+    (B, 5 or more, H, W) RGB, keep-mask and depth, and what it does not look at -> (B, 3, H, W).  31 million parameters.
     """
 
     def __init__(self, base: int = 64):
@@ -210,13 +212,14 @@ class PaperUNet(nn.Module):
                 layers += [nn.Conv2d(source, b, 3, padding=1, bias=False), nn.BatchNorm2d(b), nn.ReLU(inplace=True)]
             return nn.Sequential(*layers)
 
-        self.down = nn.ModuleList(double(a, b) for a, b in zip([INPUT_CHANNELS, *widths], widths, strict=False))
+        self.down = nn.ModuleList(double(a, b) for a, b in zip([PAPER_CHANNELS, *widths], widths, strict=False))
         self.grow = nn.ModuleList(nn.ConvTranspose2d(2 * w, w, 2, stride=2) for w in widths[:-1])
         self.up = nn.ModuleList(double(2 * w, w) for w in widths[:-1])
         self.head = nn.Conv2d(base, 3, 1)
 
     def forward(self, x: Tensor) -> Tensor:
         height, width = x.shape[-2:]
+        x = x[:, :PAPER_CHANNELS]
         h = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
         skips = []
         for level, block in enumerate(self.down):

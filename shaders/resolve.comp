@@ -11,9 +11,7 @@ uniform sampler2D nearest;
 #endif
 layout(rgba8, binding = 0) uniform writeonly image2D colour;
 layout(r32f, binding = 1) uniform writeonly image2D depth;
-#ifdef WEIGHED
 layout(r8, binding = 2) uniform writeonly image2D weight;
-#endif
 
 void main() {
     uvec2 pixel = gl_GlobalInvocationID.xy;
@@ -27,9 +25,7 @@ void main() {
 #endif
     ivec2 at = ivec2(pixel.x, pixel.y + size.z);
     imageStore(colour, at, vec4(vec3(mean.rgb) / 255.0, mean.w > 0u ? 1.0 : 0.0));
-#ifdef WEIGHED
-    imageStore(weight, at, vec4(float(min(mean.w, uint(HEAVIEST))) / 255.0));
-#endif
+    imageStore(weight, at, vec4(float(min(mean.w, uint(MOST_AVERAGED))) / 255.0));
 #ifndef CARRIED
 #ifdef FROM_KEYS
     uint key = keys[index];

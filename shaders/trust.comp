@@ -8,7 +8,7 @@
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 #if defined(WEIGHTS) || defined(SHARES)
-uniform sampler2D weight;  // of a pixel's points, HEAVIEST at most, / 255
+uniform sampler2D weight;  // of a pixel's points / 255
 uniform sampler2D mask;
 #else
 uniform sampler2D raw;
@@ -31,7 +31,8 @@ layout(r8, binding = 1) uniform writeonly image2D trust;
 
 #if defined(WEIGHTS) || defined(SHARES)
 float own(ivec2 at) {
-    return texelFetch(mask, at, 0).x < 0.5 ? 0.0 : floor(texelFetch(weight, at, 0).x * 255.0 + 0.5);
+    if (texelFetch(mask, at, 0).x < 0.5) return 0.0;
+    return min(floor(texelFetch(weight, at, 0).x * 255.0 + 0.5), float(HEAVIEST));
 }
 #else
 // Trust in 255ths (x), and what is left to all of it, of what is measured (y).

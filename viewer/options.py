@@ -72,11 +72,13 @@ def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
     parser.add_argument("--filter-levels", type=int, metavar="N", help="pyramid levels (default: the filter's own)")
     parser.add_argument("--lod", type=float, metavar="P",
                         help="level of detail: draw only as many points as give P a pixel (default: every point)")
+    parser.add_argument("--detail", type=float, default=defaults.detail, metavar="X",
+                        help="neural view: from 0 (smooth) to 2 (every measured grain); 1 goes by the scan's noise (default 1)")
     parser.add_argument("--weights", metavar="F", help="weights of your own, as `train` makes them (default: the shipped ones)")
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
-    names = (*CHOICES, "filter_strength", "filter_levels", "lod", "weights")
+    names = (*CHOICES, "filter_strength", "filter_levels", "lod", "detail", "weights")
     return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 

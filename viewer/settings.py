@@ -62,6 +62,7 @@ class Settings:
     filter_strength: multiplies the filter's depth tolerance; 1 is the preset's own, smaller keeps fewer points.
     filter_levels: pyramid levels, None = the preset's own.
     lod: level of detail, the points drawn per pixel a cell covers; None draws every point.
+    detail: how much of what is fine the network keeps, from 0 (smooth) to 2 (every measured grain); 1: by the scan's noise.
     weights: a weights file of one's own (`pointglass train` makes them) in place of the shipped ones of ``quality``.
     """
 
@@ -71,6 +72,7 @@ class Settings:
     filter_strength: float = 1.0
     filter_levels: int | None = None
     lod: float | None = None
+    detail: float = 1.0
     quality: str = "balanced"
     device: str = "auto"
     soft_z: str = "auto"
@@ -86,6 +88,8 @@ class Settings:
             raise InputError(f"filter strength {self.filter_strength!r}: expected a number above 0, at most 1000")
         if self.filter_levels is not None and not 1 <= self.filter_levels <= 12:
             raise InputError(f"filter levels {self.filter_levels!r}: expected a whole number from 1 to 12")
+        if not 0 <= self.detail <= 2:
+            raise InputError(f"detail {self.detail!r}: expected a number from 0 (smooth) to 2 (every measured grain)")
         if self.lod is not None and not self.lod > 0:
             raise InputError(f"level of detail {self.lod!r}: expected points per pixel above 0")
 

@@ -1,4 +1,4 @@
-"""Random crops of training pairs: turned, mirrored, recoloured, disturbed; the same for a step whenever asked for.
+"""Random crops of training pairs: turned, mirrored, recoloured, augmented, filled; the same for a step whenever asked for.
 
 A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
 """
@@ -13,15 +13,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from model.data.disturbances import disturbed
+from model.data.augmentation import augmented
 from model.data.truth import DataError
+from model.project import MEASURED_CHANNELS, filled_input
+
+MARGIN = 32
+"""Pixels around a crop that are filled with it: holes at its border are filled from beyond, as in a whole picture."""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """x (B, 5, c, c) input; colour (B, 3, c, c) truth; coverage, known (B, 1, c, c) 0..1.
+    """x (B, 6, c, c) input; colour (B, 3, c, c) truth; coverage, known (B, 1, c, c) 0..1.
 
-    neighbour (N, 5, c, c): inputs from cameras moved a little, of the first N crops; flow (N, 2, c, c): where each pixel
+    neighbour (N, 6, c, c): inputs from cameras moved a little, of the first N crops; flow (N, 2, c, c): where each pixel
     lies there, as an offset in pixels, NaN where it is not seen.  N may be 0.
     """
 
@@ -45,15 +49,16 @@ class PairFolder:
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.inputs = self._array("inputs", 5, np.float16)
+        self.measured = self._array("measured", MEASURED_CHANNELS, np.float16)
         self.truth = self._array("truth", 5, np.uint8)
-        self.neighbours = self._array("neighbours", 5, np.float16) if (folder / "neighbours.npy").is_file() else None
+        has_neighbours = (folder / "neighbours.npy").is_file()
+        self.neighbours = self._array("neighbours", MEASURED_CHANNELS, np.float16) if has_neighbours else None
         self.flow = self._array("flow", 2, np.float16) if self.neighbours is not None else None
         for name in ("truth", "neighbours", "flow"):
             array = getattr(self, name)
-            if array is not None and (len(array), *array.shape[2:]) != (len(self.inputs), *self.inputs.shape[2:]):
-                raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match inputs.npy {self.inputs.shape}; make "
-                                "the pairs again")
+            if array is not None and (len(array), *array.shape[2:]) != (len(self.measured), *self.measured.shape[2:]):
+                raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match measured.npy {self.measured.shape}; "
+                                "make the pairs again")
 
     def __reduce__(self):
         return PairFolder, (self.folder,)  # to another process goes the path, not the pixels
@@ -74,14 +79,14 @@ class Crops:
     """Draws batches from folders of pairs.
 
     shares: relative share of each folder (default: equal).  recolour: crops take other exposures and orders of channels, and
-    their points colours that are not the truth's (:mod:`model.data.disturbances`).
+    their points colours that are not the truth's (:mod:`model.data.augmentation`).
     """
 
     def __init__(self, folders: list[Path], crop: int, seed: int, shares: tuple[float, ...] = (), *, recolour: bool = True):
         self.folders = [PairFolder(folder) for folder in folders]
         for folder in self.folders:
-            if min(folder.inputs.shape[2:]) < crop:
-                size = f"{folder.inputs.shape[3]}x{folder.inputs.shape[2]}"
+            if min(folder.measured.shape[2:]) < crop:
+                size = f"{folder.measured.shape[3]}x{folder.measured.shape[2]}"
                 raise DataError(f"{folder.folder}: pictures of {size} are smaller than crops of {crop}; choose smaller crops")
         weights = np.asarray(shares if shares else [1.0] * len(folders), float)
         self.shares = weights / weights.sum()
@@ -101,11 +106,15 @@ class Crops:
 
     def _crop(self, rng: np.random.Generator, beside: bool):
         folder = self.folders[int(rng.choice(len(self.folders), p=self.paired if beside else self.shares))]
-        crop, (count, _, height, width) = self.crop, folder.inputs.shape
+        crop, (count, _, height, width) = self.crop, folder.measured.shape
         i = int(rng.integers(count))
         r, c = int(rng.integers(height - crop + 1)), int(rng.integers(width - crop + 1))
-        window = np.s_[i, :, r : r + crop, c : c + crop]
-        x, y = folder.inputs[window].astype(np.float32), folder.truth[window].astype(np.float32) / 255
+        side = min(crop + 2 * MARGIN, height, width)
+        around = (side - crop) // 2
+        top, left = min(max(r - around, 0), height - side), min(max(c - around, 0), width - side)
+        window = np.s_[i, :, top : top + side, left : left + side]
+        inner = np.s_[:, r - top : r - top + crop, c - left : c - left + crop]
+        x, y = folder.measured[window].astype(np.float32), folder.truth[window].astype(np.float32) / 255
         near, flow = np.zeros_like(x), np.zeros_like(x[:2])
         if beside and folder.neighbours is not None and folder.flow is not None:
             near, flow = folder.neighbours[window].astype(np.float32), folder.flow[window].astype(np.float32)
@@ -117,8 +126,13 @@ class Crops:
 
         for picture in (x, y, near):
             picture[:3] = np.minimum(picture[:3] * gain, 1.0)[order]
+        told = np.zeros((side, side), np.float32)
         if not beside:
-            disturbed(x, y, rng, textures_only=not self.recolour)
+            told = augmented(x, y, rng, textures_only=not self.recolour)
+        noise = torch.from_numpy(told)
+        x = filled_input(torch.from_numpy(x), noise).numpy()[inner]
+        near = filled_input(torch.from_numpy(near), noise).numpy()[inner] if beside else near[inner]
+        y, flow = y[inner], flow[inner]
 
         def turned(a: np.ndarray) -> np.ndarray:
             a = np.rot90(a, turns, (1, 2))

@@ -1,14 +1,19 @@
-"""Training pairs: what the renderer would show the network from a pose, and the true picture from there.
+"""Training pairs: what the renderer would measure from a pose, and the true picture from there.
 
-Scans of a place are projected into its true views by :mod:`model.project` at many densities, spoiled as real scans are
-(other exposures, a station missing, patches without points, thinned patches), filtered and filled.  They are made once,
-ahead of training, into memory-mapped arrays, so that a crop costs a read:
+Scans of a place are projected into its true views by :mod:`model.project` at many densities, degraded as real scans are
+(other exposures, a station missing, patches without points, thinned patches) and filtered.  They are made once, ahead of
+training, into memory-mapped arrays, so that a crop costs a read; filling, and noise, come with the crop
+(:mod:`model.data.crops`), so that neither has to be fixed here:
 
-``inputs.npy`` (P, 5, H, W) float16, the network's input; ``truth.npy`` (P, 5, H, W) uint8: colour, coverage, and 255 where
-the truth is known.  With neighbours also ``neighbours.npy`` (P, 5, H, W) float16: the input from a camera moved a little,
-and ``flow.npy`` (P, 2, H, W) float16: where each true pixel lies in that picture, in pixels from where it was, NaN
-where the neighbour does not see it, or the input lacks points that the neighbour has.  ``pairs.json`` says where each
-came from.
+``measured.npy`` (P, 6, H, W) float16, see :func:`model.project.measured_input`; ``truth.npy`` (P, 5, H, W) uint8: colour,
+coverage, and 255 where the truth is known.  With neighbours also ``neighbours.npy`` (P, 6, H, W) float16: what is measured
+from a camera moved a little, and ``flow.npy`` (P, 2, H, W) float16: where each true pixel lies in that picture, in pixels from
+where it was, NaN where the neighbour does not see it, or the input lacks points that the neighbour has.  ``pairs.json`` says
+where each came from.
+
+Colours are of one of two kinds.  *Scanned*: as the stations saw them, with their exposures and their gloss, which differ from
+the truth by 16 to 29 dB even where nothing is noisy.  *Diffuse*: points in front have the truth's own colours, so that what
+is called free of noise is.  On about half of either, photographic textures are painted (:mod:`model.data.painting`).
 """
 
 import json
@@ -24,15 +29,25 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from model.data.diffuse import diffuse
+from model.data.painting import Painting, make_painting, paint_picture, painted
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
 from model.data.reduced import reduced_colour, reduced_share
-from model.data.truth import DataError, TruePicture, TruePlace
+from model.data.truth import DataError, Scan, TruePicture, TruePlace
 from model.depth_filter import keep_mask
 from model.exposure import match_exposures
-from model.project import network_input
+from model.project import MEASURED_CHANNELS, measured_input
 
-MATCHED_SHARE = 0.5  # of the scans, whose stations' exposures were matched as on opening; the rest come as scanned
-PLACED_SHARE = 0.7  # of the scans whose stations' places are known, that know them; LAS and PLY never do
+MATCHED_SHARE = 0.7
+"""Of the scans: their stations' exposures are compensated, as on opening; the rest come as scanned."""
+PLACED_SHARE = 0.7
+"""Of the scans whose scanner positions are known: they are used; many LAS and PLY files have none."""
+DIFFUSE_SHARE = 0.5
+"""Of the pairs of places whose depth is known: points in front have the truth's colours."""
+PAINTED_SHARE = 0.6
+"""Of the pairs, where textures are given: their place is painted.  (A painting covers about half of a place.)"""
+POINT_FOOTPRINT = 0.5
+"""Of the point spacing: what a laser beam averages a texture over."""
 NEIGHBOUR_SHIFT = 0.012  # of the median depth: how far a neighbouring camera is moved
 NEIGHBOUR_TURN = 0.5  # degrees
 MOST_FLOW = 24.0  # pixels
@@ -82,9 +97,9 @@ def _density(rng: np.random.Generator) -> float:
     return float(rng.choice([1.0, 0.1]) if rng.random() < 0.35 else np.exp(rng.uniform(np.log(0.03), 0)))
 
 
-def _truth(shot: TruePicture, reduce: int) -> np.ndarray:
-    """(5, H / reduce, W / reduce) uint8: colour, coverage, known."""
-    colour, coverage, known = shot.rgb(), shot.coverage(), shot.known()
+def _truth(shot: TruePicture, reduce: int, rgb: np.ndarray | None = None) -> np.ndarray:
+    """(5, H / reduce, W / reduce) uint8: colour, coverage, known.  rgb: in place of the shot's."""
+    colour, coverage, known = shot.rgb() if rgb is None else rgb, shot.coverage(), shot.known()
     full = np.ones(colour.shape[:2], bool)
     shares = [reduced_share(full if share is None else share, reduce) for share in (coverage, known)]
     return np.ascontiguousarray(np.dstack([reduced_colour(colour, coverage, reduce), *shares]).transpose(2, 0, 1))
@@ -136,7 +151,7 @@ class Pair:
     """One training pair; neighbour and flow are None where none was asked for."""
 
     where: dict
-    input: np.ndarray
+    measured: np.ndarray
     truth: np.ndarray
     neighbour: np.ndarray | None = None
     flow: np.ndarray | None = None
@@ -149,14 +164,41 @@ class PhotographedPlace(Protocol):
     def photographed(self, seen: Projected, view: Any, seed: int, *, toned: bool = True) -> Projected: ...
 
 
+@dataclass(frozen=True)
+class _Look:
+    """How one picture's points and truth are coloured.  painting: of the scan, None: none."""
+
+    scan: Scan
+    shot: TruePicture
+    spacing: float
+    diffuse: bool
+    painting: Painting | None
+
+    def truth(self) -> np.ndarray:
+        """(H, W, 3) uint8."""
+        return self.shot.rgb() if self.painting is None else paint_picture(self.painting, self.shot)
+
+    def coloured(self, seen: Projected) -> Projected:
+        """The points in their colours."""
+        if self.diffuse:
+            seen = diffuse(seen, self.scan, self.shot)
+        if self.painting is not None:
+            xyz = self.scan.xyz[seen.point.numpy()]
+            gain = self.painting.gain(xyz, np.full(len(xyz), POINT_FOOTPRINT * self.spacing))
+            seen = replace(seen, rgb=torch.from_numpy(painted(seen.rgb.numpy(), gain)))
+        return seen
+
+
 def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, preset: str, reduce: int = 1,
-                neighbours: bool = False) -> Iterator[Pair]:
+                neighbours: bool = False, textures: Sequence[np.ndarray] = ()) -> Iterator[Pair]:
     """Yields ``variants`` densities of ``scans`` scans of every view of a place.
 
     reduce: pictures this much smaller, so that many points meet in a pixel: without such pairs the network blurs what
-    a dense scan shows sharply.
+    a dense scan shows sharply.  textures: of :func:`model.data.painting.load_textures`, to paint with; photographed places
+    are neither painted nor made diffuse.
     """
     rng = np.random.default_rng(seed)
+    photographs = isinstance(place, PhotographedPlace)
     for number in range(scans):
         scan = place.scan(seed * 1000 + number)
         spacing = scan_spacing(scan)
@@ -167,39 +209,39 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
         if not placed:
             scan = replace(scan, places=None)
         stations = int(scan.station.max(initial=0)) + 1
+        paint = make_painting(textures, scan.xyz, rng) if len(textures) and len(scan.xyz) and not photographs else None
         for index, shot in enumerate(place.views):
             rank_seed = int(rng.integers(2**31))
-            seen = project_scan(scan, shot, rank_seed, reduce)
+            is_diffuse = not photographs and bool(rng.random() < DIFFUSE_SHARE)
+            painting = paint if rng.random() < PAINTED_SHARE else None
+            look = _Look(scan, shot, spacing, is_diffuse, painting)
+            seen = look.coloured(project_scan(scan, shot, rank_seed, reduce))
             if isinstance(place, PhotographedPlace):
                 seen = place.photographed(seen, shot, seed * 1000 + number, toned=not matched)
-            truth = _truth(shot, reduce)
+            truth = _truth(shot, reduce, look.truth())
             camera = seen.camera
             for _ in range(variants):
                 density = _density(rng)
                 spoiling = spoil(camera.width, camera.height, stations, density, rng)
                 strength = float(np.exp(rng.uniform(-0.4, 0.4)))
                 apart = spacing / density**0.5
-                keep = spoiling.keep(seen)
-                raster = raster_of(seen, keep, apart)
-                made = network_input(raster, keep_mask(raster.depth, preset, strength=strength), camera.fx, apart)
+                raster = raster_of(seen, spoiling.keep(seen), apart)
+                made = measured_input(raster, keep_mask(raster.depth, preset, strength=strength), camera.fx, apart)
                 where = {"scene": place.name, "view": index, "scan": number, "density": density, "matched": matched,
-                         "placed": placed}
+                         "placed": placed, "diffuse": is_diffuse, "painted": painting is not None}
                 if not neighbours:
                     yield Pair(where, made.numpy().astype(np.float16), truth)
                     continue
                 finite = raster.depth[torch.isfinite(raster.depth)]
                 pose = _neighbour_pose(shot, float(finite.median()) if len(finite) else 1.0, rng)
-                beside = project_scan(scan, shot, rank_seed, reduce, pose)
-                if isinstance(place, PhotographedPlace):
-                    beside = beside.coloured_as(seen)  # or it would be a change that the network has to make up for
+                # in the colours of this picture, or it would be a change that the network has to make up for
+                beside = project_scan(scan, shot, rank_seed, reduce, pose).coloured_as(seen)
                 other = raster_of(beside, spoiling.keep(beside, patches=False), apart)
                 kept = keep_mask(other.depth, preset, strength=strength)
                 flow = flow_to(shot, pose, camera, reduce)
                 flow[:, spoiling.patches < 1] = np.nan  # both show the surface there, but one had fewer points to show it with
-                yield Pair(
-                    where, made.numpy().astype(np.float16), truth,
-                    network_input(other, kept, camera.fx, apart).numpy().astype(np.float16), flow,
-                )
+                yield Pair(where, made.numpy().astype(np.float16), truth,
+                           measured_input(other, kept, camera.fx, apart).numpy().astype(np.float16), flow)
 
 
 def by_size(places: Sequence[TruePlace]) -> list[list[TruePlace]]:
@@ -214,7 +256,7 @@ def by_size(places: Sequence[TruePlace]) -> list[list[TruePlace]]:
 
 
 def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto",
-          reduce: int = 1, neighbours: bool = False) -> int:
+          reduce: int = 1, neighbours: bool = False, textures: Sequence[np.ndarray] = ()) -> int:
     """Makes the pairs of all places into ``out`` (written beside and renamed).  Returns how many.
 
     Raises DataError where the places' pictures differ in size.
@@ -233,14 +275,14 @@ def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int =
         return np.lib.format.open_memmap(beside / f"{name}.npy", "w+", kind, (count, channels, height, width))
 
     try:
-        arrays = {"input": room("inputs", np.float16, 5), "truth": room("truth", np.uint8, 5)}
+        arrays = {"measured": room("measured", np.float16, MEASURED_CHANNELS), "truth": room("truth", np.uint8, 5)}
         if neighbours:
-            arrays |= {"neighbour": room("neighbours", np.float16, 5), "flow": room("flow", np.float16, 2)}
+            arrays |= {"neighbour": room("neighbours", np.float16, MEASURED_CHANNELS), "flow": room("flow", np.float16, 2)}
         table = []
         with tqdm(total=count, desc=out.name, unit=" pairs", disable=None) as meter:
             for number, place in enumerate(places):
                 for pair in place_pairs(place, seed=seed + number, scans=scans, variants=variants, preset=preset,
-                                        reduce=reduce, neighbours=neighbours):
+                                        reduce=reduce, neighbours=neighbours, textures=textures):
                     for name, array in arrays.items():
                         array[len(table)] = getattr(pair, name)
                     table.append(pair.where)

@@ -7,12 +7,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from model.compiled import compiled
 from model.data.spacing import median_spacing
 from model.data.truth import Scan, TruePicture
 from model.depth_filter import keep_mask
 from model.places import told_apart
 from model.project import Raster, SoftZ, network_input, pixels, rasterise
 from model.station_weights import station_weights
+
+MARGIN = 2.0
+"""Pixels around a picture within which points are looked at in float32 as the renderer does."""
 
 
 @dataclass(frozen=True)
@@ -60,20 +64,42 @@ def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
     """
     matrix = shot.camera_to_world if camera_to_world is None else camera_to_world
     to_view = matrix[:3, :3] * (1.0, -1.0, -1.0)
-    view = torch.from_numpy(((scan.xyz - matrix[:3, 3]) @ to_view).astype(np.float32))
     camera = SimpleNamespace(
         width=shot.width // reduce, height=shot.height // reduce, fx=shot.fl / reduce, fy=shot.fl / reduce,
         cx=shot.cx / reduce, cy=shot.cy / reduce,
     )
-    x, y, z = view.unbind(1)
+    rank = torch.rand(len(scan.xyz), generator=torch.Generator().manual_seed(seed))
+    lens = np.array((camera.fx, camera.cx, camera.cy, camera.width, camera.height), np.float64)
+    near = _rows_near_picture(scan.xyz, np.ascontiguousarray(to_view), matrix[:3, 3].copy(), lens)
+    x, y, z = torch.from_numpy(((scan.xyz[near] - matrix[:3, 3]) @ to_view).astype(np.float32)).unbind(1)
     index, inside = pixels(x, y, z, camera)
-    rank = torch.rand(len(view), generator=torch.Generator().manual_seed(seed))
-    z, rgb, station = z[inside], torch.from_numpy(scan.rgb)[inside], torch.from_numpy(scan.station)[inside]
+    rows = torch.from_numpy(near)[inside]
+    z, rgb, station = z[inside], torch.from_numpy(scan.rgb)[rows], torch.from_numpy(scan.station)[rows]
     weight = None
     if scan.places is not None and told_apart(scan.places):
         places = torch.from_numpy(((scan.places - matrix[:3, 3]) @ to_view).astype(np.float32))
         weight = station_weights(x[inside], y[inside], z, station.long(), places)
-    return Projected(index, z, rgb, station, rank[inside], torch.nonzero(inside)[:, 0], camera, weight)
+    return Projected(index, z, rgb, station, rank[rows], rows, camera, weight)
+
+
+@compiled(nogil=True)
+def _rows_near_picture(xyz, to_view, eye, lens):
+    """Rows (rising) of the points in front of the camera that fall into its picture or less than MARGIN pixels beside it.
+
+    lens: fx = fy, cx, cy, width, height, pixels.
+    """
+    rows, found = np.empty(len(xyz), np.int64), 0
+    for i in range(len(xyz)):
+        a, b, c = xyz[i, 0] - eye[0], xyz[i, 1] - eye[1], xyz[i, 2] - eye[2]
+        z = a * to_view[0, 2] + b * to_view[1, 2] + c * to_view[2, 2]
+        if not z > 0.0:
+            continue
+        u = lens[0] * (a * to_view[0, 0] + b * to_view[1, 0] + c * to_view[2, 0]) / z + lens[1]
+        v = lens[0] * (a * to_view[0, 1] + b * to_view[1, 1] + c * to_view[2, 1]) / z + lens[2]
+        if -MARGIN <= u <= lens[3] + MARGIN and -MARGIN <= v <= lens[4] + MARGIN:
+            rows[found] = i
+            found += 1
+    return rows[:found].copy()
 
 
 def raster_of(seen: Projected, keep: Tensor, spacing: float) -> Raster:

@@ -69,7 +69,7 @@ def test_a_scan_that_missed_the_piece_is_no_points(room, tmp_path, monkeypatch):
     assert not len(empty.xyz)
     monkeypatch.setattr(CutOut, "scan", lambda *_: empty)
     build([cut], tmp_path / "out", scans=2, variants=1)
-    assert not np.load(tmp_path / "out" / "inputs.npy").any()
+    assert not np.load(tmp_path / "out" / "measured.npy").any()
 
 
 def test_boxes_are_seeded(room):

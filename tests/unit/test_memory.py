@@ -14,7 +14,7 @@ from model.unet import make_network
 
 if sys.argv[1] == "kept" and not keep_freed_memory():
     sys.exit(3)
-network, picture = make_network("balanced").eval(), torch.rand(1, 5, 480, 640)
+network, picture = make_network("balanced").eval(), torch.rand(1, 6, 480, 640)
 with torch.inference_mode():
     for _ in range(6):
         network(picture)

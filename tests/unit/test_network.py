@@ -20,7 +20,7 @@ from model.weights import FORMAT, WeightsError, load_weights, save_weights, ship
 
 @pytest.mark.parametrize("size", [(1, 1), (31, 17), (64, 48)])
 def test_an_untrained_network_returns_the_filled_picture_at_any_size(size):
-    x = torch.rand(2, 5, *size)
+    x = torch.rand(2, 6, *size)
     made = CompactUNet(Size((8, 8, 16), 1)).eval()(x)
     assert torch.equal(made[:, :3], x[:, :3]) and torch.equal(made[:, 3:], torch.ones(2, 1, *size))
 
@@ -29,7 +29,7 @@ def test_the_papers_network_is_the_papers():
     network = PaperUNet()
     assert sum(p.numel() for p in network.parameters()) == 31_038_915
     assert mac_per_pixel(PaperUNet(8)) > 0 and mac_per_pixel(network, 32) == 736_256
-    assert PaperUNet(4).eval()(torch.rand(1, 5, 33, 50)).shape == (1, 3, 33, 50)
+    assert PaperUNet(4).eval()(torch.rand(1, 6, 33, 50)).shape == (1, 3, 33, 50)
 
 
 def test_weights_come_back_as_written(tmp_path):
@@ -77,7 +77,7 @@ def test_shipped_weights_load_and_improve_on_nothing_silently():
     for name in shipped():
         network, header = load_weights(weights_dir() / f"{name}.safetensors")
         assert name == f"{header['quality']}-{header['input']}"
-        assert network(torch.rand(1, 5, 40, 30)).isfinite().all()
+        assert network(torch.rand(1, 6, 40, 30)).isfinite().all()
 
 
 @pytest.mark.parametrize("precision", ["fp32", "bf16"])
@@ -206,7 +206,7 @@ def test_metrics_know_equal_pictures_gain_and_noise():
 def test_what_the_corners_of_all_blocks_differ_by_leaves_no_pattern(block):
     """A head that is lighter in one corner of every block than in the next: a grating of a few pixels over the picture."""
     torch.manual_seed(3)
-    network, x = CompactUNet(Size((8, 8), 1, block)).eval(), torch.rand(1, 5, 60, 44)  # the last squares lie beyond the border
+    network, x = CompactUNet(Size((8, 8), 1, block)).eval(), torch.rand(1, 6, 60, 44)  # the last squares lie beyond the border
     plain = network(x)
     with torch.no_grad():
         network.head.bias[: block**2] += torch.linspace(-0.2, 0.2, block**2) if block > 1 else 0.1
@@ -217,7 +217,7 @@ def test_what_the_corners_of_all_blocks_differ_by_leaves_no_pattern(block):
 def test_blends_have_no_mesh_of_blocks_either():
     """Shares that are larger in one corner of every block than in the next blend like their mean."""
     torch.manual_seed(4)
-    network, x, made = CompactUNet(SIZES["fast"]).eval(), torch.rand(1, 5, 48, 64), []
+    network, x, made = CompactUNet(SIZES["fast"]).eval(), torch.rand(1, 6, 48, 64), []
     for corners in ((0.5, 0.5, 0.5, 0.5), (0.2, 0.4, 0.6, 0.8)):
         network.head.bias[4:8] = torch.tensor(corners)
         made.append(network(x)[:, :3])

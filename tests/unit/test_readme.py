@@ -141,11 +141,11 @@ def test_documents_are_renewed_and_missing_benches_named(tmp_path, capsys):
     assert main(tmp_path, [document]) == 0
     assert "pixel | 1 / 3" in document.read_text()
     said = capsys.readouterr().out
-    assert "not there: ablation, error-demo, evaluate, frame-plant_room-fast, open-procedural, scale, stability" in said
+    assert "not there: error-demo, evaluate, frame-plant_room-fast, open-procedural, scale, stability" in said
 
 
 def test_figures_run_every_bench_the_readme_needs():
-    trained = {"evaluate", "ablation"}  # need rooms and hours; `evaluate` and `train` leave them
+    trained = {"evaluate"}  # need rooms and hours; `evaluate` and `train` leave them
     assert set[str]().union(*(needed for _, needed in BLOCKS.values())) - trained <= FIGURES.keys()
     from viewer.bench import KINDS
 

@@ -161,7 +161,7 @@ def test_folded_normalisation_changes_nothing(dtype, limit):
     plain = lively(PaperUNet(8), seed).to(dtype)
     folded = fold_normalisation(copy.deepcopy(plain))
     assert not any(isinstance(module, nn.BatchNorm2d) for module in folded.modules())
-    x = torch.rand((1, 5, 40, 56), generator=torch.Generator().manual_seed(seed)).to(dtype)
+    x = torch.rand((1, 6, 40, 56), generator=torch.Generator().manual_seed(seed)).to(dtype)
     expected, made = plain(x), folded(x)
     assert expected.std() > 1e-3
     assert (made - expected).abs().max() <= limit * expected.abs().max(), f"seed {seed}"

@@ -141,7 +141,7 @@ def test_training_pairs_take_the_photographs_colours(scannetpp, tmp_path, preset
         out = tmp_path / f"pairs-{recipe}"
         bare = SimpleNamespace(name="bare", views=place.views, scan=place.scan)
         build([place if recipe else bare], out, scans=1, variants=1, preset=preset, seed=3)
-        x, truth = np.load(out / "inputs.npy").astype(np.float32), np.load(out / "truth.npy").astype(np.float32) / 255
+        x, truth = np.load(out / "measured.npy").astype(np.float32), np.load(out / "truth.npy").astype(np.float32) / 255
         measured = (x[:, 3] > 0) & (truth[:, 4] > 0)
         gaps.append(np.median(np.abs(x[:, :3] - truth[:, :3]).mean(1)[measured]))
     assert gaps[0] < 0.1 * gaps[1]

@@ -171,8 +171,8 @@ def test_crops_of_a_recipe_fit_into_its_pictures(tmp_path):
     for height in (480, 240):
         folders.append(tmp_path / str(height))
         folders[-1].mkdir()
-        for name, kind in (("inputs", np.float16), ("truth", np.uint8)):
-            np.save(folders[-1] / f"{name}.npy", np.zeros((1, 5, height, 4 * height // 3), kind))
+        for name, channels, kind in (("measured", 6, np.float16), ("truth", 5, np.uint8)):
+            np.save(folders[-1] / f"{name}.npy", np.zeros((1, channels, height, 4 * height // 3), kind))
     stage = RECIPES["gpu"].stages[0]
     assert [recipes._crop(stage, some) for some in (folders[:1], folders)] == [256, 240]
 

@@ -133,7 +133,7 @@ def test_a_batch_depends_on_seed_step_and_process_alone(pairs):
 
 
 def test_crops_lie_anywhere_in_a_picture_and_may_be_as_high_as_it(tmp_path):
-    np.save(tmp_path / "inputs.npy", np.zeros((1, 5, 32, 36), np.float16))
+    np.save(tmp_path / "measured.npy", np.zeros((1, 6, 32, 36), np.float16))
     truth = np.broadcast_to(np.arange(36), (1, 5, 32, 36)).astype(np.uint8)
     np.save(tmp_path / "truth.npy", truth)
     batch = Crops([tmp_path], 32, 1).batch(0, 100)
@@ -147,10 +147,12 @@ def test_flow_leads_to_the_same_surface_however_a_crop_is_turned(tmp_path):
     flow = np.stack([3 + 2 * np.sin(j / 9), -2 + 1.5 * np.cos(i / 11)])
 
     def pattern(x, y):
-        return np.stack([0.3 + 0.1 * np.sin(x / 5 + c) + 0.1 * np.cos(y / 7 - c) for c in range(5)])
+        planes = [0.3 + 0.1 * np.sin(x / 5 + c) + 0.1 * np.cos(y / 7 - c) for c in range(6)]
+        planes[3] = np.ones_like(x)  # all is measured
+        return np.stack(planes)
 
     np.save(tmp_path / "neighbours.npy", pattern(i, j).astype(np.float16)[None])
-    np.save(tmp_path / "inputs.npy", pattern(i + flow[0], j + flow[1]).astype(np.float16)[None])
+    np.save(tmp_path / "measured.npy", pattern(i + flow[0], j + flow[1]).astype(np.float16)[None])
     np.save(tmp_path / "truth.npy", np.zeros((1, 5, 60, 80), np.uint8))
     np.save(tmp_path / "flow.npy", flow.astype(np.float16)[None])
     crops = Crops([tmp_path], 32, 3)
@@ -309,12 +311,12 @@ def test_some_scans_do_not_say_where_their_stations_stood(tmp_path, monkeypatch)
 
 
 def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
-    with pytest.raises(DataError, match=r"inputs\.npy.*cannot be read"):
+    with pytest.raises(DataError, match=r"measured\.npy.*cannot be read"):
         Crops([tmp_path], 32, 1)
-    np.save(tmp_path / "inputs.npy", np.zeros((2, 4, 40, 40), np.float16))
-    with pytest.raises(DataError, match=r"inputs\.npy.*expected \(pairs, 5"):
+    np.save(tmp_path / "measured.npy", np.zeros((2, 4, 40, 40), np.float16))
+    with pytest.raises(DataError, match=r"measured\.npy.*expected \(pairs, 6"):
         Crops([tmp_path], 32, 1)
-    np.save(tmp_path / "inputs.npy", np.zeros((2, 5, 40, 40), np.float16))
+    np.save(tmp_path / "measured.npy", np.zeros((2, 6, 40, 40), np.float16))
     np.save(tmp_path / "truth.npy", np.zeros((3, 5, 40, 40), np.uint8))
     with pytest.raises(DataError, match=r"truth\.npy.*does not match"):
         Crops([tmp_path], 32, 1)

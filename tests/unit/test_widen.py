@@ -21,7 +21,7 @@ def _trained(size: Size, seed: int) -> CompactUNet:
 @pytest.mark.parametrize("large", [Size((8, 16, 24), 2), Size((12, 20, 24), 1), Size((16, 16, 40), 3)])
 def test_the_larger_network_begins_as_the_smaller_one(large):
     seed = int(torch.randint(2**31, ()).item())
-    small, x = _trained(SMALL, seed), torch.rand(1, 5, 37, 50)
+    small, x = _trained(SMALL, seed), torch.rand(1, 6, 37, 50)
     begun = widen(small, CompactUNet(large))
     torch.testing.assert_close(begun(x), small(x), rtol=1e-4, atol=1e-4, msg=lambda m: f"seed {seed}: {m}")
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from model.whole import write_whole
 from viewer.bench import glance
-from viewer.bench.readme_truth import ablation, precision, truth
+from viewer.bench.readme_truth import precision, truth
 
 SOFTWARE = ("llvmpipe", "softpipe", "swr")
 """In the names of OpenGL on the processor, for files that do not say which it was."""
@@ -230,7 +230,7 @@ def stability(files: dict[str, dict]) -> str:
 BLOCKS: dict[str, tuple[Callable[[dict[str, dict]], str], set[str]]] = {
     "glance": (glance.glance, glance.NEEDED),
     "frames": (frames, {"frame-plant_room"}), "truth": (truth, {"evaluate"}), "precision": (precision, {"evaluate"}),
-    "ablation": (ablation, {"ablation"}), "scale": (scale, {"scale"}), "versus": (versus, {"versus-plant_room"}),
+    "scale": (scale, {"scale"}), "versus": (versus, {"versus-plant_room"}),
     "errors": (errors, {"error-demo"}), "stability": (stability, {"stability"}),
 }
 """Block -> what writes it, and the files it cannot do without."""

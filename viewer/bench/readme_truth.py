@@ -1,4 +1,4 @@
-"""The README's and the model card's tables of pictures judged against truth, from what ``evaluate`` and the ablation left."""
+"""The README's and the model card's tables of pictures judged against truth, from what ``evaluate`` left."""
 
 from typing import Any
 
@@ -38,15 +38,4 @@ def precision(files: dict[str, dict]) -> str:
         unit = units.get(row["scale"], row["scale"])
         lines.append(f"| {row['method']} | {row['precision']} | {unit} | {row['largest']:.4f} | {row['percentile']:.4f} | "
                      f"{row['psnr']:.2f} | {row['nan']} |")
-    return "\n".join(lines)
-
-
-def ablation(files: dict[str, dict]) -> str:
-    """Variants of the fast network."""
-    found = files["ablation"]
-    lines = [f"Fast size, {found['steps']} steps of {found['batch']} crops of {found['crop']}x{found['crop']} from nothing, "
-             "judged on validation pairs of mixed densities:", "",
-             "| variant | PSNR | distance | change | energy | MAC a pixel |", "|---|---|---|---|---|---|"]
-    lines += [f"| {r['variant']} | {r['psnr']:.2f} | {r['distance']:.3f} | {r['change']:.4f} | {r['energy']:.2f} | "
-              f"{r['mac']:,.0f} |" for r in found["rows"]]
     return "\n".join(lines)

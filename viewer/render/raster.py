@@ -4,8 +4,8 @@ Both draw every point as 1x1 pixels in two passes (paper, "Point Cloud Projectio
 colour sums of the points within a tolerance behind it.  viewer.render.raster_compute uses compute shaders and integer atomics,
 viewer.render.raster_points OpenGL point primitives with MIN blending; the same expressions choose the pixel in both, and the
 bytes are the same.
-Where the scan says where its scanners stood, points count by how nearly theirs looked the way the eye looks
-(model/station_weights.py), and ``weight`` has what each pixel's points count together.
+Where the scanner positions are known, points are weighted by how nearly their scanner looked the way the eye looks
+(model/station_weights.py).  ``weight`` has what each pixel's points weigh together, or how many there are.
 Pictures larger than a storage block are made in bands of rows; points that do not fit the GPU together come in rounds, depth
 first to last, colours last to first.
 """
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.light import TO_LINEAR, TO_SRGB
+from model.project import MOST_AVERAGED
 from model.station_weights import HEAVIEST, UNPLACED
 from viewer.render import shader
 from viewer.render.batches import BatchTable, PageMap
@@ -47,8 +48,8 @@ def _light_tables() -> bytes:
 
 
 class Rasteriser:
-    """Owns programs and targets for one picture size; ``run`` fills ``colour`` (RGBA8) and ``depth`` (R32F, +inf where
-    empty), row 0 at the top, and with stations ``weight`` (R8: HEAVIEST / 255 at most)."""
+    """Owns programs and targets for one picture size; ``run`` fills ``colour`` (RGBA8), ``depth`` (R32F, +inf where empty) and
+    ``weight`` (R8: MOST_AVERAGED / 255 at most), row 0 at the top."""
 
     kind = ""
     from_keys: int | None = None  # nearest depths come as inverted bits in a buffer, not in a texture
@@ -56,7 +57,6 @@ class Rasteriser:
 
     table: BatchTable
     hider: "HiddenCells | None" = None
-    weight: "moderngl.Texture | None" = None
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], device: "Device"):
         context = programs.context
@@ -65,6 +65,7 @@ class Rasteriser:
         self.band_rows = max(1, min(height, (device.storage_limit - _CARRY_HEAD) // (_CARRY_BYTES * width)))
         self.colour = context.texture(size, 4, dtype="f1")
         self.depth = context.texture(size, 1, dtype="f4")
+        self.weight = context.texture(size, 1, dtype="f1")
         self.sums = context.buffer(reserve=_SUM_BYTES * width * self.band_rows)
         self.carries = context.buffer(reserve=_CARRY_HEAD + _CARRY_BYTES * width * self.band_rows)
         self._clean = False  # whether the carries are zero, as resolve.comp leaves them
@@ -77,7 +78,8 @@ class Rasteriser:
         self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self._record = np.zeros((), FRAME_FIELDS)
         self.programs = programs
-        self._resolves: dict[bool, list[moderngl.ComputeShader]] = {}
+        constants = {"FROM_KEYS": self.from_keys, "MOST_AVERAGED": MOST_AVERAGED}
+        self._resolves = [programs.compute("resolve.comp", CARRIED=carried, **constants) for carried in (None, 1)]
         self.weighed = False  # whether points have weights in this picture
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
@@ -114,8 +116,7 @@ class Rasteriser:
             self._bind_sums()
             self.colour.bind_to_image(0, read=False, write=True)
             self.depth.bind_to_image(1, read=False, write=True)
-            if self.weight is not None and self.weighed:
-                self.weight.bind_to_image(2, read=False, write=True)
+            self.weight.bind_to_image(2, read=False, write=True)
             resolve.run(*shader.groups(width, rows))
             self.context.memory_barrier()
             carried.run_indirect(self.carries)
@@ -142,14 +143,7 @@ class Rasteriser:
         if stations is not None:
             self.stations.write(stations)
             self.stations.bind_to_uniform_block(BINDINGS["STATIONS"])
-            if self.weight is None:
-                self.weight = self.context.texture(self.size, 1, dtype="f1")
-        if self.weighed not in self._resolves:
-            self._resolves[self.weighed] = [
-                self.programs.compute("resolve.comp", FROM_KEYS=self.from_keys, CARRIED=carried, **self.weights)
-                for carried in (None, 1)
-            ]
-        return self._resolves[self.weighed]
+        return self._resolves
 
     @property
     def weights(self) -> dict[str, object]:

@@ -16,6 +16,7 @@ from viewer.render.cull import Culler, DrawList
 from viewer.render.fill import Fill
 from viewer.render.filter import DepthFilter
 from viewer.render.frame import Frame
+from viewer.render.noise_level import NoiseLevel
 from viewer.render.occlusion import History, Occlusion, may_hide
 from viewer.render.points import PointPages
 from viewer.render.raster import Rasteriser
@@ -61,6 +62,7 @@ class Renderer:
         self._filter: DepthFilter | None = None
         self._fill: Fill | None = None
         self._trust: Trust | None = None
+        self._noise: NoiseLevel | None = None
         self._neural: NeuralStage | None = None
         self._size = (0, 0)
 
@@ -131,8 +133,15 @@ class Renderer:
             if {"filled", "neural"} & set(views):
                 neural = self._neural_for(settings) if "neural" in views else None
                 fill = self._fill = self._fill or Fill(self._programs, self._size)
+                colour, confidence = self._trusted(rasteriser, step.mask)
+                level = None
+                if neural and (noise := self._noise_level()):
+                    stages.run("noise", lambda: noise.run(
+                        rasteriser.colour, rasteriser.depth, rasteriser.weight, confidence, camera=camera,
+                        weighed=rasteriser.weighed, detail=settings.detail))
+                    level = noise.level
                 stages.run("fill", lambda: fill.run(
-                    *self._trusted(rasteriser, step.mask), rasteriser.depth,
+                    colour, confidence, rasteriser.depth, noise=level,
                     camera=camera, closed=self._surroundings.closed(camera.position), spacing=self.scene.spacing,
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
@@ -154,11 +163,17 @@ class Renderer:
     def _trusted(self, rasteriser: Rasteriser, mask: "moderngl.Texture") -> "tuple[moderngl.Texture, moderngl.Texture]":
         """What the fill starts from, and what each pixel of it counts: the raw picture and the keep-mask, or, of weighed
         points, both by how far it is trusted."""
-        if not rasteriser.weighed or rasteriser.weight is None:
+        if not rasteriser.weighed:
             return rasteriser.colour, mask
         self._trust = self._trust or Trust(self._programs, self._size)
         self._trust.run(rasteriser.colour, rasteriser.weight, mask)
         return self._trust.toned, self._trust.trust
+
+    def _noise_level(self) -> NoiseLevel | None:
+        """None where the scan's noise is unknown: the network is then told of none."""
+        if self._noise is None and self.scene.noise is not None:
+            self._noise = NoiseLevel(self._programs, self._size, self.scene.noise)
+        return self._noise
 
     def _soft_z(self, settings: Settings) -> SoftZ:
         """The depth tolerance; a bench tries others."""
@@ -235,10 +250,11 @@ class Renderer:
         self._size = size
 
     def _release_passes(self) -> None:
-        for made in (*self._rasterisers.values(), self._filter, self._fill, self._trust, self._neural):
+        for made in (*self._rasterisers.values(), self._filter, self._fill, self._trust, self._noise, self._neural):
             if made is not None:
                 made.release()
-        self._rasterisers, self._filter, self._fill, self._trust, self._neural = {}, None, None, None, None
+        self._rasterisers = {}
+        self._filter = self._fill = self._trust = self._noise = self._neural = None
 
     def release(self) -> None:
         """Frees everything on the GPU, and gives back what memory its pictures kept."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.places import told_apart
-from model.station_weights import FEW, TRUST_BLOCK
+from model.station_weights import FEW, HEAVIEST, TRUST_BLOCK
 from viewer.render import shader
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Trust:
         self._more, self._less = (context.texture(blocks, 4, dtype="f4") for _ in range(2))
         targets = {"WEIGHTS": (self._sums,), "SHARES": (self._share,), "TONES": (self._more, self._less),
                    "PICTURE": (self.toned, self.trust)}  # fmt: skip
-        self._steps = [(programs.compute("trust.comp", TRUST_BLOCK=TRUST_BLOCK, FEW=FEW, **{step: 1}), made)
+        self._steps = [(programs.compute("trust.comp", TRUST_BLOCK=TRUST_BLOCK, FEW=FEW, HEAVIEST=HEAVIEST, **{step: 1}), made)
                        for step, made in targets.items()]
 
     def run(self, raw: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture") -> None:

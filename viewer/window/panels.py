@@ -70,6 +70,10 @@ def draw_panel(session: Session, look: Theme) -> None:
     new = _choice(new, "raster", "rasteriser", look)
     _heading("Network", look)
     new = _choice(new, "quality", "quality", look)
+    _label("detail", "from smooth to every measured grain; in the middle as the scan's noise asks for", look)
+    changed, detail = imgui.slider_float("##detail", new.detail, 0.0, 2.0, _detail_text(new.detail), _CLAMP)
+    if changed and 0.0 <= detail <= 2.0:
+        new = replace(new, detail=detail)
     new = _own_weights(new, session, look)
     new = _choice(new, "precision", "precision", look)
     new = _choice(new, "device", "device", look)
@@ -98,6 +102,11 @@ def _folded(session: Session, look: Theme) -> None:
     imgui.pop_font()
     imgui.end()
     imgui.pop_style_var(2)
+
+
+def _detail_text(detail: float) -> str:
+    """What stands in the slider: imgui puts the number where the format asks for one."""
+    return "by the noise" if abs(detail - 1.0) < 0.02 else "%.2f smoother" if detail < 1.0 else "%.2f finer"
 
 
 _SHIPPED = "shipped"
