@@ -37,6 +37,8 @@ def scan(tmp_path):
 def same(a, b):
     for name in ("points", "cell_coords", "offsets", "origin", "bounds"):
         np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    for name in ("origin", "voxel", "sigma", "curve", "overall", "neighbourhoods"):
+        np.testing.assert_array_equal(getattr(a.noise, name), getattr(b.noise, name))
     assert (a.cell_size, a.layers, a.count, a.spacing, a.meta) == (b.cell_size, b.layers, b.count, b.spacing, b.meta)
 
 
@@ -65,7 +67,7 @@ print([m for m in ("numba", "scipy", "laspy", "pye57", "open3d", "torch") if m i
 @pytest.mark.parametrize(
     "damage",
     ["short points", "short offsets", "no meta", "half meta", "version", "magic", "dtype", "sizes", "offsets", "checksums",
-     "faces", "boxes"],
+     "faces", "boxes", "noise", "noise entry"],
 )
 def test_a_damaged_cache_is_rebuilt_and_never_read(scan, damage):
     open_scene(scan)
@@ -95,6 +97,11 @@ def test_a_damaged_cache_is_rebuilt_and_never_read(scan, damage):
             np.save(folder / "faces.npy", np.zeros((1, 3), np.uint8))
         case "boxes":
             np.save(folder / "boxes.npy", np.zeros((len(fresh.cell_coords), 6), np.uint16))
+        case "noise":
+            np.save(folder / "noise.npy", np.load(folder / "noise.npy")[..., None])
+        case "noise entry":
+            meta = {key: value for key, value in meta.items() if key != "sum"}
+            (folder / "meta.json").write_text(json.dumps(meta | {"noise": meta["noise"] | {"voxel": 0}}))
     assert cache.load(folder, [scan]) is None
     same(open_scene(scan), fresh)
     assert cache.load(folder, [scan]) is not None
@@ -254,9 +261,10 @@ def test_convert_makes_a_folder_that_opens_like_a_scan(scan, tmp_path):
     convert([scan], out)
     same(open_scene(out), open_scene(scan, cache=False))
     convert([scan], out)  # again: replaces its own
-    names = ["boxes.npy", "cell_coords.npy", "checksums.npy", "faces.npy", "meta.json", "offsets.npy", "points.npy"]
+    arrays = ("boxes", "cell_coords", "checksums", "faces", "noise", "offsets", "points")
+    names = sorted(["meta.json", *(f"{array}.npy" for array in arrays)])
     assert sorted(p.name for p in out.iterdir()) == names
-    for missing in ("boxes", "faces"):  # as earlier versions left it
+    for missing in ("boxes", "faces", "noise"):  # as earlier versions left it
         (out / f"{missing}.npy").unlink()
         head = json.loads((out / "meta.json").read_text())
         del head["shapes"][missing]

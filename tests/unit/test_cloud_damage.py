@@ -13,7 +13,7 @@ from viewer.cloud import cache, open_scene
 from viewer.cloud.convert import convert
 from viewer.errors import InputError
 
-ARRAYS = ("points", "offsets", "cell_coords", "boxes", "faces", "checksums")
+ARRAYS = ("points", "offsets", "cell_coords", "boxes", "faces", "checksums", "noise")
 
 
 @pytest.fixture(autouse=True)
@@ -42,15 +42,19 @@ def damaged(path, how: str) -> None:
         case "garbled header":
             path.write_bytes(raw[:10] + b"('''(" + raw[15:])
         case "dtype":
-            np.save(path, array.astype(np.float32))
+            np.save(path, array.astype(np.float64))
         case "shape":
             np.save(path, np.concatenate([array, array[:1]]))
+
+
+def array_of(scene, name):
+    return scene.noise.sigma if name == "noise" else getattr(scene, name)
 
 
 def both(scan, tmp_path, damage) -> None:
     """``damage`` is done to the folder of ``scan`` in the cache, and to one made by convert: neither may be read."""
     scene = open_scene(scan)
-    fresh = {name: np.array(getattr(scene, name)) for name in ARRAYS}  # no memory map of a file about to shrink
+    fresh = {name: np.array(array_of(scene, name)) for name in ARRAYS}  # no memory map of a file about to shrink
     kept, out = cache.folder_of([scan]), tmp_path / "grid"
     convert([scan], out)
     damage(kept)
@@ -58,7 +62,7 @@ def both(scan, tmp_path, damage) -> None:
     assert cache.load(kept, [scan]) is None
     again = open_scene(scan)
     for name, array in fresh.items():
-        np.testing.assert_array_equal(getattr(again, name), array)
+        np.testing.assert_array_equal(array_of(again, name), array)
     assert cache.load(kept, [scan]) is not None, "it was not built again"
     with pytest.raises(InputError, match=r"grid: damaged grid \(.+\); convert the scan again$") as error:
         open_scene(out)
@@ -76,7 +80,7 @@ def test_a_small_array_with_other_values_is_never_read(scan, tmp_path, name):
     """One number is another; type, shape and order are right."""
     def changed(folder):
         array = np.load(folder / f"{name}.npy")
-        array.reshape(-1)[array.size // 2] ^= 1
+        array.reshape(-1).view(np.uint8)[array.nbytes // 2] ^= 1
         np.save(folder / f"{name}.npy", array)
 
     both(scan, tmp_path, changed)

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from model.noise import KNOTS, MOST_VOXELS, NoiseModel
 from viewer.cloud.chunk_source import checksum
 from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
@@ -27,15 +28,16 @@ from viewer.paths import cache_dir
 from viewer.progress import progress
 
 MAGIC, VERSION = "pointglass grid", 4
-# How colours are made; how points are ordered and their spacing is measured: a grid in the cache made otherwise is made anew,
-# a folder of convert stays as it is.
-COLOURS, ORDER = 3, 5
+# How colours are made; how points are ordered and their spacing is measured; how noise is estimated: a grid in the cache
+# made otherwise is made anew, a folder of convert stays as it is.
+COLOURS, ORDER, NOISE = 3, 5, 1
 _META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
-           "faces": np.dtype("u1"), "boxes": np.dtype("u1")}
+           "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4")}
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 """What file managers leave in folders, and nobody's loss."""
 _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
+_OPTIONAL = {*_LATER, "noise"}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError)
@@ -49,7 +51,7 @@ class CacheError(InputError):
 
 def folder_of(files: list[Path], match: bool = True) -> Path:
     """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures."""
-    key = json.dumps([VERSION, COLOURS, ORDER, _identity(files), match]).encode()
+    key = json.dumps([VERSION, COLOURS, ORDER, NOISE, _identity(files), match]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 
@@ -104,7 +106,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
         raise ValueError("made from other files")
     arrays, sums = {}, head.get("sums")  # earlier versions kept no sums
     for name, dtype in _ARRAYS.items():
-        if name in _LATER and name not in head["shapes"]:
+        if name in _OPTIONAL and name not in head["shapes"]:
             continue
         arrays[name] = _mapped(folder / f"{name}.npy")
         if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
@@ -134,8 +136,22 @@ def _read(folder: Path, identity: list | None) -> Scene:
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
         points, cells, offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        arrays["checksums"], parts, **later,
+        arrays["checksums"], parts, noise=_noise(head, arrays.get("noise")), **later,
     )  # fmt: skip
+
+
+def _noise(head: dict, sigma: np.ndarray | None) -> NoiseModel | None:
+    """The noise kept with the points, None where an earlier version kept none.  Raises one of _DAMAGE where it is damaged."""
+    if sigma is None:
+        return None
+    kept = head["noise"]
+    origin, curve = np.array(kept["origin"], np.float64), np.array(kept["curve"], np.float32)
+    numbers = np.concatenate([origin, curve, [kept["voxel"], kept["overall"]], sigma.reshape(-1)])
+    usable = origin.shape == (3,) and curve.shape == (KNOTS,) and sigma.ndim == 3 and min(sigma.shape) > 0
+    usable = usable and max(sigma.shape) <= MOST_VOXELS and np.isfinite(numbers).all() and numbers[3:].min() >= 0
+    if not (usable and kept["voxel"] > 0):
+        raise ValueError("its noise is not usable")
+    return NoiseModel(origin, float(kept["voxel"]), sigma, curve, float(kept["overall"]), int(kept["neighbourhoods"]))
 
 
 def _head(folder: Path) -> dict:
@@ -205,6 +221,8 @@ def _points_file(work: Path, count: int) -> np.ndarray:
 
 def _write(work: Path, scene: Scene, identity: list) -> None:
     known = {name: getattr(scene, name) for name in _LATER if getattr(scene, name) is not None}
+    if scene.noise is not None:
+        known["noise"] = scene.noise.sigma
     known |= {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
     arrays = {name: np.ascontiguousarray(array, _ARRAYS[name]) for name, array in known.items()}
     for name, array in arrays.items():
@@ -224,6 +242,11 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "parts": scene.parts,
         "meta": scene.meta,
     }
+    if (noise := scene.noise) is not None:
+        head["noise"] = {
+            "origin": noise.origin.tolist(), "voxel": noise.voxel, "curve": noise.curve.tolist(), "overall": noise.overall,
+            "neighbourhoods": noise.neighbourhoods,
+        }  # fmt: skip
     head["sum"] = _sum(head)
     (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")
 

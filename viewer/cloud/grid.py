@@ -17,6 +17,7 @@ from viewer.cloud.faces import cover_of_faces
 from viewer.cloud.histogram import FARTHEST, power_of_two
 from viewer.cloud.layers import PARTS
 from viewer.cloud.layout import Layout, choose_layout
+from viewer.cloud.noise_sample import NoiseSample
 from viewer.cloud.scatter import scatter
 from viewer.cloud.scene import STEPS, Scene
 from viewer.cloud.source import Source
@@ -78,9 +79,10 @@ def build_grid(
         points = allocate(survey.count)
         layout, steps = choose_layout(survey), 0.0
         coinciding, coarsest, boxes = 0.0, None, None
+        sample = NoiseSample(sources, survey)
         for attempt in range(_ATTEMPTS):
             clock.lap("cells")
-            boxes = scatter(sources, colours, survey, layout, points, pool, processors())
+            boxes = scatter(sources, colours, survey, layout, points, pool, processors(), sample if attempt == 0 else None)
             clock.lap("place")
             steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
             clock.lap("spacing")
@@ -105,6 +107,8 @@ def build_grid(
             clock.lap("place")
         known = {"faces": cover_of_faces(points, layout.offsets, layout.layers, pool), "boxes": boxes}
         clock.lap("faces")
+        known["noise"] = sample.solve()
+        clock.lap("noise")
     return _finish(sources, survey, layout, points, steps, known, meta)
 
 

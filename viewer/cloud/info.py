@@ -40,6 +40,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "colour": meta.get("colour"),
         "exposures": meta.get("exposures"),
         "passes": meta.get("passes"),
+        "noise": _noise_facts(scene),
         "scans": meta.get("scans", []),
         "dropped": meta.get("dropped", {}),
         "warnings": meta.get("warnings", []),
@@ -74,6 +75,7 @@ def format_text(info: dict) -> str:
         ("CRS", info["crs"] or "not given"),
         ("colour", (info["colour"] or {}).get("note", "-")),
     ]
+    rows.append(("noise", _noise(info["noise"])))
     if exposures := info.get("exposures"):
         rows.append(("exposure", _exposures(exposures)))
     if (passes := info.get("passes")) and passes["applied"]:
@@ -90,6 +92,23 @@ def format_text(info: dict) -> str:
         rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
     rows += [("warning", text) for text in info["warnings"]]
     return "\n".join(f"{name:<8} {value}" for name, value in rows)
+
+
+def _noise_facts(scene: Scene) -> dict | None:
+    """What --json says about noise: the standard deviation of a point's luma, 0..1, over the scan, by place and by luma."""
+    if (noise := scene.noise) is None:
+        return None
+    return {"sigma": noise.overall, "lowest": float(noise.sigma.min()), "highest": float(noise.sigma.max()),
+            "curve": [round(float(factor), 4) for factor in noise.curve], "neighbourhoods": noise.neighbourhoods}  # fmt: skip
+
+
+def _noise(found: dict | None) -> str:
+    if found is None:
+        return "unknown: the folder was made by an earlier version; convert the scan again"
+    if not found["neighbourhoods"]:
+        return "unknown: too few points lie close together to tell it"
+    return (f"{found['sigma']:.3f} of full brightness a point ({found['sigma']:.1%}), {found['lowest']:.3f} to "
+            f"{found['highest']:.3f} by place, from {counted(found['neighbourhoods'], 'neighbourhood')}")  # fmt: skip
 
 
 def _exposures(found: dict) -> str:

@@ -15,6 +15,7 @@ from viewer.cloud.boxes import boxes_of
 from viewer.cloud.colour import Colours
 from viewer.cloud.histogram import dense_table_of, table_of
 from viewer.cloud.layout import Layout
+from viewer.cloud.noise_sample import NoiseSample
 from viewer.cloud.source import Chunk, Source
 from viewer.cloud.survey import Survey, numbered_chunks
 from viewer.errors import InputError
@@ -24,19 +25,24 @@ BLOCK = 1 << 18
 
 
 def scatter(sources: list[Source], colours: Colours | None, survey: Survey, layout: Layout, points: np.ndarray, pool: Executor,
-            processors: int) -> np.ndarray:
+            processors: int, sample: NoiseSample | None = None) -> np.ndarray:
     """Reads the sources again and fills ``points`` (N, 3) uint32 as in Scene.  Returns the cells' boxes, (C, 6) uint8.
 
     colours: as in build_grid, having decided.  processors: pieces of a block that are packed side by side.
+    sample: is given all points anew, for their noise.
     Raises InputError where a file is no longer what the survey saw.
     """
     blocks = _Blocks(survey, layout, points, pool, processors)
     first, begun = 0, dict[int, int]()
+    if sample is not None:
+        sample.forget()
     for number, chunk in numbered_chunks(sources, "building the grid"):
         xyz = np.ascontiguousarray(chunk.xyz, np.float64)
         rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
         begun.setdefault(number, first)
         scan = _scan_numbers(sources, number, chunk, first - begun[number])
+        if sample is not None:
+            sample.add(number, chunk, xyz, rgb, scan, first)
         for start in range(0, len(xyz), BLOCK):
             rows = slice(start, start + BLOCK)
             intensity = None if chunk.intensity is None else chunk.intensity[rows]

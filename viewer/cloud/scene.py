@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from model.noise import NoiseModel
 from model.places import places_of
 
 STEPS = 65536
@@ -42,6 +43,9 @@ class Scene:
     faces: (C, 3) uint8, how much of each cell its points cover, seen along x, y and z (viewer.cloud.faces); None where an
         earlier version did not look.
     boxes: (C, 6) uint8, the sixteenths of each cell that its points lie in (viewer.cloud.boxes); None likewise.
+    noise: the noise of a single point's colour by place and brightness, in file coordinates as ``origin``, ``bounds`` and the
+        points of ``unpack``; where coordinates are counted from another place, take it away from ``noise.origin`` too.  None
+        in a folder of an earlier version, where it is unknown.
     """
 
     points: np.ndarray
@@ -58,6 +62,7 @@ class Scene:
     parts: int = 1
     faces: np.ndarray | None = None
     boxes: np.ndarray | None = None
+    noise: NoiseModel | None = None
 
     @property
     def step(self) -> float:
