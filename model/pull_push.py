@@ -26,8 +26,9 @@ FEATURE_SCALE = 0.25
 """Depth feature units in a doubling of depth."""
 EMPTY_FEATURE = -8.0
 """Feature of a child without weight: nearer than any, so that it hides nothing."""
-FIRST_LEVEL = 1
-"""The finest level that leaves anything out; at level 0 a pixel is no wider than the measured ones beside it."""
+FIRST_LEVEL = 2
+"""The finest level that leaves anything out.  However dense the scan, what is drawn may have but one point a pixel (level of
+detail), and gaps of two pixels then are chance.  From level 1 on, 0.01 to 0.04 dB more were measured in three rooms of six."""
 NEARER = (0.1, 0.2)
 """Doublings of depth between a sample and the farthest of the four at which it starts and ends to count as nearer: by
 7 and 15 %."""
