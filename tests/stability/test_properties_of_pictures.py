@@ -73,7 +73,7 @@ def test_bilinear_is_that_of_the_textbook(seed, height, width):
 def test_filling_keeps_what_is_measured_and_adds_no_new_value(seed, height, width, share):
     rng = np.random.default_rng(seed)
     mask = torch.from_numpy(rng.random((height, width)) < share)
-    image = picture(seed, height, width, 3)
+    image = picture(seed, height, width, 5)
     for dtype in (torch.float32, torch.float64):
         given = image.to(dtype)
         made = pull_push(given, mask)
@@ -93,7 +93,7 @@ def test_filling_a_mirrored_picture_mirrors_the_filling(seed, height, width):
     """Where the sides are powers of two, or the pyramid's blocks do not mirror."""
     height, width = 1 << height.bit_length(), 1 << width.bit_length()
     mask = torch.from_numpy(np.random.default_rng(seed).random((height, width)) < 0.2)
-    image = picture(seed, height, width, 2)
+    image = picture(seed, height, width, 4)
     assert torch.allclose(pull_push(image.flip(-1), mask.flip(-1)), pull_push(image, mask).flip(-1), atol=1e-12)
     assert torch.equal(surrounded(mask.flip(0)), surrounded(mask).flip(0))
 

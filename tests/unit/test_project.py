@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from model.light import LEVELS, TO_LINEAR, TO_SRGB
 from model.project import SoftZ, depth_feature, frame, network_input, pixels, rasterise, unpack_points
-from model.pull_push import pull_push
+from model.pull_push import FIRST_LEVEL, background, pull_push
 
 CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
 
@@ -95,6 +95,59 @@ def test_fill_of_a_constant_is_constant_and_of_nothing_is_zero():
     mask = torch.from_numpy(np.random.default_rng(0).random((30, 41)) < 0.05)
     assert torch.allclose(pull_push(torch.full((3, 30, 41), 0.4, dtype=torch.float64), mask), torch.tensor(0.4).double())
     assert not pull_push(torch.ones(3, 30, 41), torch.zeros(30, 41, dtype=torch.bool)).any()
+
+
+def pillar(spacing: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """A pillar, columns 72 to 88 at depth 2, before a wall at depth 4 of which 32 columns on each side are in shadow.
+
+    Returns the image (5, H, W), of a grey for each surface, depth feature and that grey again, and the mask.  spacing: of the
+    points, pixels at the pillar."""
+    at = torch.arange(160)
+    front = (at >= 72) & (at < 88)
+    shadow = (at >= 40) & (at < 120) & ~front
+    rows = torch.arange(64)
+    depth, grey = torch.where(front, 2.0, 4.0), torch.where(front, 0.2, 0.8)
+    step = torch.where(front, spacing, max(1, spacing // 2))
+    mask = (at % step == 0) & (rows[:, None] % step == 0) & ~shadow
+    row = torch.stack([grey, grey, grey, depth_feature(depth, 2.0 * spacing, 1.0), grey])
+    return row[:, None].repeat(1, 64, 1).double(), mask
+
+
+@pytest.mark.parametrize("spacing", [1, 2, 4])
+def test_a_shadow_beside_a_pillar_is_filled_from_the_wall_behind_it(spacing):
+    """Except a few point spacings along the pillar.  A fill without depth smears the pillar half the way.  Gaps of the pillar,
+    no wider than its points, stay its own."""
+    image, mask = pillar(spacing)
+    made, plain = pull_push(image, mask), pull_push(image[:3], mask)
+    shadow = slice(42, 72 - 4 * spacing)
+    assert (made[0, :, shadow] - 0.8).abs().mean() < 0.3 * (plain[0, :, shadow] - 0.8).abs().mean()
+    assert (made[0, :, 80 - 2 : 80 + 2] - 0.2).abs().max() < 0.02
+
+
+def test_other_channels_decide_nothing_in_the_fill_and_follow_it(seed):
+    rng = np.random.default_rng(seed)
+    image, mask = pillar(2)
+    weight = torch.where(mask, torch.from_numpy(rng.random(mask.shape)), 0.0)
+    made = pull_push(image, weight)
+    assert torch.equal(made[4], made[0]) and torch.equal(pull_push(image[:4], weight), made[:4])
+    other = torch.from_numpy(rng.random(mask.shape))
+    assert torch.equal(pull_push(torch.cat([image[:4], other[None]]), weight)[:4], made[:4])
+
+
+def test_at_one_depth_the_fill_is_the_plain_one(seed):
+    rng = np.random.default_rng(seed)
+    mask = torch.from_numpy(rng.random((70, 51)) < 0.02)
+    image = torch.from_numpy(rng.random((4, 70, 51)))
+    image[3] = 1.5
+    assert torch.allclose(pull_push(image, mask)[:3], pull_push(image[:3], mask), atol=1e-12)
+
+
+def test_the_farthest_sample_always_counts(seed):
+    features = torch.from_numpy(np.random.default_rng(seed).uniform(-2, 2, (4, 1000)))
+    for level in range(12):
+        kept = torch.stack(background(list(features), level))
+        assert (kept.gather(0, features.argmax(0)[None]) == 1).all() and (kept >= 0).all() and (kept <= 1).all()
+    assert background([torch.tensor(x) for x in (0.0, 0.02, 0.06, 0.06)], FIRST_LEVEL + 4)[0] == 0
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
