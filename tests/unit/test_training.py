@@ -290,11 +290,11 @@ def test_a_neighbour_lacks_the_station_that_its_picture_lacks_and_flow_stops_at_
 @pytest.mark.parametrize("neighbours", [True, False])
 def test_a_picture_of_fewer_points_is_made_with_their_own_spacing(tmp_path, monkeypatch, neighbours):
     scene, given = load_scene(make_room(tmp_path / "box")), []
-    raster_of, network_input = pairs_module.raster_of, pairs_module.network_input
+    raster_of, measured_input = pairs_module.raster_of, pairs_module.measured_input
     monkeypatch.setattr(pairs_module, "raster_of", lambda seen, keep, apart: (
         given.append(apart), raster_of(seen, keep, apart))[1])
-    monkeypatch.setattr(pairs_module, "network_input", lambda raster, mask, focal, apart: (
-        given.append(apart), network_input(raster, mask, focal, apart))[1])
+    monkeypatch.setattr(pairs_module, "measured_input", lambda raster, mask, focal, apart: (
+        given.append(apart), measured_input(raster, mask, focal, apart))[1])
     made = list(pairs_module.place_pairs(scene, seed=2, scans=1, variants=2, preset="off", neighbours=neighbours))
     spacing, times = scan_spacing(scene.scan(2000)), 4 if neighbours else 2
     expected = [spacing / pair.where["density"] ** 0.5 for pair in made for _ in range(times)]
