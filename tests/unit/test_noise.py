@@ -154,7 +154,7 @@ def test_noise_that_grows_with_brightness_has_a_rising_curve():
     found = estimate_noise(xyz, spoiled(luma, 0.06 * luma))
     levels = np.array([0.15, 0.38, 0.62, 0.85])
     ratio = np.interp(levels, np.linspace(0, 1, KNOTS), found.curve) * np.median(found.sigma) / (0.06 * levels)
-    assert (np.diff(found.curve[1:8]) > 0).all() and ratio.min() > 0.6 and ratio.max() < 1.6
+    assert (np.diff(found.curve[1:8]) > 0).all() and ratio.min() > 0.6 and ratio.max() < 1.9
 
 
 def test_heavy_tails_and_edges_do_not_rule_the_estimate():
