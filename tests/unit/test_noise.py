@@ -101,7 +101,8 @@ def two_exposures(count: int, apart: float = 0.1):
 def halves(found: NoiseModel, xyz: np.ndarray) -> tuple[float, float]:
     """Median noise where two stations saw the place, and where one did; half a metre off the border."""
     sigma = found.at(xyz, np.full(len(xyz), 0.5))
-    return tuple(float(np.median(sigma[mine])) for mine in (xyz[:, 0] < SIDE / 2 - 0.5, xyz[:, 0] > SIDE / 2 + 0.5))
+    both, one = xyz[:, 0] < SIDE / 2 - 0.5, xyz[:, 0] > SIDE / 2 + 0.5
+    return float(np.median(sigma[both])), float(np.median(sigma[one]))
 
 
 def test_stations_disagreement_is_noise_only_where_nothing_tells_them_apart():
