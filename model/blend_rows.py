@@ -20,7 +20,7 @@ from model.unet import (
     SPARSE,
 )
 
-CLOSED = 5  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
+CLOSED = 6  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
 _RED, _GREEN, _BLUE = LUMA
 _OUTER, _BESIDE, _MIDDLE = HALF_BAND[:3]
 _SOME, _ALL = MEASURED

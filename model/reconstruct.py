@@ -22,7 +22,7 @@ from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import WeightsError, digest, load_weights, weights_dir, weights_name
 
 PACKED_IN, PACKED_OUT = 8, 4
-VOID = 6  # channel of the packed input: 1 where nothing is to be shown
+VOID = 7  # channel of the packed input: 1 where nothing is to be shown
 _WORTHWHILE = 0.9  # share of the picture above which leaving out the void saves nothing
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
 

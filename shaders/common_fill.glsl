@@ -1,10 +1,27 @@
-// What the fill starts from: the measured pixels of the filtered picture.
+// What the fill starts from, the measured pixels of the filtered picture, and what of four neighbours it fills gaps from.
+
+#ifdef BACKGROUND
+uniform float wider_offset;  // of the level that the four samples belong to
+
+// How far each of four samples counts: 0 where its depth feature is clearly nearer than the farthest and its surface's point
+// spacing clearly smaller than the level's pixels.
+vec4 background(vec4 features) {
+    float farthest = max(max(features.x, features.y), max(features.z, features.w));
+    precise vec4 nearer = clamp((farthest - features) * NEARER_SCALE - NEARER_START, 0.0, 1.0);
+    precise vec4 wider = clamp(features * WIDER_SCALE + wider_offset, 0.0, 1.0);
+    precise vec4 counts = 1.0 - nearer * wider;
+    return counts;
+}
+#endif
 
 #ifdef BASE
 uniform sampler2D raw;
 uniform sampler2D depth;
-uniform sampler2D mask;        // the keep-mask, or how far each pixel of it is trusted
+uniform sampler2D mask;       // the keep-mask, or how far each pixel of it is trusted
 uniform float feature_scale;  // 1 / (focal length in pixels x point spacing)
+#ifdef NOISE
+uniform sampler2D noise;      // 0 where nothing is measured
+#endif
 
 // The pixel's weight, 0 where nothing is measured; v its colour 0..1 and depth feature, times the weight.
 float measured(ivec2 at, out vec4 v) {

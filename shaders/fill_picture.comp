@@ -1,8 +1,8 @@
 // Pull-push fill, level 0: the filled picture, void where neither the picture nor the directions around the camera surround a
 // hole (viewer/render/void.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input: eight
-// half-precision channels a pixel (channels last): filled RGB, keep-mask or trust, filled depth feature, 1 where the network may
-// not open what is filled (SEALED, or far inside what the picture surrounds), 1 where void, zero.
-// Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.  Twin: model/pull_push.py.
+// half-precision channels a pixel (channels last): filled RGB, keep-mask or trust, filled depth feature, filled noise level (NOISE;
+// else 0), 1 where the network may not open what is filled (SEALED, or far inside what the picture surrounds), 1 where void.
+// Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.  Reference: model/pull_push.py.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
 
@@ -19,6 +19,9 @@ uniform vec4 lens;                // fx, fy, cx, cy in pixels
 layout(rgba8, binding = 0) uniform writeonly image2D filled;
 #ifdef NETWORK
 layout(std430, binding = NETWORK_BINDING) writeonly buffer Input { uvec4 pixels[]; };
+#endif
+#ifdef NOISE
+uniform sampler2D coarse_noise;   // already filled
 #endif
 
 #ifndef ALIKE
@@ -38,8 +41,8 @@ int closed_towards(ivec2 at) {
 }
 #endif
 
-// at: a pixel.  behind: the level above at its centre.  whole: the weight of the whole picture.  hole: its bits in ``holes``.
-void write(ivec2 at, ivec2 extent, vec4 behind, float whole, uint hole) {
+// at: a pixel.  behind, behind_noise: the level above at its centre.  whole: the weight of the whole picture.  hole: its bits in ``holes``.
+void write(ivec2 at, ivec2 extent, vec4 behind, float behind_noise, float whole, uint hole) {
     if (any(greaterThanEqual(at, extent))) return;
     vec4 v;
     float w = measured(at, v);
@@ -57,9 +60,14 @@ void write(ivec2 at, ivec2 extent, vec4 behind, float whole, uint hole) {
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
     bool sealed = direction == SEALED || (direction == 0 && hole >> 16 != 0u);
+    float level = 0.0;
+#ifdef NOISE
+    if (w > 0.0) level = w * texelFetch(noise, at, 0).x;
+    if (w < 1.0) level += (1.0 - w) * behind_noise;
+#endif
     pixels[uint(at.y) * uint(extent.x) + uint(at.x)] =
-        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, sealed ? 1.0 : 0.0)),
-              packHalf2x16(vec2(1.0 - alpha, 0.0)));
+        uvec4(packHalf2x16(v.xy), packHalf2x16(vec2(v.z, w)), packHalf2x16(vec2(v.w, level)),
+              packHalf2x16(vec2(sealed ? 1.0 : 0.0, 1.0 - alpha)));
 #endif
 }
 
@@ -79,9 +87,22 @@ void main() {
 #else
     const uint hole = 0u;  // every direction is closed
 #endif
+#ifdef NOISE
+    // The same nine values of the noise level: row by row, so that a quadrant's are two neighbouring pairs.
+    vec3 up, level, down;
+    for (int x = 0; x < 3; ++x) {
+        up[x] = fetch_clamped(coarse_noise, above + ivec2(x - 1, -1), bounds).x;
+        level[x] = fetch_clamped(coarse_noise, above + ivec2(x - 1, 0), bounds).x;
+        down[x] = fetch_clamped(coarse_noise, above + ivec2(x - 1, 1), bounds).x;
+    }
+    vec3 upper = (3.0 * level + up) * (0.0625 / unit), lower = (3.0 * level + down) * (0.0625 / unit);
+    vec4 noises = vec4(3.0 * upper.y + upper.x, 3.0 * upper.y + upper.z, 3.0 * lower.y + lower.x, 3.0 * lower.y + lower.z);
+#else
+    const vec4 noises = vec4(0.0);
+#endif
     const uint mine = 0x10001u;
-    write(at, extent, corner_sum(own, w, n, nw) / unit, whole, hole & mine);
-    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, whole, hole >> 1 & mine);
-    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, whole, hole >> 4 & mine);
-    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, whole, hole >> 5 & mine);
+    write(at, extent, corner_sum(own, w, n, nw) / unit, noises.x, whole, hole & mine);
+    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, noises.y, whole, hole >> 1 & mine);
+    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, noises.z, whole, hole >> 4 & mine);
+    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, noises.w, whole, hole >> 5 & mine);
 }

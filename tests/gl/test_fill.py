@@ -7,8 +7,10 @@ from clouds import camera_in, room
 from test_stations import scanned
 from twin import directions, looked_up, twin_frame
 
-from model.project import DEPTH_FEATURE_LIMIT, Raster, network_input
-from model.reconstruct import PACKED_IN
+from model.blend_rows import CLOSED
+from model.project import DEPTH_FEATURE_LIMIT, Raster, depth_feature, network_input
+from model.pull_push import pull_push
+from model.reconstruct import PACKED_IN, VOID
 from model.surrounded import far_inside, surrounded
 from viewer.camera import Camera, look_at
 from viewer.cloud import scene_from_arrays, unpack
@@ -68,10 +70,46 @@ def test_any_mask_is_filled_and_closed_as_by_the_twin(context, seed, size, known
             alpha = (surrounded(kept).numpy() | (towards != OPEN)) & mask.any()
             sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(kept).numpy())
             few = FEW * mask.size + 2 if known else 0
-            assert (got[5] != sealed).sum() <= few and (got[6] == alpha).sum() <= few
+            assert (got[CLOSED] != sealed).sum() <= few and (got[VOID] == alpha).sum() <= few and not got[5].any()
             image = np.frombuffer(fill.filled.read(alignment=1), np.uint8).reshape(height, width, 4)
-            shown = 255 * np.clip(np.stack([*wanted[:3], np.ones_like(depth)], -1), 0, 1) * (1 - got[6])[..., None]
+            shown = 255 * np.clip(np.stack([*wanted[:3], np.ones_like(depth)], -1), 0, 1) * (1 - got[VOID])[..., None]
             assert np.abs(image - shown).max() < 0.51
+    finally:
+        for texture in made:
+            texture.release()
+        fill.release()
+        programs.release()
+
+
+@pytest.mark.parametrize("size", [(1, 1), (3, 130), (255, 16), (401, 90)])
+def test_surfaces_and_the_noise_level_are_filled_as_by_the_reference(context, seed, size):
+    """Surfaces of two depths in blocks, trusted a little or fully, of spacings from a tenth of a pixel to ten; the noise level
+    follows what the fill decides, and changes nothing else."""
+    rng = np.random.default_rng(seed)
+    width, height = size
+    programs = Programs(context)
+    fill = Fill(programs, size)
+    camera = Camera(width, height, 50.0, 50.0, width / 2, height / 2, look_at(np.zeros(3), rng.normal(size=3)))
+    closed, made = np.zeros((6 * SIDE, SIDE), np.int8), []
+    try:
+        for share, spacing in ((0.01, 1.0), (0.1, 0.1), (0.4, 0.02), (0.4, 0.1), (1.0, 0.1)):
+            near = np.kron(rng.random((-(-height // 16), -(-width // 16))) < 0.5, np.ones((16, 16)))[:height, :width] > 0
+            depth = (np.where(near, 4.0, 4.0 * rng.uniform(1.05, 3)) * rng.uniform(0.99, 1.01, near.shape)).astype(np.float32)
+            weight = np.where(rng.random(near.shape) < share, rng.integers(1, 256, near.shape), 0).astype(np.uint8)
+            rgb = rng.integers(0, 256, (height, width, 3)).astype(np.uint8)
+            noise = np.where(weight > 0, rng.uniform(0, 2, near.shape), 0).astype(np.float32)
+            made += [context.texture(size, 4, np.dstack([rgb, np.full_like(rgb[..., 0], 255)]).tobytes()),
+                     context.texture(size, 1, weight.tobytes(), alignment=1),
+                     *(context.texture(size, 1, part.tobytes(), dtype="f4") for part in (depth, noise))]  # fmt: skip
+            options = {"camera": camera, "closed": closed, "spacing": spacing}
+            got = sent(context, fill, *made[-4:-1], **options, noise=made[-1])
+            feature = depth_feature(torch.from_numpy(depth), camera.fx, spacing)
+            image = torch.cat([torch.from_numpy(rgb).permute(2, 0, 1) / 255, feature[None], torch.from_numpy(noise)[None]])
+            wanted = pull_push(image, torch.from_numpy(weight / np.float32(255))).numpy()
+            assert np.abs(got[[0, 1, 2, 4, 5]] - wanted).max() < CLOSE, (share, spacing)
+            without = sent(context, fill, *made[-4:-1], **options)
+            others = [channel for channel in range(PACKED_IN) if channel != 5]
+            assert np.array_equal(without[others], got[others]) and not without[5].any()
     finally:
         for texture in made:
             texture.release()
@@ -109,7 +147,7 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
                        camera=camera, closed=closed, spacing=spacing)  # fmt: skip
             wanted = network_input(twin.raster, mask, camera.fx, spacing).numpy()
             assert np.abs(got[:5] - wanted).max() < CLOSE
-            assert (got[5] != sealed).mean() <= FEW and (got[6] == twin.alpha).mean() <= FEW and not got[7].any()
+            assert (got[CLOSED] != sealed).mean() <= FEW and (got[VOID] == twin.alpha).mean() <= FEW and not got[5].any()
             assert not limit or np.abs(wanted[4] - limit * DEPTH_FEATURE_LIMIT).max() < CLOSE
     finally:
         renderer.release()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from model.blend_rows import CLOSED
 from model.engines import Runner
 from model.reconstruct import PACKED_IN, Reconstructor
 
@@ -20,7 +21,7 @@ def pixels(height: int, width: int, seed: int) -> torch.Tensor:
     packed[..., :3] = 0.5 + 0.4 * np.sin(grid[..., :3]) + generator.normal(0, 0.02, (height, width, 3))
     packed[..., 3] = generator.random((height, width)) < 0.5
     packed[..., 4] = np.round(grid[..., 3])
-    packed[..., 5] = generator.random((height, width)) < 0.1
+    packed[..., CLOSED] = generator.random((height, width)) < 0.1
     return torch.from_numpy(np.clip(packed, -4, 4).astype(np.float16))
 
 

@@ -1,15 +1,17 @@
 """Pull-push fill as compute passes: the filled picture and, for the neural view, the network's input.
 
-``model/pull_push.py`` is the twin.  The network's input is eight half-precision channels a pixel, channels last, in a
-storage buffer that CUDA can map as plain memory (see shaders/fill_picture.comp).
+``model/pull_push.py`` is the reference implementation.  The network's input is eight half-precision channels a
+pixel, channels last, in a storage buffer that CUDA can map as plain memory (see shaders/fill_picture.comp).
 """
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
 
 from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
+from model.pull_push import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
 from viewer.render import shader
 from viewer.render.filter import level_sizes
 from viewer.render.surround import Surround
@@ -21,6 +23,18 @@ if TYPE_CHECKING:
 
 INPUT_BYTES = 16  # a pixel
 _CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}
+_BACKGROUND = {
+    "BACKGROUND": 1, "EMPTY_FEATURE": EMPTY_FEATURE, "NEARER_SCALE": NEARER_SCALE, "NEARER_START": NEARER_START,
+    "WIDER_SCALE": WIDER_SCALE,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Noise:
+    """The noise level's own pyramid, beside that of colour and depth."""
+
+    values: list[moderngl.Texture]
+    pushed: list[moderngl.Texture]
 
 
 class Fill:
@@ -38,63 +52,86 @@ class Fill:
         self._pushed = [context.texture(s, 4, dtype="f4") for s in sizes[:-1]]
         self._surround = Surround(programs, size, self._weights)
         self._closed = context.texture((SIDE, 6 * SIDE), 1, dtype="i1", alignment=1)
-        self._pull_base = programs.compute("fill_pull.comp", BASE=1, **_CONSTANTS)
-        self._pull = programs.compute("fill_pull.comp", **_CONSTANTS)
-        self._push = programs.compute("fill_push.comp")
+        self._noise: _Noise | None = None  # made when a noise level is first given
         self._programs = programs
-        self._pictures: dict[tuple[bool, int | None], moderngl.ComputeShader] = {}  # of eight that there are, those in use
+        self._compiled: dict[tuple, moderngl.ComputeShader] = {}
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
-            closed: np.ndarray, spacing: float, network: "Pixels | None" = None) -> None:
+            closed: np.ndarray, spacing: float, network: "Pixels | None" = None, noise: moderngl.Texture | None = None) -> None:
         """closed: (6 SIDE, SIDE) int8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
-        network: the input buffer to write, or None."""
+        network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
+        nothing is measured; None: 0 everywhere.  It is filled for the network only."""
+        if network is None:
+            noise = None
         feature_scale = 1.0 / (camera.fx * spacing)
-        base = {"raw": raw, "depth": depth, "mask": mask}
-        for index, (value, weight) in enumerate(zip(self._values, self._weights, strict=True)):
-            inputs = {"value": self._values[index - 1], "weight": self._weights[index - 1]} if index else base
-            self._pass(self._pull if index else self._pull_base, value.size, [value, weight], inputs, feature_scale)
-        coarse, is_sum = self._values[-1], 1
-        for index in range(len(self._pushed) - 1, -1, -1):
-            inputs = {"coarse": coarse, "value": self._values[index], "weight": self._weights[index]}
-            self._pass(self._push, self._pushed[index].size, [self._pushed[index]], inputs, feature_scale, is_sum)
-            coarse, is_sum = self._pushed[index], 0
+        base = {"raw": raw, "depth": depth, "mask": mask} | ({} if noise is None else {"noise": noise})
+        coarse, is_sum = self._pyramid(base, feature_scale)
         view = closed_in_view(closed, camera)
         if view not in (CLOSED, SEALED):  # else no direction in the picture is void: nobody asks which pixels are surrounded
             self._surround.run()
         self._closed.write(closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
-        push = self._picture(network is not None, view)
+        push = self._program("fill_picture.comp", base=True, noise=noise is not None, NETWORK=None if network is None else 1,
+                             ALIKE=view, SEALED=SEALED)
         if view is None:
             push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
             push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        inputs = {**base, "coarse": coarse, "holes": self._surround.holes, "closed": self._closed}
-        self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale, is_sum)
+        inputs = {**base, **coarse, "holes": self._surround.holes, "closed": self._closed}
+        self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale=feature_scale, coarse_is_sum=is_sum)
 
-    def _picture(self, network: bool, view: int | None) -> moderngl.ComputeShader:
-        """The last pass, compiled when it is first needed."""
-        if (network, view) not in self._pictures:
-            self._pictures[network, view] = self._programs.compute(
-                "fill_picture.comp", BASE=1, NETWORK=network or None, ALIKE=view, SEALED=SEALED, **_CONSTANTS
-            )
-        return self._pictures[network, view]
+    def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float) -> tuple[dict[str, moderngl.Texture], int]:
+        """Pulls and pushes.  Returns the filled textures of level 1, and 1 where they still carry their weight, else 0."""
+        carried = self._noise_pyramid() if "noise" in base else _Noise([], [])
+        noisy = bool(carried.values)
+        levels = [{"value": value, "weight": weight} for value, weight in zip(self._values, self._weights, strict=True)]
+        for level, noise in zip(levels, carried.values, strict=False):
+            level["noise"] = noise
+        for index, level in enumerate(levels):  # the children's level; ``levels`` starts at level 1
+            pull = self._program("fill_pull.comp", base=index == 0, noise=noisy, background=index >= FIRST_LEVEL)
+            self._pass(pull, level["value"].size, list(level.values()), levels[index - 1] if index else base,
+                       feature_scale=feature_scale, wider_offset=wider_offset(index))  # fmt: skip
+        coarse, is_sum = {"coarse": self._values[-1]} | ({"coarse_noise": carried.values[-1]} if noisy else {}), 1
+        for index in range(len(self._pushed) - 1, -1, -1):
+            above = index + 2  # the level of ``coarse``
+            push = self._program("fill_push.comp", noise=noisy, background=above >= FIRST_LEVEL)
+            made = {"coarse": self._pushed[index]} | ({"coarse_noise": carried.pushed[index]} if noisy else {})
+            self._pass(push, self._pushed[index].size, list(made.values()), {**coarse, **levels[index]},
+                       coarse_is_sum=is_sum, wider_offset=wider_offset(above))  # fmt: skip
+            coarse, is_sum = made, 0
+        return coarse, is_sum
+
+    def _noise_pyramid(self) -> _Noise:
+        if self._noise is None:
+            like = self._values, self._pushed
+            self._noise = _Noise(*([self.context.texture(t.size, 1, dtype="f4") for t in textures] for textures in like))
+        return self._noise
+
+    def _program(self, name: str, *, base: bool = False, noise: bool = False, background: bool = False,
+                 **defines: object) -> moderngl.ComputeShader:
+        """A pass, compiled when it is first needed."""
+        key = (name, base, noise, background, *defines.values())
+        if key not in self._compiled:
+            constants = (_CONSTANTS if base else {}) | (_BACKGROUND if background else {})
+            self._compiled[key] = self._programs.compute(name, BASE=base or None, NOISE=noise or None, **constants, **defines)
+        return self._compiled[key]
 
     def _pass(self, program: moderngl.ComputeShader, size: tuple[int, int], outputs: list[moderngl.Texture],
-              inputs: dict[str, moderngl.Texture], feature_scale: float, is_sum: int = 0) -> None:
+              inputs: dict[str, moderngl.Texture], **uniforms: float) -> None:
         for unit, (name, texture) in enumerate({**inputs, "whole_weight": self._weights[-1]}.items()):
             if name in program:
                 texture.use(unit)
                 program[name] = unit
         for unit, texture in enumerate(outputs):
             texture.bind_to_image(unit, read=False, write=True)
-        if "feature_scale" in program:
-            program["feature_scale"] = feature_scale
-        if "coarse_is_sum" in program:
-            program["coarse_is_sum"] = is_sum
+        for name, value in uniforms.items():
+            if name in program:
+                program[name] = value
         program.run(*shader.groups(*size))
         self.context.memory_barrier()
 
     def release(self) -> None:
-        for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed):
+        carried = [*self._noise.values, *self._noise.pushed] if self._noise else []
+        for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed, *carried):
             resource.release()
         self._surround.release()
