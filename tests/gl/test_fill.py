@@ -65,7 +65,7 @@ def test_any_mask_is_filled_and_closed_as_by_the_twin(context, seed, size, known
             got = sent(context, fill, *made[-3:], camera=camera, closed=closed, spacing=0.1)
             colour = torch.from_numpy(rgb).permute(2, 0, 1).float()
             wanted = network_input(Raster(colour, torch.from_numpy(depth), kept.long()), kept, camera.fx, 0.1).numpy()
-            assert np.abs(got[:5] - wanted).max() < CLOSE
+            assert np.abs(got[:6] - wanted).max() < CLOSE
             towards = looked_up(closed, camera)
             alpha = (surrounded(kept).numpy() | (towards != OPEN)) & mask.any()
             sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(kept).numpy())
@@ -146,7 +146,7 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
             got = sent(context, renderer._fill, colour, trusted, rasteriser.depth,
                        camera=camera, closed=closed, spacing=spacing)  # fmt: skip
             wanted = network_input(twin.raster, mask, camera.fx, spacing).numpy()
-            assert np.abs(got[:5] - wanted).max() < CLOSE
+            assert np.abs(got[:6] - wanted).max() < CLOSE
             assert (got[CLOSED] != sealed).mean() <= FEW and (got[VOID] == twin.alpha).mean() <= FEW and not got[5].any()
             assert not limit or np.abs(wanted[4] - limit * DEPTH_FEATURE_LIMIT).max() < CLOSE
     finally:

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from model.depth_filter import keep_mask
+from model.noise_level import pixel_noise
 from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
 from model.station_weights import station_weights
 from model.surrounded import surrounded
@@ -52,7 +53,8 @@ def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
     mask = keep_mask(
         raster.depth, settings.filter, strength=settings.filter_strength, levels=settings.filter_levels, metre=metre
     ) & (raster.count > 0)
-    packed = network_input(raster, mask, camera.fx, scene.spacing)
+    noise = pixel_noise(scene.noise, raster, camera, camera.view_rotation.T, camera.position)
+    packed = network_input(raster, mask, camera.fx, scene.spacing, noise)
     alpha = surrounded(mask).numpy() | (directions(scene, camera) != OPEN)
     alpha &= bool(mask.any())
     return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha)

@@ -1,0 +1,70 @@
+"""The pass that tells the network a picture's noise level, against its reference implementation."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from clouds import camera_in, room
+from test_stations import scanned
+from twin import twin_frame
+
+from model.noise import KNOTS, NoiseModel
+from model.noise_level import pixel_noise
+from model.project import NOISE_SCALE, averaging
+from viewer.render.renderer import Renderer
+from viewer.settings import Settings
+
+AT_EDGES = 2e-3
+"""Share of the pixels whose place lies on the border of two voxels, which float32 gives to either."""
+
+
+def lattice(scene, seed: int) -> NoiseModel:
+    """Noise that differs from voxel to voxel, and by brightness."""
+    rng = np.random.default_rng(seed)
+    low, high = scene.bounds
+    voxel = float((high - low).max()) / 7
+    shape = tuple(np.maximum(np.ceil((high - low) / voxel), 1).astype(int)[::-1])
+    sigma = rng.uniform(0.001, 0.1, shape).astype(np.float32)
+    return NoiseModel(low.copy(), voxel, sigma, rng.uniform(0.3, 2.0, KNOTS).astype(np.float32), float(np.median(sigma)), 99)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("detail", [0.0, 1.0, 1.7, 2.0])
+def test_the_noise_level_is_that_of_the_reference(context, seed, weighted, detail):
+    scene = scanned(seed) if weighted else room(seed, 200_000)
+    scene = replace(scene, noise=lattice(scene, seed))
+    renderer, camera = Renderer(context, scene, device="cpu"), camera_in(scene, seed)
+    settings = Settings(view="neural", device="cpu", quality="fast", detail=detail)
+    try:
+        renderer.render(camera, settings)
+        made = renderer._noise
+        assert made is not None
+        level = np.frombuffer(made.level.read(alignment=1), np.float16).reshape(camera.height, camera.width).astype(float)
+    finally:
+        renderer.release()
+    twin = twin_frame(scene, camera, settings)
+    sigma = pixel_noise(scene.noise, twin.raster, camera, camera.view_rotation.T, camera.position).numpy()
+    wanted = (2 - detail) * NOISE_SCALE * sigma * averaging(twin.raster.count, weighed=twin.raster.weighed).numpy() * twin.mask
+    assert twin.raster.weighed == weighted and twin.mask.mean() > 0.005
+    wrong = np.abs(level - wanted) > 2e-3 * wanted + 1e-4
+    assert wrong.mean() <= AT_EDGES
+    assert (level[~twin.mask] == 0).all() and (detail == 2.0) == (not level.any())
+
+
+def test_a_scan_of_unknown_noise_tells_none(context):
+    scene = replace(room(1), noise=None)
+    renderer, camera = Renderer(context, scene, device="cpu"), camera_in(scene, 1)
+    try:
+        renderer.render(camera, Settings(view="neural", device="cpu", quality="fast"))
+        assert renderer._noise is None
+        packed = np.frombuffer(renderer._neural.bridge.input.read(), np.float16).reshape(camera.height, camera.width, 8)
+        assert not packed[..., 5].any() and packed[..., :3].any()
+    finally:
+        renderer.release()
+
+
+def test_averaging_counts_points_or_their_weights():
+    count = torch.tensor([[0, 1, 4, 255, 10_000]])
+    assert averaging(count, weighed=False)[0].tolist() == pytest.approx([1, 1, 0.5, 255**-0.5, 255**-0.5])
+    assert averaging(count, weighed=True)[0].tolist() == pytest.approx([1, 1, 1, (255 / 8) ** -0.5, (255 / 8) ** -0.5])
