@@ -64,6 +64,32 @@ class SqueezeDistance(nn.Module):
         return total
 
 
+class Dissimilarity(nn.Module):
+    """1 - SSIM (Wang et al. 2004), as a loss (Zhao et al. 2017): mean over windows, channels and pictures; 0 where equal.
+
+    What a distance of deep features forgives, texture replaced by other texture, this does not.
+    """
+
+    WINDOW, SIGMA = 11, 1.5
+
+    def __init__(self) -> None:
+        super().__init__()
+        taps = torch.exp(-(torch.arange(self.WINDOW) - self.WINDOW // 2).float().square() / (2 * self.SIGMA**2))
+        self.register_buffer("taps", taps / taps.sum(), persistent=False)
+
+    def _means(self, x: Tensor) -> Tensor:
+        taps, planes = self.get_buffer("taps").to(x.dtype), x.shape[1]
+        x = F.conv2d(x, taps[None, None, :, None].expand(planes, 1, -1, -1), groups=planes)
+        return F.conv2d(x, taps[None, None, None, :].expand(planes, 1, -1, -1), groups=planes)
+
+    def forward(self, a: Tensor, b: Tensor) -> Tensor:
+        """a, b: (B, 3, H, W) in 0..1, at least WINDOW pixels a side."""
+        mean_a, mean_b, square_a, square_b, product = self._means(torch.cat([a, b, a * a, b * b, a * b], 1)).chunk(5, 1)
+        c1, c2 = 0.01**2, 0.03**2
+        alike = (2 * mean_a * mean_b + c1) * (2 * (product - mean_a * mean_b) + c2)
+        return 1.0 - (alike / ((mean_a**2 + mean_b**2 + c1) * (square_a - mean_a**2 + square_b - mean_b**2 + c2))).mean()
+
+
 def perceptual(path: Path | None) -> tuple[nn.Module | None, str]:
     """The distance to train and judge with, and its name for tables: LPIPS if installed with weights at hand, else the
     SqueezeNet distance from ``path``, else (None, "none")."""

@@ -1,8 +1,9 @@
-"""What training minimises: L1, a perceptual distance, coverage, and steadiness between neighbouring cameras.
+"""What training minimises: L1, a perceptual distance, dissimilarity, coverage, and steadiness between neighbouring cameras.
 
-L1 and the perceptual distance weigh as in the paper (0.9 and 0.1).  Coverage: the fourth channel against the true share of
-each pixel that something covers.  Steadiness: the picture from a camera moved a little, brought back along the true
-motion of every surface point, should be this picture; after Lai et al. 2018, with the motion known instead of estimated.
+L1 and the perceptual distance weigh as in the paper (0.9 and 0.1).  Dissimilarity is 1 - SSIM.  Coverage: the fourth channel
+against the true share of each pixel that something covers.  Steadiness: the picture from a camera moved a little, brought back
+along the true motion of every surface point, should be this picture; after Lai et al. 2018, with the motion known instead of
+estimated.
 """
 
 from pathlib import Path
@@ -12,7 +13,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from model.data.crops import Batch
-from model.losses import perceptual
+from model.losses import Dissimilarity, perceptual
 
 
 def warp(picture: Tensor, flow: Tensor) -> Tensor:
@@ -40,8 +41,10 @@ def inside_flow(flow: Tensor) -> Tensor:
 class Objective(nn.Module):
     """``forward`` gives the loss to minimise and its terms.  ``name``: the perceptual distance that is used."""
 
-    def __init__(self, perceptual_path: Path | None, perceptual_weight: float, coverage_weight: float, steady_weight: float):
+    def __init__(self, perceptual_path: Path | None, perceptual_weight: float, coverage_weight: float, steady_weight: float,
+                 structure_weight: float = 0.0):
         super().__init__()
+        self.dissimilarity, self.structure_weight = Dissimilarity(), structure_weight
         self.distance, self.name = perceptual(perceptual_path)
         self.perceptual_weight = perceptual_weight if self.distance is not None else 0.0
         self.coverage_weight, self.steady_weight = coverage_weight, steady_weight
@@ -58,6 +61,10 @@ class Objective(nn.Module):
             shown = torch.where(weight[-half:] > 0.5, colour[-half:].clamp(0, 1), batch.colour[-half:])
             terms["distance"] = self.distance(shown, batch.colour[-half:])
             loss = loss + self.perceptual_weight * terms["distance"]
+        if self.structure_weight:
+            terms["dissimilarity"] = self.dissimilarity(
+                torch.where(weight > 0.5, colour.clamp(0, 1), batch.colour).float(), batch.colour)
+            loss = loss + self.structure_weight * terms["dissimilarity"]
         if made.shape[1] > 3 and self.coverage_weight:
             covered, true = made[:, 3:4], batch.coverage
             # Beyond its bound the channel is clamped when shown, so there is nothing to mend there.

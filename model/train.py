@@ -35,7 +35,7 @@ from model.whole import write_whole
 from model.widen import started_from
 
 DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "crop", "recolour", "rate", "warmup",
-            "perceptual_weight", "coverage_weight", "steady_weight", "average")
+            "perceptual_weight", "coverage_weight", "steady_weight", "structure_weight", "average")
 """Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
 
 CROPS = 4
@@ -49,7 +49,7 @@ class TrainConfig:
     pairs: folders made by :mod:`model.data.pairs`; shares: how often each is drawn from (empty: equally).
     minutes: stop after this long, all calls together (0: by steps alone).  batch: crops a process and step.
     neighbours: how many of them come with a neighbouring camera, where the pairs have them.
-    perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).
+    perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).  structure_weight: of 1 - SSIM.
     average: what the averaged network keeps of itself each step.
     start_from: weights to begin with, of this size or a smaller one (:mod:`model.widen`).
     recolour: crops take other exposures and orders of channels, stations disagree and points stray (model.data.augmentation);
@@ -73,6 +73,7 @@ class TrainConfig:
     perceptual_weight: float = 0.1
     coverage_weight: float = 0.1
     steady_weight: float = 0.1
+    structure_weight: float = 0.05
     perceptual_path: str | None = None
     average: float = 0.998
     seed: int = 1
@@ -223,7 +224,7 @@ def train(config: TrainConfig, on_step=None) -> Path:
         crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed, config.shares, recolour=config.recolour)
         objective = Objective(
             Path(config.perceptual_path) if config.perceptual_path else None, config.perceptual_weight,
-            config.coverage_weight, config.steady_weight,
+            config.coverage_weight, config.steady_weight, config.structure_weight,
         ).to(process.device)
         trainer, facts = Trainer(config, process), config.facts(objective.name)
         trainer.load(facts)
