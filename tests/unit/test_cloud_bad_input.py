@@ -9,9 +9,9 @@ import pytest
 from cloud_files import SCANS, E57Scan, edited_e57, surface, write_e57, write_las, write_ply
 
 from viewer.cloud import open_scene, unpack
-from viewer.cloud.ply import PlySource
-from viewer.cloud.source import open_source
 from viewer.errors import InputError
+from viewer.readers.ply import PlySource
+from viewer.readers.source import open_source
 
 
 @pytest.fixture(autouse=True)
@@ -339,7 +339,7 @@ def test_real_scans_open_with_the_counts_and_colours_they_have(name):
 def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
     """Cut off by another program between two chunks: one line, and no end by a bus error."""
     for module in ("las.CHUNK", "ply.CHUNK", "e57._CHUNK"):
-        monkeypatch.setattr(f"viewer.cloud.{module}", 20_000)
+        monkeypatch.setattr(f"viewer.readers.{module}", 20_000)
     xyz, rgb = surface(100_000)
     path = tmp_path / f"scan.{kind}"
     if kind == "ply":

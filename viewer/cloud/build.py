@@ -35,7 +35,7 @@ def open_scene(
             raise InputError(f"{files[0]}: was built with matched exposures, colours as scanned are not in it; "
                              "give the scan itself, or convert it again with --exposures as-scanned")
         return scene
-    from viewer.cloud.source import check_file
+    from viewer.readers.source import check_file
 
     for file in files:
         check_file(file)
@@ -51,7 +51,7 @@ def build_scene(files: list[Path], allocate, *, match: bool = True) -> Scene:
     """Reads the files and builds their grid; ``allocate`` gives room for the packed points (see grid.Allocate)."""
     from viewer.cloud.colour import Colours
     from viewer.cloud.grid import build_grid
-    from viewer.cloud.source import open_source
+    from viewer.readers.source import open_source
 
     sources = [open_source(file) for file in files]
     meta = {
@@ -92,8 +92,8 @@ def scene_from_arrays(
     over what is known.  stages: if given, receives the seconds each stage took.
     Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
     """
-    from viewer.cloud.arrays import ArraySource
     from viewer.cloud.grid import build_grid
+    from viewer.readers.arrays import ArraySource
 
     source = ArraySource(xyz, rgb, intensity, scan)
     known = {

@@ -23,14 +23,15 @@ from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
 from viewer.cloud.scratch import move, reserve, scratch
 from viewer.errors import InputError
+from viewer.grid_folder import MAGIC, is_grid
+from viewer.grid_folder import META as _META
 from viewer.paths import cache_dir
 from viewer.progress import progress
 
-MAGIC, VERSION = "pointglass grid", 4
+VERSION = 4
 # How colours are made; how points are ordered and their spacing is measured: a grid in the cache made otherwise is made anew,
 # a folder of convert stays as it is.
 COLOURS, ORDER = 3, 5
-_META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1")}
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -67,14 +68,6 @@ def load(folder: Path, files: list[Path]) -> Scene | None:
         return _read(folder, _identity(files))
     except _DAMAGE:
         return None
-
-
-def is_grid(folder: Path) -> bool:
-    """True where ``folder`` holds a pointglass grid, whole or torn."""
-    try:
-        return _head(folder).get("magic") == MAGIC
-    except (*_DAMAGE, AttributeError):
-        return False
 
 
 def stranger(folder: Path) -> str | None:

@@ -21,7 +21,7 @@ def convert(paths: list[Path], out: Path, *, match: bool = True) -> Scene:
     Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad input;
     nothing partial is left behind.
     """
-    from viewer.cloud.source import check_file
+    from viewer.readers.source import check_file
 
     files, out = as_paths(paths), Path(out)
     for file in files:
@@ -50,7 +50,7 @@ def _place_of(out: Path) -> Path:
 
 def scans_in(paths: list[Path]) -> list[Path]:
     """Files as they are, folders as the scans directly inside them, by name.  Raises InputError where there are none."""
-    from viewer.cloud.source import is_scan
+    from viewer.readers.source import is_scan
 
     found: list[Path] = []
     for path in as_paths(paths):

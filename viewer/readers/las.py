@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud import crs
-from viewer.cloud.laz_chunks import check_chunks
-from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
 from viewer.errors import InputError
+from viewer.readers import crs
+from viewer.readers.laz_chunks import check_chunks
+from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
 
 _AT_ONCE = 1 << 30  # bytes of a chunk's points that lazrs may hold whole, as it does to use several processors
 

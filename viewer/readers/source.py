@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from viewer.errors import InputError
+from viewer.grid_folder import is_grid
 
 CHUNK = 1 << 20
 """Most points in one chunk."""
@@ -19,7 +20,7 @@ CHUNK = 1 << 20
 @dataclass(frozen=True)
 class ScanInfo:
     """One scanner station (or one file that does not say).  position: (x, y, z) of the scanner, file coordinates.
-    inferred: the file does not say, its points' order does (viewer.cloud.standpoints)."""
+    inferred: the file does not say, the order of its points does."""
 
     name: str
     position: tuple[float, float, float] | None = None
@@ -93,8 +94,6 @@ def check_file(path: Path) -> None:
         if not path.exists():
             raise InputError(f"{path}: no such file")
         if path.is_dir():
-            from viewer.cloud.cache import is_grid
-
             if is_grid(path):
                 raise InputError(f"{path}: a folder made by convert is opened alone; give the scans it was made from")
             raise InputError(f"{path}: is a folder, not a scan; give a {KNOWN} file, or a folder made by convert")
@@ -124,11 +123,11 @@ def open_source(path: Path) -> Source:
     if kind is None:
         raise InputError(f"{path}: {_guess(head, suffix)}; expected a {KNOWN} file")
     if kind == "las":
-        from viewer.cloud.las import LasSource as Reader
+        from viewer.readers.las import LasSource as Reader
     elif kind == "ply":
-        from viewer.cloud.ply import PlySource as Reader
+        from viewer.readers.ply import PlySource as Reader
     else:
-        from viewer.cloud.e57 import E57Source as Reader
+        from viewer.readers.e57 import E57Source as Reader
     source = Reader(path)
     if _SUFFIXES.get(suffix) != kind:
         named = f"named {suffix}" if suffix else "named without a suffix"

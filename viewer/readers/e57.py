@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud import crs
-from viewer.cloud.e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, value_of
-from viewer.cloud.source import Chunk, ScanInfo, Source, stretch
 from viewer.errors import InputError
+from viewer.readers import crs
+from viewer.readers.e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, value_of
+from viewer.readers.source import Chunk, ScanInfo, Source, stretch
 from viewer.words import counted
 
 _CHUNK = 1 << 19  # buffers are float64 for every field
