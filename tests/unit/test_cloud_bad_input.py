@@ -10,8 +10,8 @@ from cloud_files import SCANS, E57Scan, edited_e57, surface, write_e57, write_la
 
 from viewer.cloud import open_scene, unpack
 from viewer.errors import InputError
+from viewer.readers.formats import open_source
 from viewer.readers.ply import PlySource
-from viewer.readers.source import open_source
 
 
 @pytest.fixture(autouse=True)

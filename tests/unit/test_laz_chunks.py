@@ -11,7 +11,7 @@ from cloud_files import surface, write_las
 
 from viewer.cloud import open_scene
 from viewer.errors import InputError
-from viewer.readers.source import open_source
+from viewer.readers.formats import open_source
 
 COUNT = 2000
 

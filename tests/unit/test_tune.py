@@ -13,7 +13,7 @@ from model.weights import load_weights, weights_dir
 from viewer.cloud.colour import Colours
 from viewer.errors import InputError
 from viewer.readers.e57_images import read_photographs
-from viewer.readers.source import open_source
+from viewer.readers.formats import open_source
 from viewer.tools import tune as tuning
 from viewer.tools.tune import agreement, read_points, registered_pictures, tune
 

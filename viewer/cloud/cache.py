@@ -27,6 +27,7 @@ from viewer.grid_folder import MAGIC, is_grid
 from viewer.grid_folder import META as _META
 from viewer.paths import cache_dir
 from viewer.progress import progress
+from viewer.readers.formats import KNOWN
 
 VERSION = 4
 # How colours are made; how points are ordered and their spacing is measured: a grid in the cache made otherwise is made anew,
@@ -48,9 +49,10 @@ class CacheError(InputError):
     """The cache folder cannot be used; the scan itself may be fine."""
 
 
-def folder_of(files: list[Path], match: bool = True) -> Path:
-    """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures."""
-    key = json.dumps([VERSION, COLOURS, ORDER, _identity(files), match]).encode()
+def folder_of(files: list[Path], match: bool = True, columns: str | None = None) -> Path:
+    """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures.
+    columns: of text files."""
+    key = json.dumps([VERSION, COLOURS, ORDER, _identity(files), match, *([columns] if columns else [])]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 
@@ -80,7 +82,7 @@ def stranger(folder: Path) -> str | None:
 def load_folder(folder: Path) -> Scene:
     """The grid in a folder made by ``convert``.  Raises InputError where it is not one, or torn."""
     if not is_grid(folder):
-        raise InputError(f"{folder}: is a folder, but not one made by convert; give a PLY, LAS, LAZ, COPC or E57 file")
+        raise InputError(f"{folder}: is a folder, but not one made by convert; give a {KNOWN}")
     try:
         return _read(folder, None)
     except _DAMAGE as error:

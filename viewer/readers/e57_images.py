@@ -18,7 +18,7 @@ import numpy as np
 
 from viewer.errors import InputError
 from viewer.readers.e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
-from viewer.readers.source import check_file
+from viewer.readers.formats import check_file
 
 MOST_PIXELS = 1 << 28
 """Of one stored picture; larger ones are refused before anything is decoded."""

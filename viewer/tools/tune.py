@@ -33,7 +33,7 @@ from viewer.errors import InputError
 from viewer.paths import weights_home
 from viewer.progress import progress
 from viewer.readers.e57_images import Photo, read_photographs
-from viewer.readers.source import open_source
+from viewer.readers.formats import open_source
 
 MOST_POINTS = 20_000_000
 MOST_PHOTOS = 120
