@@ -38,8 +38,8 @@ def test_missing_empty_and_foreign_files(tmp_path):
         ("empty.ply", b"", "empty"),
         ("noise.laz", bytes(range(200)), "does not begin like one"),
         ("scan.zip", b"PK\x03\x04rest", "zip"),
-        ("scan.pcd", b"# .PCD v0.7", "PCD"),
-        ("what.xyz", b"1 2 3\n", "not a scan format known here"),
+        ("scan.pcd", b"# .PCD v0.7", "truncated in its header"),
+        ("what.dat", b"1 2 3\n", "not a scan format known here"),
     ):
         path = tmp_path / name
         path.write_bytes(data)

@@ -89,7 +89,8 @@ class TextRows:
             return InputError(f"{self.path}: line {number:,} has numbers with a decimal comma: {quoted(line)}; export it with "
                               "decimal points")  # fmt: skip
         if fields:
-            cut = ", the file is truncated" if not self._text[self._text.find(b"\n", at) + 1 :].strip() and self._ended else ""
+            after = self._text[self._text.find(b"\n", at) + 1 :] + self._rest + self._file.read(1)
+            cut = "" if after.strip() else ", the file is truncated"
             return InputError(f"{self.path}: line {number:,} has {counted(fields[0], 'value')} where {fields[1]} are expected: "
                               f"{quoted(line)}{cut}; copy or export it again")  # fmt: skip
         return InputError(f"{self.path}: line {number:,} holds {quoted(line)} where numbers are expected; export it again")
