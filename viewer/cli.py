@@ -18,8 +18,9 @@ from model.signals import importing
 from viewer import __version__
 from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
-from viewer.options import Parser, add_exposures, add_memory, add_scans, add_settings, memory_of, settings_of
+from viewer.options import Parser, add_columns, add_exposures, add_memory, add_scans, add_settings, memory_of, settings_of
 from viewer.progress import progress
+from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from viewer.words import counted
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
@@ -63,12 +64,13 @@ def _parser() -> argparse.ArgumentParser:
 
     convert = command("convert", "build the grid into a folder")
     convert.add_argument("scans", nargs="+", type=Path, metavar="SCAN",
-                         help="PLY, LAS, LAZ, COPC or E57 files; several make one grid, or with --each one each")
+                         help=f"{KNOWN_FILES} files, {KNOWN_FOLDERS} folders; several make one grid, or with --each one each")
     convert.add_argument("--out", type=Path, required=True, metavar="DIR",
                          help="a new or empty folder for the grid; open it like a scan")
     convert.add_argument("--each", action="store_true",
                          help="a grid for every scan (SCAN may be a folder of them), in DIR/NAME; what is up to date is kept")
     convert.add_argument("--shard", metavar="i/n", help="--each, but only every n-th scan, starting at the i-th (from 0)")
+    add_columns(convert)
     add_exposures(convert)
 
     bench = command("bench", "run time, measured")
@@ -101,7 +103,7 @@ def _view(options: argparse.Namespace) -> int:
     from viewer.window.app import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
-               memory=memory_of(options))
+               memory=memory_of(options), columns=options.columns)
 
 
 def _demo(options: argparse.Namespace) -> int:
@@ -132,7 +134,8 @@ def _render(options: argparse.Namespace) -> int:
     from viewer.render.renderer import Renderer
 
     context = create_context()
-    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched")
+    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched",
+                       columns=options.columns)
     renderer = Renderer(context, scene, memory=memory)
     try:
         count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux)
@@ -146,7 +149,7 @@ def _render(options: argparse.Namespace) -> int:
 def _info(options: argparse.Namespace) -> int:
     from viewer.cloud.info import describe, format_text
 
-    facts = describe(options.scans, cache=not options.no_cache)
+    facts = describe(options.scans, cache=not options.no_cache, columns=options.columns)
     print(json.dumps(facts, indent=1) if options.json else format_text(facts))
     return 0
 
@@ -158,10 +161,11 @@ def _convert(options: argparse.Namespace) -> int:
         from viewer.tools.export import parse_shard
 
         shard = parse_shard(options.shard) if options.shard else (0, 1)
-        made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched")
+        made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched",
+                            columns=options.columns)
         print(f"{counted(len(made), 'grid')} in {options.out}")
         return 0
-    convert(options.scans, options.out, match=options.exposures == "matched")
+    convert(options.scans, options.out, match=options.exposures == "matched", columns=options.columns)
     print(f"grid in {options.out}")
     return 0
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from viewer.errors import InputError
+from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from viewer.settings import CHOICES, MEMORY, Memory, Settings
 
 
@@ -102,8 +103,16 @@ def memory_of(options: argparse.Namespace) -> Memory:
 
 def add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
     parser.add_argument("scans", nargs=least, type=Path, metavar="SCAN",
-                        help="PLY, LAS, LAZ, COPC or E57 files, or a folder made by `convert`; several make one scene")
+                        help=f"{KNOWN_FILES} files, {KNOWN_FOLDERS} folders, or a folder made by `convert`; several make "
+                             "one scene")
     parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and keep nothing")
+    add_columns(parser)
+
+
+def add_columns(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--columns", metavar="C,C,...",
+                        help="what the columns of a text file of points are: x, y, z, r, g, b, i (intensity), c (class) or - "
+                             "(anything else), such as x,y,z,i,r,g,b,- (default: as they are recognised)")
 
 
 def add_exposures(parser: argparse.ArgumentParser) -> None:

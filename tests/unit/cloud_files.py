@@ -2,7 +2,7 @@
 
 import re
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +21,7 @@ def surface(count: int, seed: int = 0, origin=(0.0, 0.0, 0.0), size: float = 4.0
 
 
 def write_las(
-    path: Path, xyz, rgb=None, intensity=None, *, scale=1 / 4096, wkt: str | None = None, source=None
+    path: Path, xyz, rgb=None, intensity=None, *, scale=1 / 4096, wkt: str | None = None, source=None, classes=None
 ) -> Path:  # fmt: skip
     """LAS, or LAZ by the suffix.  rgb: (n, 3), written as it is into the 16-bit fields."""
     import laspy
@@ -38,6 +38,8 @@ def write_las(
         las.intensity = intensity
     if source is not None:
         las.point_source_id = np.asarray(source, np.uint16)
+    if classes is not None:
+        las.classification = classes
     las.write(str(path))
     return path
 
@@ -100,7 +102,8 @@ def _text(value) -> str:
 
 @dataclass
 class E57Scan:
-    """xyz: (n, 3) in the scanner's frame.  quaternion: w, x, y, z.  invalid: (n,) 0 valid, 1 or 2 not."""
+    """xyz: (n, 3) in the scanner's frame.  quaternion: w, x, y, z.  invalid: (n,) 0 valid, 1 or 2 not.  kind: of coordinates,
+    double, float or scaled (integers).  beside: other fields, whole numbers."""
 
     xyz: np.ndarray
     rgb: np.ndarray | None = None
@@ -112,6 +115,8 @@ class E57Scan:
     colour_full: int = 255
     limits: bool = True
     name: str | None = None
+    kind: str = "double"
+    beside: dict = field(default_factory=dict)
 
 
 def write_e57(path: Path, scans: list[E57Scan]) -> Path:
@@ -148,7 +153,7 @@ def write_e57(path: Path, scans: list[E57Scan]) -> Path:
             columns = {"cartesianX": x, "cartesianY": y, "cartesianZ": z}
         prototype = e.StructureNode(file)
         for name in columns:
-            prototype.set(name, e.FloatNode(file, 0.0, e.E57_DOUBLE, e.E57_DOUBLE_MIN, e.E57_DOUBLE_MAX))
+            prototype.set(name, _coordinate(e, file, scan.kind))
         if scan.rgb is not None:
             for name, values in zip(("colorRed", "colorGreen", "colorBlue"), np.asarray(scan.rgb).T, strict=True):
                 columns[name] = values.astype(np.float64)
@@ -171,6 +176,9 @@ def write_e57(path: Path, scans: list[E57Scan]) -> Path:
             name = "sphericalInvalidState" if scan.spherical else "cartesianInvalidState"
             columns[name] = np.asarray(scan.invalid, np.float64)
             prototype.set(name, e.IntegerNode(file, 0, 0, 2))
+        for name, values in scan.beside.items():
+            columns[name] = np.asarray(values, np.float64)
+            prototype.set(name, e.IntegerNode(file, 0, 0, max(int(np.max(values)), 1)))
         points = e.CompressedVectorNode(file, prototype, e.VectorNode(file, True))
         node.set("points", points)
         buffers = e.VectorSourceDestBuffer()
@@ -183,6 +191,14 @@ def write_e57(path: Path, scans: list[E57Scan]) -> Path:
         writer.close()
     file.close()
     return path
+
+
+def _coordinate(e, file, kind: str):
+    if kind == "scaled":
+        return e.ScaledIntegerNode(file, 0, -(2**31), 2**31 - 1, 2.0**-16, 0.0)
+    if kind == "float":
+        return e.FloatNode(file, 0.0, e.E57_SINGLE, e.E57_FLOAT_MIN, e.E57_FLOAT_MAX)
+    return e.FloatNode(file, 0.0, e.E57_DOUBLE, e.E57_DOUBLE_MIN, e.E57_DOUBLE_MAX)
 
 
 def _write_pose(e, file, node, scan: E57Scan) -> None:

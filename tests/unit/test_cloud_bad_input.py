@@ -9,9 +9,9 @@ import pytest
 from cloud_files import SCANS, E57Scan, edited_e57, surface, write_e57, write_las, write_ply
 
 from viewer.cloud import open_scene, unpack
-from viewer.cloud.ply import PlySource
-from viewer.cloud.source import open_source
 from viewer.errors import InputError
+from viewer.readers.formats import open_source
+from viewer.readers.ply import PlySource
 
 
 @pytest.fixture(autouse=True)
@@ -38,8 +38,8 @@ def test_missing_empty_and_foreign_files(tmp_path):
         ("empty.ply", b"", "empty"),
         ("noise.laz", bytes(range(200)), "does not begin like one"),
         ("scan.zip", b"PK\x03\x04rest", "zip"),
-        ("scan.pcd", b"# .PCD v0.7", "PCD"),
-        ("what.xyz", b"1 2 3\n", "not a scan format known here"),
+        ("scan.pcd", b"# .PCD v0.7", "truncated in its header"),
+        ("what.dat", b"1 2 3\n", "not a scan format known here"),
     ):
         path = tmp_path / name
         path.write_bytes(data)
@@ -339,7 +339,7 @@ def test_real_scans_open_with_the_counts_and_colours_they_have(name):
 def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
     """Cut off by another program between two chunks: one line, and no end by a bus error."""
     for module in ("las.CHUNK", "ply.CHUNK", "e57._CHUNK"):
-        monkeypatch.setattr(f"viewer.cloud.{module}", 20_000)
+        monkeypatch.setattr(f"viewer.readers.{module}", 20_000)
     xyz, rgb = surface(100_000)
     path = tmp_path / f"scan.{kind}"
     if kind == "ply":

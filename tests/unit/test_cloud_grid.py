@@ -11,13 +11,13 @@ from cloud_files import surface
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from viewer.cloud import arrays as arrays_module
 from viewer.cloud import grid as grid_module
 from viewer.cloud import histogram as histogram_module
 from viewer.cloud import kernels, layers, scene_from_arrays, unpack
 from viewer.cloud import scatter as scatter_module
-from viewer.cloud.source import Chunk
 from viewer.errors import InputError
+from viewer.readers import arrays as arrays_module
+from viewer.readers.source import Chunk
 
 PARTS = [int(f"{number:06b}"[::-1], 2) for number in range(64)]
 """Of each 64 points of a layer and cell, the one that goes into the first part, the second, ..."""

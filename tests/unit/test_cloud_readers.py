@@ -5,8 +5,8 @@ import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 
 from viewer.cloud import open_scene, unpack
-from viewer.cloud.crs import from_geokeys, from_wkt
-from viewer.cloud.source import open_source
+from viewer.readers.crs import from_geokeys, from_wkt
+from viewer.readers.formats import open_source
 
 ORDERS = ("ascii", "binary_little_endian", "binary_big_endian")
 

@@ -10,8 +10,8 @@ import pytest
 from cloud_files import surface, write_las
 
 from viewer.cloud import open_scene
-from viewer.cloud.source import open_source
 from viewer.errors import InputError
+from viewer.readers.formats import open_source
 
 COUNT = 2000
 

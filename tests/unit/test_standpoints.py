@@ -8,9 +8,9 @@ from swept_room import PLACES, sweep
 
 from viewer.cloud import open_scene, standpoints, unpack
 from viewer.cloud.info import facts, format_text
-from viewer.cloud.source import Chunk, ScanInfo, Source
 from viewer.cloud.standpoints import Standpoints
 from viewer.cloud.sweeps import WINDOW
+from viewer.readers.source import Chunk, ScanInfo, Source
 
 
 def swept(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,9 +11,9 @@ from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
 from model.data.projected import scan_spacing
 from model.weights import load_weights, weights_dir
 from viewer.cloud.colour import Colours
-from viewer.cloud.e57_images import read_photographs
-from viewer.cloud.source import open_source
 from viewer.errors import InputError
+from viewer.readers.e57_images import read_photographs
+from viewer.readers.formats import open_source
 from viewer.tools import tune as tuning
 from viewer.tools.tune import agreement, read_points, registered_pictures, tune
 

@@ -17,8 +17,8 @@ import numpy as np
 from model.compiled import compiled
 from viewer.cloud.grid import processors
 from viewer.cloud.scene import Scene
-from viewer.cloud.source import Chunk, ScanInfo, Source
 from viewer.errors import InputError
+from viewer.readers.source import Chunk, ScanInfo, Source
 from viewer.words import counted
 
 POINTS_PER_ROOM = 5_000_000

@@ -1,6 +1,6 @@
 """From scan files to a packed grid of points; no OpenGL here.
 
-    reader (one a format) -> chunks -> grid: cells, density layers, 12-byte points -> Scene -> memory-mapped cache
+    viewer.readers -> chunks -> grid: cells, density layers, 12-byte points -> Scene -> memory-mapped cache
 
 Frame: the file's own coordinates, float64, in the file's own units.  Importing this package is cheap: file libraries
 and compiled kernels load when a scan has to be read, so a cached scene opens without them.

@@ -6,7 +6,7 @@ Frame: the files' own coordinates, taken to be shared; lengths in their units.
 import numpy as np
 
 from viewer.cloud.histogram import is_place
-from viewer.cloud.source import Chunk, Source
+from viewer.readers.source import Chunk, Source
 
 _EVERY = 64  # points, of which one is looked at
 _STRAY = (2.0, 98.0)  # percentiles of a file's points between which it lies

@@ -17,13 +17,14 @@ _IN_MEMORY = 32_000_000  # points; larger scans are built in a file
 
 
 def open_scene(
-    paths: Sequence[Path | str] | Path | str, *, cache: bool = True, match: bool = True
+    paths: Sequence[Path | str] | Path | str, *, cache: bool = True, match: bool = True, columns: str | None = None
 ) -> Scene:
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
     cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.
     match: give scans of one place the same exposure (see viewer.cloud.exposure), and take black that is no colour for none;
     a folder is as it was built, and refused where colours as scanned are asked for and it has others.
+    columns: what the columns of text files are (viewer.readers.text_columns); None: as they are recognised.
     Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled if progress says so.
     """
     from viewer.cloud import cache as store
@@ -35,25 +36,25 @@ def open_scene(
             raise InputError(f"{files[0]}: was built with matched exposures, colours as scanned are not in it; "
                              "give the scan itself, or convert it again with --exposures as-scanned")
         return scene
-    from viewer.cloud.source import check_file
+    from viewer.readers.formats import check_file
 
     for file in files:
         check_file(file)
     if not cache:
-        return build_scene(files, in_memory, match=match)
-    folder = store.folder_of(files, match)
+        return build_scene(files, in_memory, match=match, columns=columns)
+    folder = store.folder_of(files, match, columns)
     if (scene := store.load(folder, files)) is not None:
         return scene
-    return store.build_into(folder, files, partial(build_scene, match=match), keep_old=False)
+    return store.build_into(folder, files, partial(build_scene, match=match, columns=columns), keep_old=False)
 
 
-def build_scene(files: list[Path], allocate, *, match: bool = True) -> Scene:
+def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None) -> Scene:
     """Reads the files and builds their grid; ``allocate`` gives room for the packed points (see grid.Allocate)."""
     from viewer.cloud.colour import Colours
     from viewer.cloud.grid import build_grid
-    from viewer.cloud.source import open_source
+    from viewer.readers.formats import open_sources
 
-    sources = [open_source(file) for file in files]
+    sources = open_sources(files, columns)
     meta = {
         "sources": [str(file.absolute()) for file in files],
         "format": ", ".join(dict.fromkeys(source.format for source in sources)),
@@ -92,8 +93,8 @@ def scene_from_arrays(
     over what is known.  stages: if given, receives the seconds each stage took.
     Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
     """
-    from viewer.cloud.arrays import ArraySource
     from viewer.cloud.grid import build_grid
+    from viewer.readers.arrays import ArraySource
 
     source = ArraySource(xyz, rgb, intensity, scan)
     known = {
@@ -128,7 +129,9 @@ def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
         raise InputError("no scan given; name at least one file")
-    return each_once(Path(path) for path in given)
+    from viewer.readers.formats import entry_of
+
+    return each_once(entry_of(Path(path)) for path in given)
 
 
 def each_once(paths: Iterable[Path]) -> list[Path]:

@@ -24,14 +24,16 @@ from viewer.cloud.layers import EARLIER_PARTS, PARTS
 from viewer.cloud.scene import CHUNK, Scene
 from viewer.cloud.scratch import move, reserve, scratch
 from viewer.errors import InputError
+from viewer.grid_folder import MAGIC, is_grid
+from viewer.grid_folder import META as _META
 from viewer.paths import cache_dir
 from viewer.progress import progress
+from viewer.readers.formats import KNOWN
 
-MAGIC, VERSION = "pointglass grid", 4
+VERSION = 4
 # How colours are made; how points are ordered and their spacing is measured; how noise is estimated: a grid in the cache
 # made otherwise is made anew, a folder of convert stays as it is.
 COLOURS, ORDER, NOISE = 3, 5, 1
-_META = "meta.json"
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4")}
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -49,9 +51,10 @@ class CacheError(InputError):
     """The cache folder cannot be used; the scan itself may be fine."""
 
 
-def folder_of(files: list[Path], match: bool = True) -> Path:
-    """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures."""
-    key = json.dumps([VERSION, COLOURS, ORDER, NOISE, _identity(files), match]).encode()
+def folder_of(files: list[Path], match: bool = True, columns: str | None = None) -> Path:
+    """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures.
+    columns: of text files."""
+    key = json.dumps([VERSION, COLOURS, ORDER, NOISE, _identity(files), match, *([columns] if columns else [])]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 
@@ -71,14 +74,6 @@ def load(folder: Path, files: list[Path]) -> Scene | None:
         return None
 
 
-def is_grid(folder: Path) -> bool:
-    """True where ``folder`` holds a pointglass grid, whole or torn."""
-    try:
-        return _head(folder).get("magic") == MAGIC
-    except (*_DAMAGE, AttributeError):
-        return False
-
-
 def stranger(folder: Path) -> str | None:
     """The name of something in ``folder`` that is no part of a grid, None where it could be replaced by one."""
     names = sorted(path.name for path in folder.iterdir())
@@ -89,7 +84,7 @@ def stranger(folder: Path) -> str | None:
 def load_folder(folder: Path) -> Scene:
     """The grid in a folder made by ``convert``.  Raises InputError where it is not one, or torn."""
     if not is_grid(folder):
-        raise InputError(f"{folder}: is a folder, but not one made by convert; give a PLY, LAS, LAZ, COPC or E57 file")
+        raise InputError(f"{folder}: is a folder, but not one made by convert; give a {KNOWN}")
     try:
         return _read(folder, None)
     except _DAMAGE as error:

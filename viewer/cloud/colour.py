@@ -13,8 +13,8 @@ import numpy as np
 
 from viewer.cloud.exposure import Matching
 from viewer.cloud.rim import DARK
-from viewer.cloud.source import Chunk, Source
 from viewer.progress import progress
+from viewer.readers.source import Chunk, Source
 
 _RAMP = np.array([
     (68, 1, 84), (72, 40, 120), (62, 73, 137), (49, 104, 142), (38, 130, 142),

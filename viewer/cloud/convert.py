@@ -14,21 +14,22 @@ from viewer.words import counted
 _NAMED = 8  # of the scans that could not be read, besides the first
 
 
-def convert(paths: list[Path], out: Path, *, match: bool = True) -> Scene:
+def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | None = None) -> Scene:
     """Builds the grid of ``paths`` into the folder ``out`` and opens it from there.  match: scans to the same exposure.
+    columns: as for open_scene.
 
     An earlier grid in ``out`` is replaced once the new one is whole; where ``out`` is a link, the folder it leads to.
     Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad input;
     nothing partial is left behind.
     """
-    from viewer.cloud.source import check_file
+    from viewer.readers.formats import check_file
 
     files, out = as_paths(paths), Path(out)
     for file in files:
         check_file(file)
     place = _place_of(out)
     with made_folder(place, make=False):
-        return cache.build_into(place, files, partial(build_scene, match=match), keep_old=True)
+        return cache.build_into(place, files, partial(build_scene, match=match, columns=columns), keep_old=True)
 
 
 def _place_of(out: Path) -> Path:
@@ -50,18 +51,20 @@ def _place_of(out: Path) -> Path:
 
 def scans_in(paths: list[Path]) -> list[Path]:
     """Files as they are, folders as the scans directly inside them, by name.  Raises InputError where there are none."""
-    from viewer.cloud.source import is_scan
+    from viewer.readers.formats import KNOWN, entry_of, is_scan
 
     found: list[Path] = []
     for path in as_paths(paths):
-        inside = sorted(file for file in path.iterdir() if is_scan(file)) if path.is_dir() else [path]
+        inside = sorted(entry_of(file) for file in path.iterdir() if is_scan(file)) if path.is_dir() else [path]
         if not inside:
-            raise InputError(f"{path}: holds no PLY, LAS, LAZ, COPC or E57 file")
+            raise InputError(f"{path}: holds no {KNOWN}")
         found += inside
     return each_once(found)
 
 
-def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True) -> list[Path]:
+def convert_each(
+    paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True, columns: str | None = None
+) -> list[Path]:
     """Builds the grid of every scan by itself, into ``out/NAME``; returns the folders, those kept from earlier included.
 
     paths: files, or folders of scans.  shard: (i, n), only every n-th scan starting at the i-th, so that n processes or
@@ -69,12 +72,15 @@ def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1
     converted.  Raises InputError at the end, naming such and what is wrong with the first, and at once where two scans
     would share a name.
     """
+    from viewer.readers.formats import name_of
+
     files = scans_in(paths)
     names: dict[str, Path] = {}
     for file in files:
-        if file.stem in names:
-            raise InputError(f"{file}: {names[file.stem]} would have the same folder, {out / file.stem}; convert them apart")
-        names[file.stem] = file
+        name = name_of(file)
+        if name in names:
+            raise InputError(f"{file}: {names[name]} would have the same folder, {out / name}; convert them apart")
+        names[name] = file
     made: list[Path] = []
     wrong: dict[str, str] = {}
     for name, file in list(names.items())[shard[0] :: shard[1]]:
@@ -82,7 +88,7 @@ def convert_each(paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1
         try:
             kept = cache.load(folder, [file])
             if kept is None or kept.meta.get("match") != match:
-                convert([file], folder, match=match)
+                convert([file], folder, match=match, columns=columns)
             made.append(folder)
         except InputError as error:
             wrong[file.name] = str(error)

@@ -12,7 +12,7 @@ from model.exposure import exposures_of
 from model.passes import Passes, solve_passes
 from viewer.cloud.histogram import is_place
 from viewer.cloud.rim import DARK, rim_share
-from viewer.cloud.source import Chunk
+from viewer.readers.source import Chunk
 
 SAMPLE = 1_000_000
 MOST_STATIONS = 256

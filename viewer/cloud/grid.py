@@ -20,11 +20,11 @@ from viewer.cloud.layout import Layout, choose_layout
 from viewer.cloud.noise_sample import NoiseSample
 from viewer.cloud.scatter import scatter
 from viewer.cloud.scene import STEPS, Scene
-from viewer.cloud.source import Source
 from viewer.cloud.spacing import measure_spacing
 from viewer.cloud.standpoints import Standpoints
 from viewer.cloud.survey import Survey, survey_points
 from viewer.errors import InputError
+from viewer.readers.source import Source
 from viewer.words import counted
 
 _STEPS_APART = 4  # neighbouring points lie at least so many packed positions apart

@@ -9,16 +9,16 @@ from viewer.cloud.scene import Scene
 from viewer.words import counted
 
 
-def describe(paths: list[Path], full: bool = False, *, cache: bool = True) -> dict:
-    """Facts about a scan, ready for JSON.  full: the grid too.  cache: as for open_scene.
+def describe(paths: list[Path], full: bool = False, *, cache: bool = True, columns: str | None = None) -> dict:
+    """Facts about a scan, ready for JSON.  full: the grid too.  cache, columns: as for open_scene.
 
     The points are counted and their spacing measured, so the scan is read and its grid built, and kept in the cache
     where that can be written.  Raises InputError as open_scene does.
     """
     try:
-        scene = open_scene(paths, cache=cache)
+        scene = open_scene(paths, cache=cache, columns=columns)
     except CacheError:
-        scene = open_scene(paths, cache=False)
+        scene = open_scene(paths, cache=False, columns=columns)
     return facts(scene, full)
 
 

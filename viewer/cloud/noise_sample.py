@@ -9,8 +9,8 @@ by point count as noise: nothing can tell them apart.  Frame: file coordinates. 
 import numpy as np
 
 from model.noise import NoiseModel, Sampler, no_noise
-from viewer.cloud.source import Chunk, Source
 from viewer.cloud.survey import Survey
+from viewer.readers.source import Chunk, Source
 
 RUN_SHARE, LEAST_RUN = 0.01, 4096
 """A gap in the file order between two runs, as a share of the file and in points.  Neighbours on successive lines of one

@@ -16,9 +16,9 @@ from viewer.cloud.colour import Colours
 from viewer.cloud.histogram import dense_table_of, table_of
 from viewer.cloud.layout import Layout
 from viewer.cloud.noise_sample import NoiseSample
-from viewer.cloud.source import Chunk, Source
 from viewer.cloud.survey import Survey, numbered_chunks
 from viewer.errors import InputError
+from viewer.readers.source import Chunk, Source
 
 BLOCK = 1 << 18
 """Points packed before they are placed: packed words and bucket numbers of two blocks stay in the processor's cache."""

@@ -12,8 +12,8 @@ import numpy as np
 
 from model.places import places_of, told_apart
 from viewer.cloud.histogram import is_place
-from viewer.cloud.source import Chunk, ScanInfo, Source
 from viewer.cloud.sweeps import WINDOW, Stand, find_stands
+from viewer.readers.source import Chunk, ScanInfo, Source
 
 MOST = 2048
 """Stretches kept of a file, up to twice as many."""

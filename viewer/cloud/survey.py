@@ -12,9 +12,9 @@ from typing import Protocol
 import numpy as np
 
 from viewer.cloud.histogram import Histogram, OutOfReach
-from viewer.cloud.source import Chunk, Source
 from viewer.errors import InputError
 from viewer.progress import progress
+from viewer.readers.source import Chunk, Source
 
 
 @dataclass

@@ -28,12 +28,12 @@ from model.project import network_input
 from model.train import TrainConfig, train
 from model.weights import load_weights, save_weights, weights_dir, weights_name
 from viewer.cloud.colour import Colours
-from viewer.cloud.e57_images import Photo, read_photographs
 from viewer.cloud.histogram import is_place
-from viewer.cloud.source import open_source
 from viewer.errors import InputError
 from viewer.paths import weights_home
 from viewer.progress import progress
+from viewer.readers.e57_images import Photo, read_photographs
+from viewer.readers.formats import open_source
 
 MOST_POINTS = 20_000_000
 MOST_PHOTOS = 120

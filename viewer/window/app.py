@@ -37,14 +37,14 @@ _LINGER = 0.7  # seconds the interface is watched after the pointer moved over i
 
 
 def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
-        start: "Camera | None" = None) -> int:
+        start: "Camera | None" = None, columns: str | None = None) -> int:
     """Opens the window on ``paths`` (none: an empty start page) until it is closed.  Returns the exit code, 0.
 
     cache: whether grids are kept for the next time.  match: scans to the same exposure.  memory: what points may take.
-    start: where the first visit begins, None where that makes sense.
+    columns: of text files.  start: where the first visit begins, None where that makes sense.
     Raises DeviceError where there is no display or no OpenGL 4.3.
     """
-    app = App(settings, cache=cache, match=match, memory=memory, start=start)
+    app = App(settings, cache=cache, match=match, memory=memory, start=start, columns=columns)
     try:
         if paths:
             app.session.loads.open(paths)
@@ -63,7 +63,7 @@ class App:
 
     def __init__(self, settings: Settings, *, size: tuple[int, int] = SIZE, folder: Path | None = None,
                  scale: float | None = None, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
-                 start: "Camera | None" = None):
+                 start: "Camera | None" = None, columns: str | None = None):
         from imgui_bundle import imgui  # isort: skip  (before glfw: it brings the library that glfw then loads)
         import glfw  # isort: skip
 
@@ -79,7 +79,7 @@ class App:
             raise
         self.session = Session(
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
-            open_scene=partial(open_scene, cache=cache, match=match), start=start,
+            open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
         )
         self.painter = Painter(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self._keeper = Keeper(self.session, self.painter, folder or Path.cwd())

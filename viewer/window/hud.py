@@ -2,6 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
+from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from viewer.window import theme
 from viewer.window.session import Session
 from viewer.window.theme import Theme, fitted, packed, text_in
@@ -189,13 +190,11 @@ def draw_start(session: Session, look: Theme) -> None:
         ImVec2(centre.x - half.x, centre.y - half.y), ImVec2(centre.x + half.x, centre.y + half.y),
         packed(theme.LINE), px(12), px(2),
     )  # fmt: skip
-    formats, several = "E57, LAS, LAZ, COPC or PLY", "several files make one scene"
-    one_line = imgui.calc_text_size(f"{formats}; {several}").x < 2 * half.x - px(24)
-    explained = (f"{formats}; {several}",) if one_line else (formats, several)
+    explained = (KNOWN_FILES, f"{KNOWN_FOLDERS} folders; several make one scene")
     lines = (
-        ("Drop a scan here", look.bold, theme.TITLE + 4, theme.TEXT, -44 if one_line else -54),
+        ("Drop a scan here", look.bold, theme.TITLE + 4, theme.TEXT, -54),
         *(
-            (text, look.regular, theme.FONT_SIZE, theme.DIM, 28 * number + (2 if one_line else -12))
+            (text, look.regular, theme.FONT_SIZE, theme.DIM, 28 * number - 12)
             for number, text in enumerate((*explained, "F1 shows the controls"))
         ),
     )

@@ -39,11 +39,13 @@ def network_key(settings: Settings) -> tuple:
     return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
 
 
-def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True) -> "Scene":
-    """The scans as one scene.  cache, match: as in viewer.cloud.open_scene."""
+def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene":
+    """The scans as one scene.  cache, match, columns: as in viewer.cloud.open_scene."""
     from viewer import cloud
+    from viewer.readers.formats import takes_columns
 
-    return cloud.open_scene(paths, cache=cache, match=match)
+    columns = columns if any(map(takes_columns, paths)) else None  # not of what is dropped into the window later
+    return cloud.open_scene(paths, cache=cache, match=match, columns=columns)
 
 
 def load_network(settings: Settings) -> None:

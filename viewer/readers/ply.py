@@ -10,9 +10,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from viewer.cloud.ply_header import Element, read_header
-from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source, stretch, told_beyond
 from viewer.errors import InputError
+from viewer.readers.ply_header import Element, read_header
+from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, stretch, told_beyond
 
 _COLOURS = (
     ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),

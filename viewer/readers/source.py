@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-
 CHUNK = 1 << 20
 """Most points in one chunk."""
 
@@ -19,7 +17,7 @@ CHUNK = 1 << 20
 @dataclass(frozen=True)
 class ScanInfo:
     """One scanner station (or one file that does not say).  position: (x, y, z) of the scanner, file coordinates.
-    inferred: the file does not say, its points' order does (viewer.cloud.standpoints)."""
+    inferred: the file does not say, the order of its points does."""
 
     name: str
     position: tuple[float, float, float] | None = None
@@ -34,6 +32,7 @@ class Chunk:
     intensity: (n,) uint16 or None.  scan: index into the source's ``scans`` (or (n,) uint8, one for each point).
     invalid: points left out of this chunk because the file marks them so.
     station: (n,) ids of the scanner positions or flight lines within the scan, where the file tells them apart.
+    classification: (n,) uint8 codes of the ASPRS LAS specification (2 ground, 6 building, ...) or the file's own; or None.
     """
 
     xyz: np.ndarray
@@ -42,6 +41,7 @@ class Chunk:
     scan: int | np.ndarray = 0
     invalid: int = 0
     station: np.ndarray | None = None
+    classification: np.ndarray | None = None
 
 
 @dataclass(eq=False)
@@ -80,69 +80,3 @@ def stretch(values: np.ndarray, low: float, high: float) -> np.ndarray:
     with np.errstate(over="ignore", invalid="ignore"):
         scaled = (np.asarray(values, np.float64) - low) * (65535.0 / (high - low) if high > low else 0.0)
         return np.clip(np.nan_to_num(scaled, nan=0.0) + 0.5, 0, 65535).astype(np.uint16)
-
-
-_MAGIC = {b"LASF": "las", b"ply\n": "ply", b"ply\r": "ply", b"ASTM": "e57"}
-_SUFFIXES = {".las": "las", ".laz": "las", ".ply": "ply", ".e57": "e57"}
-KNOWN = "PLY, LAS, LAZ, COPC or E57"
-
-
-def check_file(path: Path) -> None:
-    """Raises InputError unless ``path`` is a readable file that is not empty."""
-    try:
-        if not path.exists():
-            raise InputError(f"{path}: no such file")
-        if path.is_dir():
-            from viewer.cloud.cache import is_grid
-
-            if is_grid(path):
-                raise InputError(f"{path}: a folder made by convert is opened alone; give the scans it was made from")
-            raise InputError(f"{path}: is a folder, not a scan; give a {KNOWN} file, or a folder made by convert")
-        if not path.is_file():
-            raise InputError(f"{path}: not a regular file; copy it to disk first")
-        if path.stat().st_size == 0:
-            raise InputError(f"{path}: the file is empty (0 bytes); copy or export it again")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-
-
-def is_scan(path: Path) -> bool:
-    """Whether a file's name is that of a scan; what it holds is seen on opening."""
-    return path.suffix.lower() in _SUFFIXES and path.is_file()
-
-
-def open_source(path: Path) -> Source:
-    """The reader for ``path``, chosen by the file's first bytes; a misleading suffix earns a warning."""
-    check_file(path)
-    try:
-        with path.open("rb") as file:
-            head = file.read(64)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
-    kind = _MAGIC.get(head[:4])
-    suffix = path.suffix.lower()
-    if kind is None:
-        raise InputError(f"{path}: {_guess(head, suffix)}; expected a {KNOWN} file")
-    if kind == "las":
-        from viewer.cloud.las import LasSource as Reader
-    elif kind == "ply":
-        from viewer.cloud.ply import PlySource as Reader
-    else:
-        from viewer.cloud.e57 import E57Source as Reader
-    source = Reader(path)
-    if _SUFFIXES.get(suffix) != kind:
-        named = f"named {suffix}" if suffix else "named without a suffix"
-        source.warnings.insert(0, f"{path.name}: {named} but holds {source.format}; read as that")
-    return source
-
-
-def _guess(head: bytes, suffix: str) -> str:
-    if head.startswith((b"# .PCD", b"VERSION")) or suffix == ".pcd":
-        return "PCD files are not supported, convert it to PLY or E57 (CloudCompare, Open3D)"
-    if head.startswith(b"PK\x03\x04"):
-        return "is a zip archive, unpack it first"
-    if head.startswith(b"\x1f\x8b"):
-        return "is gzip-compressed, unpack it first"
-    if suffix in _SUFFIXES:
-        return f"named {suffix} but does not begin like one (first bytes {head[:4]!r}), damaged or another format"
-    return f"not a scan format known here (first bytes {head[:4]!r})"

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud import crs
-from viewer.cloud.laz_chunks import check_chunks
-from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
 from viewer.errors import InputError
+from viewer.readers import crs
+from viewer.readers.laz_chunks import check_chunks
+from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
 
 _AT_ONCE = 1 << 30  # bytes of a chunk's points that lazrs may hold whole, as it does to use several processors
 
@@ -72,7 +72,7 @@ class LasSource(Source):
         return (points - header.point_count) // most
 
     def chunks(self) -> Iterator[Chunk]:
-        """Yields xyz, rgb (uint16) and intensity as stored."""
+        """Yields xyz, rgb (uint16), intensity and class as stored."""
         done, stray = 0, False
         with self._open() as reader:
             # a cell of rounding either way: some writers round the bounds, some the points
@@ -102,7 +102,8 @@ class LasSource(Source):
                 rgb = np.stack(colours, axis=1) if len(colours) == 3 else None
                 intensity = np.array(points["intensity"], np.uint16) if "intensity" in names else None
                 station = np.array(points["point_source_id"]) if rgb is not None else None
-                yield Chunk(xyz, rgb, intensity, station=station)
+                classes = np.array(points["classification"], np.uint8)
+                yield Chunk(xyz, rgb, intensity, station=station, classification=classes)
 
         if stray:
             text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"

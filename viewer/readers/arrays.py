@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud.source import CHUNK, Chunk, ScanInfo, Source
 from viewer.errors import InputError
+from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source
 
 
 class ArraySource(Source):

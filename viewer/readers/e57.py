@@ -10,16 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud import crs
-from viewer.cloud.e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, value_of
-from viewer.cloud.source import Chunk, ScanInfo, Source, stretch
 from viewer.errors import InputError
+from viewer.readers import crs
+from viewer.readers.e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, value_of
+from viewer.readers.source import Chunk, ScanInfo, Source, stretch
 from viewer.words import counted
 
 _CHUNK = 1 << 19  # buffers are float64 for every field
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _RGB = ("colorRed", "colorGreen", "colorBlue")
+_NO_COLOUR, _NO_INTENSITY = "isColorInvalid", "isIntensityInvalid"  # 1 where a point has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +93,9 @@ class E57Source(Source):
         for number, scan in enumerate(self._scans):
             coordinates = _CARTESIAN if set(_CARTESIAN) <= scan.fields else _SPHERICAL
             state = "cartesianInvalidState" if coordinates is _CARTESIAN else "sphericalInvalidState"
-            wanted = [*coordinates, *(f for f in (state, "intensity", *_RGB) if f in scan.fields)]
+            wanted = [*coordinates, *(f for f in (state, "intensity", *_RGB, _NO_COLOUR, _NO_INTENSITY) if f in scan.fields)]
             if not set(_RGB) <= scan.fields:
-                wanted = [field for field in wanted if field not in _RGB]
+                wanted = [field for field in wanted if field not in (*_RGB, _NO_COLOUR)]
             if scan.count:
                 for columns in self._columns(number, wanted):
                     yield self._chunk(number, scan, columns, coordinates, state)
@@ -117,8 +118,12 @@ class E57Source(Source):
         if "colorRed" in columns:
             rgb = stretch(np.stack([columns[name] for name in _RGB], axis=1), scan.zero, scan.full)
             rgb = ((rgb + 128.0) / 257.0).astype(np.uint8) if scan.narrow else rgb
+            if _NO_COLOUR in columns:  # black, as other formats have points that no photograph covered
+                rgb[columns[_NO_COLOUR] != 0] = 0
         if "intensity" in columns:
             intensity = stretch(columns["intensity"], *(scan.intensity or self._intensity_of(number)))
+            if _NO_INTENSITY in columns:
+                intensity[columns[_NO_INTENSITY] != 0] = 0
         return Chunk(xyz, rgb, intensity, number, size - len(xyz))
 
     def _intensity_of(self, number: int) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """The photographs inside an E57 (/images2D): pictures with their cameras; a panorama as the six faces of a cube.
 
-World frame: the file's own, metres, the one :mod:`viewer.cloud.e57` yields points in.  Cameras are OpenGL's (x right, y up,
+World frame: the file's own, metres, the one :mod:`viewer.readers.e57` yields points in.  Cameras are OpenGL's (x right, y up,
 looking along -z), pinhole, square pixels, a pixel spanning [i, i + 1], row 0 at the top.
 
 That is the standard's own pinhole frame (ASTM E2807): the pose takes camera to file coordinates, the picture lies in the
@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.cloud.e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
-from viewer.cloud.source import check_file
 from viewer.errors import InputError
+from viewer.readers.e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
+from viewer.readers.formats import check_file
 
 MOST_PIXELS = 1 << 28
 """Of one stored picture; larger ones are refused before anything is decoded."""

@@ -1,0 +1,7 @@
+"""Scan files of every format as chunks of points; no grid and no OpenGL here.
+
+    path -> open_source (the file's first bytes decide) -> Source -> chunks of float64 coordinates, colour, intensity
+
+One module a format, each with its own checks: what a file's header says is checked against the file before a decoding
+library is trusted with it.  Frame: the file's own coordinates, in the file's own units.
+"""

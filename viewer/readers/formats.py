@@ -1,0 +1,160 @@
+"""The table of formats that can be opened, and the reader for a path.  Imports nothing heavy: help and messages read it too.
+
+What a file holds is told by its first bytes; text files of points have none and are told by their suffix.  Octrees of many
+files are folders (Potree, EPT), opened by the folder or by the file in it that describes them.
+"""
+
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from viewer.errors import InputError
+from viewer.grid_folder import is_grid
+
+if TYPE_CHECKING:
+    from viewer.readers.source import Source
+
+
+@dataclass(frozen=True)
+class Format:
+    """names: as messages spell them.  reader: module in this package and class.  magic: what files begin with.
+    entry: of a folder, the file that describes it, and others of which one must be beside it."""
+
+    names: tuple[str, ...]
+    reader: tuple[str, str]
+    suffixes: tuple[str, ...] = ()
+    magic: tuple[bytes, ...] = ()
+    entry: tuple[str, tuple[str, ...]] | None = None
+    takes_columns: bool = False
+
+
+FORMATS = (
+    Format(("E57",), ("e57", "E57Source"), (".e57",), (b"ASTM",)),
+    Format(("LAS", "LAZ", "COPC"), ("las", "LasSource"), (".las", ".laz"), (b"LASF",)),
+    Format(("PLY",), ("ply", "PlySource"), (".ply",), (b"ply\n", b"ply\r")),
+    Format(("PCD",), ("pcd", "PcdSource"), (".pcd",), (b"# .PCD", b"VERSION 0.", b"VERSION .")),
+    Format(("PTS",), ("pts", "PtsSource"), (".pts",), takes_columns=True),
+    Format(("PTX",), ("ptx", "PtxSource"), (".ptx",)),
+    Format(("XYZ", "TXT", "CSV", "ASC"), ("xyz", "XyzSource"), (".xyz", ".txt", ".csv", ".asc"), takes_columns=True),
+    Format(("Potree",), ("potree1", "Potree1Source"), entry=("cloud.js", ())),
+    Format(("Potree",), ("potree2", "Potree2Source"), entry=("metadata.json", ("octree.bin", "hierarchy.bin"))),
+    Format(("EPT",), ("ept", "EptSource"), entry=("ept.json", ())),
+)
+_FILES = [name for row in FORMATS if not row.entry for name in row.names]
+_FOLDERS = list(dict.fromkeys(name for row in FORMATS if row.entry for name in row.names))
+KNOWN = f"{', '.join(_FILES[:-1])} or {_FILES[-1]} file, or a {' or '.join(_FOLDERS)} folder"
+"""What follows "give a" in a message."""
+KNOWN_FILES = ", ".join(_FILES)
+"""The formats that are single files, for help."""
+KNOWN_FOLDERS = " or ".join(_FOLDERS)
+_HEAD = 64  # bytes of a file that tell its format
+
+
+def entry_of(path: Path) -> Path:
+    """The file that describes a Potree or EPT folder, where ``path`` is one; else ``path``."""
+    if path.is_dir():
+        for row in FORMATS:
+            if row.entry and (path / row.entry[0]).is_file() and _is_beside(path / row.entry[0], row):
+                return path / row.entry[0]
+    return path
+
+
+def _folder_format(path: Path) -> Format | None:
+    """The format of the folder that ``path`` is the describing file of."""
+    named = (row for row in FORMATS if row.entry and row.entry[0] == path.name.lower())
+    return next((row for row in named if _is_beside(path, row)), None)
+
+
+def _is_beside(path: Path, row: Format) -> bool:
+    others = row.entry[1] if row.entry else ()
+    return not others or any((path.parent / other).exists() for other in others)
+
+
+def name_of(path: Path) -> str:
+    """The name a scan goes by: its file's without the suffix, or its folder's."""
+    return path.absolute().parent.name if _folder_format(path) else path.stem
+
+
+def is_scan(path: Path) -> bool:
+    """Whether a path is named like a scan, or is a Potree or EPT folder; what it holds is seen on opening.
+
+    A .txt file may be anything, and is a scan only where it is named alone.
+    """
+    if path.is_dir():
+        return entry_of(path) != path
+    suffix = path.suffix.lower()
+    return suffix != ".txt" and any(suffix in row.suffixes for row in FORMATS) and path.is_file()
+
+
+def check_file(path: Path) -> None:
+    """Raises InputError unless ``path`` is a readable file that is not empty."""
+    try:
+        if not path.exists():
+            raise InputError(f"{path}: no such file")
+        if path.is_dir():
+            if is_grid(path):
+                raise InputError(f"{path}: a folder made by convert is opened alone; give the scans it was made from")
+            raise InputError(f"{path}: is a folder, not a scan; give a {KNOWN}, or a folder made by convert")
+        if not path.is_file():
+            raise InputError(f"{path}: not a regular file; copy it to disk first")
+        if path.stat().st_size == 0:
+            raise InputError(f"{path}: the file is empty (0 bytes); copy or export it again")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def open_source(path: Path, columns: str | None = None) -> "Source":
+    """The reader for ``path``; a misleading suffix earns a warning.
+
+    columns: what the columns of a text file are (viewer.readers.text_columns), None: as they are recognised; other formats
+    have their own.  Raises InputError for files of no known format, and whatever the reader refuses.
+    """
+    path = entry_of(path)
+    check_file(path)
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    suffix = path.suffix.lower()
+    row = _folder_format(path) or next((row for row in FORMATS if head.startswith(row.magic or (b"\0" * _HEAD,))), None)
+    if row is None:
+        row = next((row for row in FORMATS if suffix in row.suffixes and not row.magic), None)
+        if row is None or b"\0" in head or _packed(head):
+            raise InputError(f"{path}: {_guess(head, suffix)}; expected a {KNOWN}")
+    reader = getattr(import_module(f"viewer.readers.{row.reader[0]}"), row.reader[1])
+    source = reader(path, columns) if row.takes_columns else reader(path)
+    if row.magic and suffix not in row.suffixes:
+        named = f"named {suffix}" if suffix else "named without a suffix"
+        source.warnings.insert(0, f"{path.name}: {named} but holds {source.format}; read as that")
+    return source
+
+
+def takes_columns(path: Path) -> bool:
+    """Whether a path is named like a text file of points, whose columns a person may name."""
+    return any(path.suffix.lower() in row.suffixes for row in FORMATS if row.takes_columns)
+
+
+def open_sources(paths: list[Path], columns: str | None = None) -> "list[Source]":
+    """The readers for several paths.  Raises InputError where columns are named and none of them has any, and as above."""
+    if columns is not None and not any(map(takes_columns, paths)):
+        texts = ", ".join(name for row in FORMATS if row.takes_columns for name in row.names)
+        raise InputError(f"{paths[0]}: --columns is for text files of points ({texts}); open this file without it")
+    return [open_source(path, columns) for path in paths]
+
+
+def _packed(head: bytes) -> str | None:
+    if head.startswith(b"PK\x03\x04"):
+        return "is a zip archive, unpack it first"
+    if head.startswith(b"\x1f\x8b"):
+        return "is gzip-compressed, unpack it first"
+    return None
+
+
+def _guess(head: bytes, suffix: str) -> str:
+    if said := _packed(head):
+        return said
+    if any(suffix in row.suffixes for row in FORMATS):
+        return f"named {suffix} but does not begin like one (first bytes {head[:4]!r}), damaged or another format"
+    return f"not a scan format known here (first bytes {head[:4]!r})"

@@ -1,0 +1,123 @@
+"""What the readers of octrees of many files share (Potree, EPT): a describing JSON file, records of points, nodes of any size.
+
+The levels of these octrees add up: every point is in one node, so all nodes together are the scan.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.readers import crs
+from viewer.readers.column_source import Columns, ColumnSource
+from viewer.readers.source import CHUNK, Chunk, ScanInfo
+
+_LARGEST_JSON = 256 << 20  # bytes: a describing file or a part of a hierarchy is far smaller
+_BATCH = 1 << 18  # points that are gathered from small nodes before they are given on
+TYPES = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8",
+         "uint64": "u8", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}  # fmt: skip
+
+
+class OctreeSource(ColumnSource):
+    """A folder with an octree.  path: of the describing file.  Subclasses give its nodes, by ``_nodes``.
+
+    Errors and warnings name the folder, or the file in it that is damaged.
+    """
+
+    def __init__(self, path: Path, name: str):
+        self.entry, folder = path, path.absolute().parent
+        super().__init__(folder, name)
+        self.scans = [ScanInfo(folder.name)]
+
+    def _nodes(self) -> Iterator[tuple[int, Columns]]:
+        """Yields (scan, all columns) of runs of points of any length up to CHUNK."""
+        raise NotImplementedError
+
+    def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
+        """Gathers small nodes: what is done a chunk costs more than many points."""
+        kept: list[Columns] = []
+        for _, columns in self._nodes():
+            if kept and kept[0].keys() != columns.keys():
+                yield 0, _joined(kept)
+                kept = []
+            kept.append({name: values for name, values in columns.items() if name in wanted})
+            if sum(len(part[next(iter(part))]) for part in kept if part) >= _BATCH:
+                yield 0, _joined(kept)
+                kept = []
+        if kept and kept[0]:
+            yield 0, _joined(kept)
+
+    def _crs(self, text: object) -> None:
+        """Units and name of the reference system from WKT or a proj4 string, as far as it says."""
+        if not isinstance(text, str) or not text.strip():
+            return
+        self.crs, self.units, self.metres_per_unit = crs.from_wkt(text)
+        if self.crs is None:
+            self.crs = " ".join(text.split())[:80]
+        if "+units=m" in text.split() or ("+proj=utm" in text.split() and "+units" not in text):
+            self.units, self.metres_per_unit = "metre", 1.0
+
+    def _damaged(self, what: str, file: Path | None = None) -> InputError:
+        return InputError(f"{file or self.entry}: damaged: {what}; copy or convert the scan again")
+
+
+def _joined(parts: list[Columns]) -> Columns:
+    return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a JSON file.  Raises InputError where it holds none."""
+    try:
+        if path.stat().st_size > _LARGEST_JSON:
+            raise InputError(f"{path}: damaged: {path.stat().st_size:,} bytes, no description of a scan is as long")
+        return as_object(path, path.read_bytes())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}; copy the whole folder again") from None
+
+
+def as_object(path: Path, data: bytes) -> dict[str, Any]:
+    """The object that JSON text out of a file describes.  Raises InputError where it is none."""
+    try:
+        found = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        line = (str(error).splitlines() or ["nested too deep"])[0][:80]
+        raise InputError(f"{path}: damaged: not readable as JSON ({line}); copy or convert the scan again") from None
+    if not isinstance(found, dict):
+        raise InputError(f"{path}: damaged: holds no JSON object; copy or convert the scan again")
+    return found
+
+
+def whole(value: object, most: int = 2**62) -> int | None:
+    """A whole number from 0 to ``most`` out of JSON, None where it is none."""
+    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= most else None
+
+
+def vector(value: object, length: int = 3) -> np.ndarray | None:
+    """(length,) float64 out of a JSON list of finite numbers, None where it is none."""
+    if not isinstance(value, list) or len(value) != length:
+        return None
+    if not all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in value):
+        return None
+    try:
+        found = np.array(value, np.float64)
+    except OverflowError:
+        return None
+    return found if np.isfinite(found).all() else None
+
+
+def columns_of(chunk: Chunk) -> Columns:
+    """What another reader gave, as columns."""
+    columns = {axis: chunk.xyz[:, i] for i, axis in enumerate("xyz")}
+    if chunk.rgb is not None:
+        columns |= {channel: chunk.rgb[:, i] for i, channel in enumerate("rgb")}
+    known = (("i", chunk.intensity), ("c", chunk.classification), ("s", chunk.station))
+    return columns | {column: values for column, values in known if values is not None}
+
+
+def pieces(records: np.ndarray) -> Iterator[np.ndarray]:
+    """Records in runs of up to CHUNK."""
+    for start in range(0, len(records), CHUNK):
+        yield records[start : start + CHUNK]

@@ -1,0 +1,85 @@
+"""PTS (Leica): a line with the number of points, then as many rows x y z [i] [r g b]; several of these may follow each other.
+
+Coordinates are those of the common frame; each part counts as a scan, whose position the file does not tell.  Units: unknown,
+metres by custom.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from viewer.errors import InputError
+from viewer.numerals import whole_number
+from viewer.readers.column_source import Columns, ColumnSource
+from viewer.readers.source import CHUNK, ScanInfo, told_beyond
+from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
+from viewer.readers.text_rows import TextRows, quoted
+from viewer.words import counted
+
+
+class PtsSource(ColumnSource):
+    """One .pts file.  columns: as in XyzSource.  Raises InputError where counts do not fit the file."""
+
+    def __init__(self, path: Path, columns: str | None = None):
+        super().__init__(path, "PTS")
+        self._columns = "" if columns is None else named_columns(path, columns)
+        self._counts: list[int] = []
+        with path.open("rb") as file:
+            text, left = TextRows(path, file), path.stat().st_size
+            while (line := text.peek()) is not None:
+                count = self._count(line, left // LEAST_ROW)
+                if count is None:
+                    break
+                text.line()
+                self._look_at(text.peek() if count else None)
+                if (done := text.skip(count)) < count:
+                    raise self._truncated(done, count)
+                self._counts.append(count)
+            more = line is not None
+        if not self._counts:
+            raise InputError(f"{path}: begins with {quoted(line or '')} where a PTS has the number of its points; where that "
+                             "is missing, rename it to .xyz")  # fmt: skip
+        self.count = sum(self._counts)
+        if self.count == 0:
+            raise InputError(f"{path}: holds no points (its header says 0); export it again")
+        if more:
+            self._warn(told_beyond(path, self.count))
+        if len(self._counts) > 1:
+            self.scans = [ScanInfo(f"{path.stem} {i}") for i in range(1, len(self._counts) + 1)]
+
+    def _look_at(self, row: str | None) -> None:
+        """The first row of a part decides on the columns, the same in all parts."""
+        fields = len(row.split()) if row else 0
+        if fields and not self._columns:
+            if fields not in LEICA_COLUMNS:
+                known = ", ".join(map(str, LEICA_COLUMNS))
+                what = f"its rows have {counted(fields, 'value')}, not {known}: {quoted(row or '')}"
+                raise InputError(f"{self.path}: {what}; say what they are, such as --columns x,y,z,i,r,g,b,-")
+            self._columns = LEICA_COLUMNS[fields]
+
+    def _count(self, line: str, most: int) -> int | None:
+        """The number of points that a line gives, None where it is a row."""
+        count = whole_number(line)
+        if count is not None and count > most:
+            raise InputError(f"{self.path}: says that it holds {count:,} points, which its {self.path.stat().st_size:,} bytes "
+                             "cannot; it is truncated or damaged, copy or export it again")  # fmt: skip
+        return count
+
+    def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
+        wanted = "".join(name for name in wanted if name in self._columns)
+        if not wanted:
+            return
+        target = Layout(self._columns).target(wanted)
+        with self.path.open("rb") as file:
+            text = TextRows(self.path, file)
+            for scan, count in enumerate(self._counts):
+                text.line()
+                done = 0
+                while done < count:
+                    table, other = text.rows(target, min(CHUNK, count - done))
+                    done += len(table)
+                    if len(table):
+                        yield scan, {name: table[:, i] for i, name in enumerate(wanted)}
+                    if other is not None:
+                        raise text.unreadable(fields=(other, len(self._columns)))
+                    if not len(table):
+                        raise self._truncated(done, count)

@@ -1,0 +1,162 @@
+"""Compiled: rows of decimal numbers out of bytes of text, correctly rounded, without a Python object a number.
+
+Numbers of at most 19 digits with a power of ten from -22 to 22 are computed in double-double arithmetic (Dekker 1971): the
+digits as a sum of two doubles, times or divided by a power of ten, which is exact up to 10**22.  The error is near 2**-104 of
+the value, so it rounds as ``float`` does (a test compares them).  Up to 2**53 one division does (Clinger 1990).  Other tokens
+(longer ones, larger exponents, nan) are left to Python: parse_rows returns where they are.
+"""
+
+import numpy as np
+
+from model.compiled import compiled
+
+DIGITS = 19
+"""Decimal digits that always fit 64 bits."""
+_POWERS = 10.0 ** np.arange(23)  # those that a double holds exactly
+_EXACT = np.uint64(2**53)  # whole numbers up to here are doubles
+_SPLIT = 2.0**27 + 1  # halves a double's 53 bits (Dekker)
+
+DONE, FULL, OTHER_WIDTH, TOO_SLOW = range(4)
+"""Why parse_rows ended: the text is read, the table is full, a line has another number of fields, no room in ``slow``."""
+
+
+@compiled(nogil=True)
+def _scaled(digits, power):
+    """digits: uint64.  power: -22 to 22.  Returns ``digits * 10**power``, rounded once."""
+    high = np.float64(digits)
+    low = np.float64(np.int64(digits - np.uint64(high)))
+    if power == 0:
+        return high
+    p = _POWERS[abs(power)]
+    if digits <= _EXACT:
+        return high / p if power < 0 else high * p
+    a = high / p if power < 0 else high
+    t = _SPLIT * a
+    a1 = t - (t - a)
+    a2 = a - a1
+    t = _SPLIT * p
+    p1 = t - (t - p)
+    p2 = p - p1
+    product = a * p
+    error = ((a1 * p1 - product) + a1 * p2 + a2 * p1) + a2 * p2  # a * p is product + error, exactly
+    if power < 0:
+        return a + (((high - product) - error) + low) / p
+    return product + (error + low * p)
+
+
+@compiled(nogil=True)
+def parse_rows(text, start, stop, delimiter, target, table, slow):
+    """Reads lines of ``text[start:stop]``, uint8, which ends with a newline.
+
+    delimiter: a byte between fields, beside which blanks mean nothing; nothing between two of them stands for NaN.  0: blanks
+    and tabs.  target: (fields a line,) int64, the column of ``table`` that a field is written to, -1 for none.
+    table: (rows, columns) float64, filled.  slow: (m, 4) int64, filled: row, column, begin and end of tokens left to Python.
+    Blank lines and lines that begin with # or // are left out.
+    Returns rows read, place after the last of them, tokens in ``slow``, why it ended, lines passed, fields of the line there.
+    """
+    width, rows, slows, lines, i = len(target), 0, 0, 0, start
+    while i < stop:
+        line = i
+        while text[i] == 32 or text[i] == 9 or text[i] == 13:
+            i += 1
+        if text[i] == 10:
+            i += 1
+            lines += 1
+            continue
+        if text[i] == 35 or (text[i] == 47 and text[i + 1] == 47):
+            while text[i] != 10:
+                i += 1
+            i += 1
+            lines += 1
+            continue
+        if rows == len(table):
+            return rows, line, slows, FULL, lines, 0
+        if slows + width > len(slow):
+            return rows, line, slows, TOO_SLOW, lines, 0
+        field, kept = 0, slows
+        while True:
+            column = target[field] if field < width else -1
+            if delimiter != 0 and (text[i] == delimiter or text[i] == 10):  # nothing
+                if column >= 0:
+                    table[rows, column] = np.nan
+            elif column < 0 and delimiter != 0:  # names may have blanks
+                while text[i] != 10 and text[i] != delimiter:
+                    i += 1
+            elif column < 0:
+                while not (text[i] == 32 or text[i] == 9 or text[i] == 13 or text[i] == 10):
+                    i += 1
+            else:
+                begin = i
+                negative = text[i] == 45
+                if negative or text[i] == 43:
+                    i += 1
+                digits, count, power, seen = np.uint64(0), 0, 0, False
+                while 48 <= text[i] <= 57:
+                    digits = digits * np.uint64(10) + np.uint64(text[i] - 48)
+                    count += 1 if digits != 0 else 0
+                    seen = True
+                    i += 1
+                if text[i] == 46 and delimiter != 46:
+                    i += 1
+                    while 48 <= text[i] <= 57:
+                        digits = digits * np.uint64(10) + np.uint64(text[i] - 48)
+                        count += 1 if digits != 0 else 0
+                        power -= 1
+                        seen = True
+                        i += 1
+                if seen and (text[i] == 101 or text[i] == 69):
+                    i += 1
+                    minus = text[i] == 45
+                    if minus or text[i] == 43:
+                        i += 1
+                    exponent, seen = 0, False
+                    while 48 <= text[i] <= 57:
+                        exponent = min(exponent * 10 + (text[i] - 48), 9999)
+                        seen = True
+                        i += 1
+                    power += -exponent if minus else exponent
+                ended = text[i] == 32 or text[i] == 9 or text[i] == 13 or text[i] == 10 or text[i] == delimiter
+                if ended and seen and count <= DIGITS and (digits == 0 or -22 <= power <= 22):
+                    value = 0.0 if digits == 0 else _scaled(digits, power)
+                    table[rows, column] = -value if negative else value
+                else:
+                    while not (text[i] == 32 or text[i] == 9 or text[i] == 13 or text[i] == 10 or text[i] == delimiter):
+                        i += 1
+                    slow[slows, 0], slow[slows, 1], slow[slows, 2], slow[slows, 3] = rows, column, begin, i
+                    slows += 1
+            field += 1
+            while text[i] == 32 or text[i] == 9 or text[i] == 13:
+                i += 1
+            if delimiter != 0 and text[i] == delimiter:
+                i += 1
+                while text[i] == 32 or text[i] == 9 or text[i] == 13:
+                    i += 1
+                if text[i] == 10 and field >= width:  # a delimiter that ends the line
+                    break
+            elif text[i] == 10:
+                break
+        if field != width:
+            return rows, line, kept, OTHER_WIDTH, lines, field
+        i += 1
+        lines += 1
+        rows += 1
+    return rows, i, slows, DONE, lines, 0
+
+
+@compiled(nogil=True)
+def skip_rows(text, start, stop, most):
+    """Passes up to ``most`` of the lines that parse_rows would read, whatever they hold.
+
+    Returns lines of these, place after the last, lines passed in all.
+    """
+    rows, lines, i = 0, 0, start
+    while i < stop and rows < most:
+        while text[i] == 32 or text[i] == 9 or text[i] == 13:
+            i += 1
+        if not (text[i] == 10 or text[i] == 35 or (text[i] == 47 and text[i + 1] == 47)):
+            rows += 1
+        while text[i] != 10:
+            i += 1
+        i += 1
+        lines += 1
+    return rows, i, lines

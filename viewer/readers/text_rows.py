@@ -1,0 +1,153 @@
+"""Rows of numbers out of a text file, a block at a time, with the place of whatever cannot be read.
+
+Frame and units: the file's.  Memory: two blocks of text and the rows asked for.
+"""
+
+import re
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.words import counted
+
+_BLOCK = 1 << 24  # bytes of text read at a time
+_LONGEST_LINE = 1 << 16  # bytes; a longer one is no row of a scan
+_SHOWN = 40  # characters of a line that a message quotes
+_NAN = re.compile(r"[-+]?(?:nan|1\.#)", re.IGNORECASE)  # as C libraries print it: -nan(ind), 1.#QNAN
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # of UTF-8, as some spreadsheets write it
+BLANKS = ""
+"""The delimiter of fields that are separated by blanks or tabs."""
+
+
+class TextRows:
+    """An open text file as rows of numbers and, in between, lines.  lines: those before the place that it is at."""
+
+    def __init__(self, path: Path, file: BinaryIO, lines: int = 0):
+        self.path, self._file = path, file
+        self._text, self._rest, self._at, self._ended = b"", b"", 0, False
+        self.line_number = lines
+        """Lines that were passed."""
+
+    def line(self) -> str | None:
+        """The next line that is not blank, without its end; None at the end of the file."""
+        while self._fill():
+            end = self._text.index(b"\n", self._at)
+            found, self._at = self._text[self._at : end].decode("latin-1"), end + 1
+            self.line_number += 1
+            if found.strip():
+                return found.strip()
+        return None
+
+    def peek(self) -> str | None:
+        """The line that ``line`` would return, left where it is."""
+        found = self.line()
+        if found is not None:
+            self._at, self.line_number = self._text.rfind(b"\n", 0, self._at - 1) + 1, self.line_number - 1
+        return found
+
+    def rows(self, target: list[int], most: int, delimiter: str = BLANKS) -> tuple[np.ndarray, int | None]:
+        """Up to ``most`` of the next rows, and how many fields the line behind them has where these are another number.
+
+        target: for each field of a line its column in what is returned, -1 for none.
+        Returns (n, columns) float64, and None where the rows ended with the file or ``most``.
+        Raises InputError naming the line where a field that is wanted holds no number.
+        """
+        from viewer.readers.text_kernels import OTHER_WIDTH, parse_rows
+
+        table = np.empty((most, max(target) + 1))
+        places, slow = np.array(target, np.int64), np.empty((max(4096, 4 * len(target)), 4), np.int64)
+        done, other = 0, None
+        while done < most and other is None and self._fill():
+            text = np.frombuffer(self._text, np.uint8)
+            n, at, slows, why, lines, fields = parse_rows(
+                text, self._at, len(text), ord(delimiter or "\0"), places, table[done:], slow
+            )
+            for row, column, begin, end in slow[:slows].tolist():
+                value = _number(self._text[begin:end])
+                if value is None:
+                    raise self.unreadable(begin)
+                table[done + row, column] = value
+            done, self._at, self.line_number = done + n, at, self.line_number + lines
+            other = fields if why == OTHER_WIDTH else None
+        return table[:done], other
+
+    def at_end(self) -> bool:
+        """Whether nothing but blank lines is left."""
+        return self.peek() is None
+
+    def unreadable(self, at: int | None = None, fields: tuple[int, int] | None = None) -> InputError:
+        """The error about a line that holds something else than numbers.  at: a place in it, by default in the next one.
+        fields: how many it has and how many were expected, where that is what is wrong."""
+        at = self._at if at is None else at
+        begin = self._text.rfind(b"\n", 0, at) + 1
+        line = self._text[begin : self._text.find(b"\n", at)].decode("latin-1").strip()
+        number = self.line_number + 1 + self._text.count(b"\n", self._at, begin)
+        if has_decimal_comma(line):
+            return InputError(f"{self.path}: line {number:,} has numbers with a decimal comma: {quoted(line)}; export it with "
+                              "decimal points")  # fmt: skip
+        if fields:
+            after = self._text[self._text.find(b"\n", at) + 1 :] + self._rest + self._file.read(1)
+            cut = "" if after.strip() else ", the file is truncated"
+            return InputError(f"{self.path}: line {number:,} has {counted(fields[0], 'value')} where {fields[1]} are expected: "
+                              f"{quoted(line)}{cut}; copy or export it again")  # fmt: skip
+        return InputError(f"{self.path}: line {number:,} holds {quoted(line)} where numbers are expected; export it again")
+
+    def skip_lines(self, lines: int) -> None:
+        """Passes lines, blank ones and comments included."""
+        while self.line_number < lines and self._fill():
+            self._at, self.line_number = self._text.index(b"\n", self._at) + 1, self.line_number + 1
+
+    def skip(self, most: int) -> int:
+        """Passes up to ``most`` rows, whatever they hold, and returns how many there were."""
+        from viewer.readers.text_kernels import skip_rows
+
+        passed = 0
+        while passed < most and self._fill():
+            text = np.frombuffer(self._text, np.uint8)
+            n, self._at, lines = skip_rows(text, self._at, len(text), most - passed)
+            passed, self.line_number = passed + n, self.line_number + lines
+        return passed
+
+    def _fill(self) -> bool:
+        """Makes sure that a whole line is there; False at the end of the file."""
+        while self._at >= len(self._text):
+            if self._ended:
+                return False
+            first = self._file.tell() == 0
+            block = self._file.read(_BLOCK)
+            self._ended = not block
+            if first:
+                block = block.removeprefix(_BYTE_ORDER_MARK)
+            text = self._rest + block + (b"\n" if self._ended and self._rest else b"")
+            end = text.rfind(b"\n") + 1
+            self._text, self._rest, self._at = text[:end], text[end:], 0
+            if len(self._rest) > _LONGEST_LINE:
+                what = f"line {self.line_number + 1 + self._text.count(bytes([10])):,} has more than {_LONGEST_LINE:,} bytes"
+                raise InputError(f"{self.path}: {what}, this is no text file of points; export it again")
+        return True
+
+
+def quoted(line: str) -> str:
+    """The beginning of a line for a message."""
+    shown = "".join(c if c.isascii() and c.isprintable() else "?" for c in line[:_SHOWN])
+    return f"{shown!r}{' ...' if len(line) > _SHOWN else ''}"
+
+
+def has_decimal_comma(line: str) -> bool:
+    """Whether a line holds three numbers or more like 1,5, separated by blanks, tabs or semicolons."""
+    words = re.split(r"[;\s]+", line.strip("; \t\r\n"))
+    return len(words) >= 3 and sum(bool(_DECIMAL_COMMA.fullmatch(word)) for word in words) >= 3
+
+
+def _number(token: bytes) -> float | None:
+    """A token as ``float`` reads it, quotes around it left out; NaN however it is written; None where it is no number."""
+    text = token.decode("latin-1").strip("\"'")
+    if _NAN.match(text):
+        return float("nan")
+    try:
+        return float(text) if "_" not in text else None
+    except ValueError:
+        return None
