@@ -85,10 +85,11 @@ def _parser() -> argparse.ArgumentParser:
 
     train = command("train", "train the network on registered rooms")
     train_command.add_arguments(train)
-    train.add_argument("--tune", type=Path, metavar="SCAN.e57",
-                       help="adapt the shipped weights to the photographs inside an E57, in minutes (default 10)")
+    train.add_argument("--tune", type=Path, metavar="SCAN",
+                       help="adapt the shipped weights to a scan, in minutes (default 10): to the photographs inside an E57, "
+                            "else to points withheld from it")
 
-    evaluate = command("evaluate", "judge pictures against registered truth")
+    evaluate = command("evaluate", "judge pictures against registered truth, or by points withheld from a scan")
     evaluation_command.add_arguments(evaluate)
 
     doctor = command("doctor", "what works here, what is used, what to do")
@@ -189,7 +190,7 @@ def _simulate(options: argparse.Namespace) -> int:
 def _train(options: argparse.Namespace) -> int:
     if options.tune is not None:
         train_command.check(options)
-        from viewer.tools.tune import tune
+        from viewer.tools.tuning.tune import tune
 
         tune(options.tune, options.out, quality=options.quality, minutes=10.0 if options.minutes is None else options.minutes,
              perceptual=options.perceptual, seed=options.seed, device=options.device)
@@ -198,7 +199,12 @@ def _train(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    return evaluation_command.run(options)
+    from viewer.tools.heldout import command as withheld
+
+    scans = [path for path in options.data if withheld.is_scan(path)]
+    if scans and len(scans) < len(options.data):
+        raise InputError(f"{scans[0]}: is a scan, the others are folders of rooms; judge it by itself")
+    return withheld.run(options) if scans else evaluation_command.run(options)
 
 
 def _doctor(options: argparse.Namespace) -> int:

@@ -12,11 +12,14 @@ CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Adds the options :func:`run` reads."""
-    parser.add_argument("data", type=Path, metavar="FOLDER", help="scene folder (scene.json, stations, views)")
-    parser.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F", help="default: all shipped")
+    parser.add_argument("data", nargs="+", type=Path, metavar="FOLDER|SCAN",
+                        help="scene folders (scene.json, stations, views), judged one by one, the worst printed first; or one "
+                             "scan, as the viewer opens it, judged by a tenth of its points that pictures are made without")
+    parser.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F",
+                        help="default: all shipped; of a scan: balanced")
     parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D",
                         help="shares of the points (default 1 0.1)")
-    parser.add_argument("--views", type=int, metavar="N", help="how many, evenly chosen (default: all)")
+    parser.add_argument("--views", type=int, metavar="N", help="how many, evenly chosen (default: all; of a scan: 8)")
     parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
     parser.add_argument("--exposures", choices=list(CHOICES), default="both",
                         help="colours as the stations took them, matched between stations, or both (default both)")
@@ -32,8 +35,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="of ScanNet++ (--paper-table): train, val, test or a file in splits/ (default val)")
     parser.add_argument("--camera", choices=["dslr", "iphone"], default="dslr",
                         help="of ScanNet++ (--paper-table; default dslr)")
+    parser.add_argument("--fast", action="store_true",
+                        help="filled and the networks only: no other baselines, Open3D, durations or flicker")
+    parser.add_argument("--worst", type=Path, metavar="F.png",
+                        help="the view in which a network is worst beside the filled picture: filled, neural, truth")
     parser.add_argument("--json", type=Path, metavar="F", help="every figure")
-    parser.add_argument("--plot", type=Path, metavar="F", help="PSNR and distance against ms (.png, .svg, .pdf)")
+    parser.add_argument("--plot", type=Path, metavar="F",
+                        help="PSNR and distance against ms (.png, .svg, .pdf); of a scan, a sheet (.png): filled, neural, and "
+                             "which of them is nearer to the withheld points")
 
 
 def names_of(files: Sequence[Path]) -> dict[str, Path]:
@@ -51,37 +60,52 @@ def names_of(files: Sequence[Path]) -> dict[str, Path]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Evaluates, prints the table, writes what was asked for.  Returns 0.  Raises DataError and WeightsError."""
+    """Evaluates, prints the tables, writes what was asked for.  Returns 0.  Raises DataError and WeightsError.
+
+    JSON of one scene: what :func:`model.evaluation.evaluate` returns; of several: a list of that, ``scenes``, worst first.
+    """
     with importing():
+        from model.data.truth import DataError
         from model.evaluation.outside import parse_outside
         from model.evaluation.precision import precision_of_scene
-        from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save
+        from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
         from model.evaluation.scene import evaluate
+        from model.evaluation.worse import Worst, ratio_of_room
         from model.weights import weights_dir
 
-    if options.json:
-        check_output(options.json)
-    if options.plot:
-        check_output(options.plot, PLOT_SUFFIXES)
+    for path, suffixes in ((options.json, ()), (options.plot, PLOT_SUFFIXES), (options.worst, (".png",))):
+        if path:
+            check_output(path, suffixes)
+    for name in ("plot", "outside", "paper_table"):
+        if getattr(options, name) and len(options.data) > 1:
+            raise DataError(f"--{name.replace('_', '-')}: for one folder, {len(options.data)} are given; leave it out")
     files = options.weights or sorted(weights_dir().glob("*.safetensors"))
     if options.paper_table:
         return _paper_table(options, names_of(files))
-    result = evaluate(
-        options.data, densities=tuple(options.densities), weights=names_of(files), distance_path=options.perceptual,
-        views=options.views, exposures=CHOICES[options.exposures], outside=parse_outside(options.outside),
-        flicker=options.flicker, frames=options.frames or None,
-    )
-    if options.precision:
-        result["precision"] = precision_of_scene(options.data, files, options.densities)
-    print(format_table(result))
+    worst = Worst() if options.worst else None
+    results = []
+    for folder in options.data:
+        results.append(evaluate(
+            folder, densities=tuple(options.densities), weights=names_of(files), distance_path=options.perceptual,
+            views=options.views, exposures=CHOICES[options.exposures], outside=parse_outside(options.outside),
+            flicker=options.flicker, frames=options.frames or None, fast=options.fast, worst=worst,
+        ))
+        if options.precision:
+            results[-1]["precision"] = precision_of_scene(folder, files, options.densities)
+    results.sort(key=ratio_of_room, reverse=True)
+    print("\n\n".join(format_table(result) for result in results))
     if options.json:
-        save(result, options.json)
+        save(results[0] if len(results) == 1 else {"scenes": results}, options.json)
     if options.plot:
-        plot(result, options.plot)
+        plot(results[0], options.plot)
+    if worst is not None and worst.case is not None:
+        save_picture(worst.sheet(), options.worst)
+        print(f"worst view: {worst.case.label}, error ratio {worst.case.ratio:.3f}: {options.worst}")
     return 0
 
 
-_NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposures": "both", "flicker": True, "frames": 20}
+_NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposures": "both", "flicker": True, "frames": 20,
+                       "fast": False, "worst": None}
 """Options that the paper's table has no use for, as they are where nobody gives them."""
 
 
@@ -91,13 +115,14 @@ def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
     from model.evaluation.report import save
     from model.paper_table import format_paper_table, paper_table
 
+    folder = options.data[0]
     if ignored := [f"--{name}" for name, usual in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != usual]:
         print(f"pointglass: --paper-table has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
-    if (options.data / "splits").is_dir():
-        names = scenes(options.data, options.split)
-        places = [load_scannetpp(options.data, name, options.camera) for name in names]
+    if (folder / "splits").is_dir():
+        names = scenes(folder, options.split)
+        places = [load_scannetpp(folder, name, options.camera) for name in names]
     else:
-        places = open_places([options.data])
+        places = open_places([folder])
     result = paper_table(places, weights, densities=tuple(options.densities), views=options.views,
                          distance_path=options.perceptual)
     print(format_paper_table(result))

@@ -6,20 +6,23 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
+from model.evaluation.flip import FlipTo
 from model.losses import SqueezeDistance
 from model.metrics import SsimTo, masked_error, masked_psnr, psnr, psnr_after_gain
 
 
 @dataclass(frozen=True)
 class Figures:
-    """psnr, psnr_gain (after one global gain): dB.  distance: perceptual, NaN without one.  invented: share of the picture
-    that is; invented_psnr, invented_error (mean absolute, 0..1), invented_distance: over those pixels only, NaN where none is.
+    """psnr, psnr_gain (after one global gain): dB.  distance: perceptual; flip: mean FLIP; NaN without one.  invented: share of
+    the picture that is; invented_psnr, invented_error (mean absolute, 0..1), invented_distance: over those pixels only, NaN
+    where none is.
     """
 
     psnr: float
     psnr_gain: float
     ssim: float
     distance: float
+    flip: float
     invented: float
     invented_psnr: float
     invented_error: float
@@ -27,10 +30,11 @@ class Figures:
 
 
 class Truth:
-    """A true picture to judge by.  rgb: (3, H, W) in 0..1.  distance: of :func:`model.losses.perceptual`, or None."""
+    """A true picture to judge by.  rgb: (3, H, W) in 0..1.  distance: of :func:`model.losses.perceptual`, or None.  flip: of
+    :func:`model.evaluation.flip.flip_judge`, or None."""
 
-    def __init__(self, rgb: Tensor, distance: nn.Module | None):
-        self.rgb, self.distance = rgb, distance
+    def __init__(self, rgb: Tensor, distance: nn.Module | None, flip: FlipTo | None = None):
+        self.rgb, self.distance, self.flip = rgb, distance, flip
         self.similarity = SsimTo(rgb)
         self.features = None
         if isinstance(distance, SqueezeDistance):
@@ -51,14 +55,15 @@ class Truth:
             total += float(((p - q).square() * head).sum(1).mean())
         return total
 
-    def figures(self, made: Tensor, invented: Tensor) -> Figures:
+    def figures(self, made: Tensor, invented: Tensor, *, invented_distance: bool = True) -> Figures:
         """made: (3, H, W).  invented: (H, W) bool, the same set for all methods that are to be compared.
 
-        For the perceptual distance of invented pixels they are set into the true picture.
+        For the perceptual distance of invented pixels they are set into the true picture; invented_distance: whether to.
         """
-        some = bool(invented.any())
+        some = invented_distance and bool(invented.any())
         return Figures(
             psnr(made, self.rgb), psnr_after_gain(made, self.rgb), self.similarity(made), self.gap(made),
+            math.nan if self.flip is None else self.flip(self.rgb, made),
             float(invented.double().mean()),
             masked_psnr(made, self.rgb, invented), masked_error(made, self.rgb, invented),
             self.gap(torch.where(invented, made, self.rgb)) if some else math.nan,

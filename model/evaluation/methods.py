@@ -46,18 +46,19 @@ def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 @dataclass(frozen=True)
 class Sight:
     """A view's points at one density.  seen: the points left; raster: the same in their pixels, plainly averaged; true_depth:
-    (H, W) float32.
+    (H, W) float32, None where it is not known; unlit: black points have no colour (:class:`model.project.SoftZ`).
 
     Masks depend on depth alone, so that sights that differ in colour only may share them.
     """
 
     seen: Projected
     raster: Raster
-    true_depth: Tensor
+    true_depth: Tensor | None
     spacing: float
     masks: dict[str, Tensor] = field(default_factory=dict)
     inputs: dict[tuple[str, bool], Tensor] = field(default_factory=dict)
     rasters: dict[str, Raster] = field(default_factory=dict)
+    unlit: bool = False
 
     @property
     def weighed(self) -> Raster:
@@ -65,14 +66,19 @@ class Sight:
         if self.seen.weight is None:
             return self.raster
         if "weighed" not in self.rasters:
-            self.rasters["weighed"] = self.seen.raster(soft_z(self.spacing))
+            self.rasters["weighed"] = self.seen.raster(soft_z(self.spacing, unlit=self.unlit))
         return self.rasters["weighed"]
 
     def mask(self, name: str) -> Tensor:
-        """(H, W) bool: a key of PRESETS, or TRUE."""
+        """(H, W) bool: a key of PRESETS, or TRUE, which needs the true depth."""
         if name not in self.masks:
             depth = self.raster.depth
-            self.masks[name] = true_visibility(depth, self.true_depth)[0] if name == TRUE else keep_mask(depth, PRESETS[name])
+            if name == TRUE:
+                assert self.true_depth is not None
+                self.masks[name] = true_visibility(depth, self.true_depth)[0]
+            else:
+                kept = keep_mask(depth, PRESETS[name])
+                self.masks[name] = kept & (self.raster.count > 0) if self.unlit else kept
         return self.masks[name]
 
     def input(self, mask: str, *, weighed: bool = False) -> Tensor:
@@ -87,15 +93,16 @@ class Sight:
         return replace(self, masks={}, inputs={}, rasters={})
 
 
-def soft_z(spacing: float) -> SoftZ:
+def soft_z(spacing: float, *, unlit: bool = False) -> SoftZ:
     """The renderer's own.  spacing: file units."""
-    return SoftZ.preset("auto", spacing, 1.0)
+    return SoftZ.preset("auto", spacing, 1.0, unlit=unlit)
 
 
-def sight(seen: Projected, true_depth: Tensor, spacing: float, masks: dict[str, Tensor] | None = None) -> Sight:
+def sight(seen: Projected, true_depth: Tensor | None, spacing: float, masks: dict[str, Tensor] | None = None, *,
+          unlit: bool = False) -> Sight:
     """The points ``seen``, already thinned, through our soft z-buffer.  spacing: of the thinned scan, file units."""
-    raster = replace(seen, weight=None).raster(soft_z(spacing))
-    return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks)
+    raster = replace(seen, weight=None).raster(soft_z(spacing, unlit=unlit))
+    return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks, unlit=unlit)
 
 
 def thinned(seen: Projected, density: float) -> Projected:

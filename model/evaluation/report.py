@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from model.data.truth import DataError
+from model.evaluation.worse import said
 from model.whole import passes_through, write_whole
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
@@ -25,7 +28,7 @@ class Column:
 PICTURES = (
     Column("points", "density", "{:.4g}%"), Column("exposure", "exposure", "{}"), Column("PSNR", "psnr", "{:.2f}"),
     Column("gain", "psnr_gain", "{:.2f}"), Column("SSIM", "ssim", "{:.3f}"), Column("distance", "distance", "{:.3f}"),
-    Column("invented", "invented", "{:.3f}"), Column("inv.PSNR", "invented_psnr", "{:.2f}"),
+    Column("FLIP", "flip", "{:.3f}"), Column("invented", "invented", "{:.3f}"), Column("inv.PSNR", "invented_psnr", "{:.2f}"),
     Column("inv.err", "invented_error", "{:.4f}"), Column("inv.dist", "invented_distance", "{:.3f}"),
     Column("kept", "kept", "{:.3f}"), Column("leaked", "leaked", "{:.3f}"), Column("ms", "ms", "{:.0f}"),
     Column("net ms", "network_ms", "{:.0f}"), Column("MAC/px", "mac", "{:.0f}"),
@@ -48,7 +51,8 @@ def _cell(row: dict, column: Column) -> str:
 
 
 def table(rows: list[dict], columns: tuple[Column, ...]) -> list[str]:
-    """Lines of text, numbers flush right, the method's name first; a dash where there is no figure."""
+    """Lines of text, numbers flush right, the method's name first; a dash where there is no figure, no column without any."""
+    columns = tuple(column for column in columns if any(_cell(row, column) != "-" for row in rows))
     cells = [[str(row["method"]), *(_cell(row, column) for column in columns)] for row in rows]
     head = ["picture", *(column.heading for column in columns)]
     widths = [max(map(len, column)) for column in zip(head, *cells, strict=True)]
@@ -63,12 +67,19 @@ def _threads(result: dict) -> str:
 def format_table(result: dict) -> str:
     """The figures as text, worst first within a density and exposure."""
     lines = [
-        f"{result['scene']}, {result['views']} views, {result['points']:,} points; distance: {result['distance']}; "
-        f"ms: torch, {_threads(result)}, from the points in view to the picture",
+        f"{result['scene']}, {result['views']} views, {result['points']:,} points; distance: {result['distance']}"
+        + (f"; ms: torch, {_threads(result)}, from the points in view to the picture" if any(r["ms"] for r in result["rows"])
+           else ""),
         "invented (inv.): pixels outside our filter's mask, the same for all",
     ]
     rows = sorted(result["rows"], key=lambda r: (-r["density"], r["exposure"], r["psnr"]))
     lines += table(rows, PICTURES)
+    for row in sorted((r for r in rows if r["against_filled"]), key=lambda r: -r["against_filled"]["ratio"]):
+        found = row["against_filled"]
+        lines.append(f"{row['method']}, {100 * row['density']:.4g}%, {row['exposure']}: {said(found)}; error ratio "
+                     f"{found['ratio']:.3f}, worst view {found['worst_view']} {found['worst_ratio']:.3f}")
+    if any(row["against_filled"] for row in rows):
+        lines.append("error ratio: neural over filled; geometric mean of root mean square error, 1 - SSIM, distance and FLIP")
     lines += [f"not in the table: {name}: {reason}" for name, reason in result["absent"].items()]
     if result["exposures"]:
         gains = zip(result["exposures"]["gains"], result["exposures"]["matched"], strict=True)
@@ -97,6 +108,13 @@ def save(result: dict, path: Path) -> None:
     """Writes the figures as JSON; null where there is no figure, or an infinite one."""
     text = json.dumps(_plain(result), indent=1, allow_nan=False)
     write_whole(path, lambda partial: partial.write_text(text))
+
+
+def save_picture(picture: np.ndarray, path: Path) -> None:
+    """Writes (H, W, 3) uint8 as PNG."""
+    from PIL import Image
+
+    write_whole(path, lambda partial: Image.fromarray(picture).save(partial, format="PNG"))
 
 
 def check_output(path: Path, suffixes: tuple[str, ...] = ()) -> None:

@@ -17,11 +17,13 @@ from tqdm import tqdm
 from model.data.projected import Projected, project_scan, scan_spacing
 from model.data.stations import Shot, StationScene, load_scene, scan_stations
 from model.data.truth import DataError, Scan, TruePicture
-from model.evaluation.figures import Truth
+from model.evaluation.figures import Figures, Truth
 from model.evaluation.flicker import Key, measure_flicker, middle_stretch
+from model.evaluation.flip import ABSENT, flip_judge
 from model.evaluation.methods import (
     OURS,
     TRUE,
+    WEIGHED,
     Method,
     Open3DMethod,
     Sight,
@@ -34,6 +36,7 @@ from model.evaluation.methods import (
 )
 from model.evaluation.open3d_points import Open3DError, Open3DPoints
 from model.evaluation.outside import Outside, open_outside
+from model.evaluation.worse import Case, Worst, summary
 from model.exposure import Exposures, exposures_of
 from model.losses import perceptual
 from model.metrics import WINDOW
@@ -70,18 +73,23 @@ def truth_of(shot: TruePicture) -> Tensor:
 
 
 class Evaluation:
-    """All that is set up before the first picture: scan, methods, distance.  ``rows`` and ``flicker`` make the figures."""
+    """All that is set up before the first picture: scan, methods, distance.  ``rows`` and ``flicker`` make the figures.
 
-    def __init__(self, scan: Scan, methods: list[Method], *, densities: Sequence[float], exposures: Sequence[str], seed: int,
-                 open3d: Open3DMethod | None, outside: list[Outside], distance: torch.nn.Module | None):
-        self.scan, self.methods, self.seed = scan, methods, seed
+    fast: no durations, and no distance of invented pixels.  worst: where the pictures of the worst view go.
+    """
+
+    def __init__(self, name: str, scan: Scan, methods: list[Method], *, densities: Sequence[float], exposures: Sequence[str],
+                 seed: int, open3d: Open3DMethod | None, outside: list[Outside], distance: torch.nn.Module | None,
+                 fast: bool = False, worst: Worst | None = None):
+        self.name, self.scan, self.methods, self.seed = name, scan, methods, seed
         self.densities, self.exposures = densities, exposures
+        self.fast, self.worst, self.flip = fast, worst, flip_judge()
         self.open3d, self.outside, self.distance = open3d, outside, distance
         self.spacing = scan_spacing(scan)
         self.solved: Exposures | None = None
         if "matched" in exposures:
             self.solved = exposures_of(scan.xyz, scan.rgb, scan.station)
-        self.absent: dict[str, str] = {}
+        self.absent: dict[str, str] = {} if self.flip else {"FLIP": ABSENT}
         self.times: dict[tuple[str, float], tuple[float, float | None]] = {}
 
     def exposed(self, seen: Projected, exposure: str) -> Projected:
@@ -106,38 +114,66 @@ class Evaluation:
         return {name: picture for name, (picture, _) in drawn.items()}
 
     def rows(self, shots: Sequence[Shot]) -> list[dict]:
-        """Mean figures of every method at every density and exposure, over the views."""
+        """Mean figures of every method at every density and exposure, over the views.
+
+        A network's row also counts the views that are worse than what went into it: ``against_filled``, of
+        :func:`model.evaluation.worse.summary`; None in others.
+        """
         figures: dict[tuple[str, float, str], list[tuple[float, ...]]] = {}
-        names: list[str] = []
+        cases: dict[tuple[str, float, str], list[Case]] = {}
         mac = {method.name: method.mac for method in self.methods}
         with tqdm(total=len(shots) * len(self.densities) * len(self.exposures), desc="views", disable=None) as meter:
             for number, shot in enumerate(shots):
                 seen = project_scan(self.scan, shot, seed=self.seed + number)
-                truth, depth = Truth(truth_of(shot), self.distance), torch.from_numpy(shot.depth())
+                truth = Truth(truth_of(shot), self.distance, self.flip)
+                depth = torch.from_numpy(shot.depth())
                 for density in self.densities:
                     left, masks = thinned(seen, density), {}
                     for exposure in self.exposures:
                         view = sight(self.exposed(left, exposure), depth, self.spacing / density**0.5, masks)
+                        found, pictures = {}, {}
                         for name, exposed, picture, mask in self._pictures(view, shot, density, exposure):
-                            names.append(name)
                             kept, leaked = _judged(mask, view)
-                            values = dataclasses.astuple(truth.figures(picture, ~view.mask(OURS)))
+                            found[name] = truth.figures(picture, ~view.mask(OURS), invented_distance=not self.fast)
+                            pictures[name] = picture
+                            values = dataclasses.astuple(found[name])
                             figures.setdefault((name, density, exposed), []).append((*values, kept, leaked))
-                        if number == 0 and exposure == self.exposures[0]:
+                        for case in self._cases(view, truth, found, pictures, Path(shot.rgb_file).stem, density, exposure):
+                            cases.setdefault((case.method, density, exposure), []).append(case)
+                        if number == 0 and exposure == self.exposures[0] and not self.fast:
                             for name, spent in timings(self.methods, view).items():
                                 self.times[name, density] = spent
                         meter.update(1)
-        fields = ["psnr", "psnr_gain", "ssim", "distance", "invented", "invented_psnr", "invented_error", "invented_distance",
-                  "kept", "leaked"]
+        fields = [*(field.name for field in dataclasses.fields(Figures)), "kept", "leaked"]
         rows = []
         for (name, density, exposed), values in figures.items():
             if len(values) < len(shots):  # Open3D failed half way
                 continue
             ms, network_ms = self.times.get((name, density), (None, None))
             means = dict(zip(fields, _means(np.array(values)), strict=True))
-            rows.append({"method": name, "density": density, "exposure": exposed, **means, "ms": ms,
-                         "network_ms": network_ms, "mac": mac.get(name)})
+            against = cases.get((name, density, exposed))
+            rows.append({"method": name, "density": density, "exposure": exposed, **means, "ms": ms, "network_ms": network_ms,
+                         "mac": mac.get(name), "against_filled": summary(against) if against else None})
         return rows
+
+    def _cases(self, view: Sight, truth: Truth, found: dict[str, Figures], pictures: dict[str, Tensor], shot: str,
+               density: float, exposure: str) -> list[Case]:
+        """Every network's picture of a sight against the filled one that went into it, which is judged where no method of
+        the table is that picture."""
+        names = {(m.mask, m.weighed): m.name for m in self.methods if m.network is None and m.name != "raw"}
+        cases = []
+        for method in self.methods:
+            if method.network is None or method.mask is None:
+                continue
+            name = names.get((method.mask, method.weighed))
+            if name is None:
+                name = names[method.mask, method.weighed] = f"input of {method.name}"
+                pictures[name] = view.input(method.mask, weighed=method.weighed)[:3]
+                found[name] = truth.figures(pictures[name], ~view.mask(OURS), invented_distance=False)
+            cases.append(Case(self.name, shot, method.name, density, exposure, found[method.name], found[name]))
+            if self.worst is not None:
+                self.worst.look(cases[-1], pictures[name], pictures[method.name], truth.rgb)
+        return cases
 
     def _pictures(self, view: Sight, shot: Shot, density: float, exposure: str):
         """(method, exposure, picture, mask or None) of a sight.  What knows no exposure comes with the first one only."""
@@ -182,6 +218,7 @@ def _judged(mask: Tensor | None, view: Sight) -> tuple[float, float]:
     if mask is None:
         return float("nan"), float("nan")
     if "hidden" not in view.masks:
+        assert view.true_depth is not None
         view.masks[TRUE], view.masks["hidden"] = true_visibility(view.raster.depth, view.true_depth)
     visible, hidden = view.masks[TRUE], view.masks["hidden"]
     return (float((mask & visible).sum() / visible.sum().clamp_min(1)),
@@ -192,13 +229,16 @@ def evaluate(
     folder: Path, *, densities: Sequence[float] = (1.0, 0.1), weights: dict[str, Path] | None = None,
     distance_path: Path | None = None, views: int | None = None, seed: int = 11, exposures: Sequence[str] = ("scanned",),
     outside: dict[str, Path] | None = None, flicker: bool = True, frames: int | None = FRAMES, open3d: bool = True,
+    fast: bool = False, worst: Worst | None = None,
 ) -> dict:
     """Figures over a scene folder in the ``renders/`` form.
 
     weights: name -> file.  views: how many, evenly chosen (None: all).  exposures: of EXPOSURES; baselines that know none are
     drawn at the first, flicker is measured at the last.  outside: name -> folder of PNGs.  flicker: where the scene has a path
-    of at least two frames; frames: how many of it (None: all).  Returns a JSON-able dict: ``rows``, ``flicker``, ``exposures``
-    (gains), ``absent`` (method -> why it is not there).  Raises DataError and WeightsError before anything slow starts.
+    of at least two frames; frames: how many of it (None: all).  fast: filled and the networks only, without Open3D,
+    durations, flicker and the distance of invented pixels.  worst: looks at every network's pictures, for the worst view.
+    Returns a JSON-able dict: ``rows``, ``flicker``, ``exposures`` (gains), ``absent`` (method or judge -> why it is not there).
+    Raises DataError and WeightsError before anything slow starts.
     """
     densities = tuple(dict.fromkeys(densities))
     bad = [density for density in densities if not 0 < density <= 1]
@@ -211,8 +251,9 @@ def evaluate(
         raise DataError(f"{frames} frames: flicker is seen between at least 2")
     scene = load_scene(folder)
     shots = pick_views(scene, views)
-    along = middle_stretch(scene.path, frames) if flicker and len(scene.path) > 1 else []
-    methods = plain_methods() + [network_method(name, path) for name, path in (weights or {}).items()]
+    along = middle_stretch(scene.path, frames) if flicker and not fast and len(scene.path) > 1 else []
+    methods = [method for method in plain_methods() if not fast or method.name == WEIGHED]
+    methods += [network_method(name, path) for name, path in (weights or {}).items()]
     taken = sorted({method.name for method in methods} & set(outside or {}))
     if taken:
         raise DataError(f"--outside {taken[0]}: a method of that name is compared already; choose another")
@@ -220,15 +261,15 @@ def evaluate(
     distance, distance_name = perceptual(distance_path)
     absent: dict[str, str] = {}
     renderer = None
-    if open3d:
+    if open3d and not fast:
         try:
             renderer = Open3DPoints()
         except Open3DError as error:
             absent["Open3D"] = str(error)
     try:
         work = Evaluation(
-            scan_stations(scene, seed), methods, densities=densities, exposures=tuple(exposures), seed=seed,
-            open3d=Open3DMethod(renderer) if renderer else None, outside=others, distance=distance,
+            scene.name, scan_stations(scene, seed), methods, densities=densities, exposures=tuple(exposures), seed=seed,
+            open3d=Open3DMethod(renderer) if renderer else None, outside=others, distance=distance, fast=fast, worst=worst,
         )
         rows = work.rows(shots)
         moving = work.flicker(along) if along else []

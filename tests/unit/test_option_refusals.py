@@ -71,7 +71,7 @@ def test_what_trains_in_one_process_is_refused_in_several(way, tmp_path, capsys,
 def test_training_says_which_options_it_has_no_use_for(options, said, tmp_path, capsys, monkeypatch):
     from model import recipes, train_command
     from model.weights import weights_dir
-    from viewer.tools import tune
+    from viewer.tools.tuning import tune
 
     done = []
     monkeypatch.setattr(recipes, "follow", lambda *_, **__: done.append("recipe"))

@@ -72,7 +72,7 @@ def test_tuning_is_told_what_was_asked_for(monkeypatch, tmp_path):
     for name in SQUEEZE_FILES:
         (tmp_path / name).write_bytes(b"some")
     told = []
-    monkeypatch.setattr("viewer.tools.tune.tune", lambda scan, out, **given: told.append((scan, out, given)))
+    monkeypatch.setattr("viewer.tools.tuning.tune.tune", lambda scan, out, **given: told.append((scan, out, given)))
     line = ("train", "--tune", "house.e57", "--quality", "fast", "--device", "cpu")
     assert main([*line, "--out", "mine", "--minutes", "2.5", "--seed", "7", "--perceptual", str(tmp_path)]) == 0
     assert main(list(line)) == 0

@@ -1,4 +1,5 @@
-"""Tuning on an E57's photographs: what fits is learned from, what is not registered is refused, what is no better not kept."""
+"""Tuning on an E57's photographs, or on withheld points: what fits is learned from, what is not registered is refused, what is
+no better not kept."""
 
 import json
 from dataclasses import replace
@@ -14,8 +15,11 @@ from viewer.cloud.colour import Colours
 from viewer.errors import InputError
 from viewer.readers.e57_images import read_photographs
 from viewer.readers.formats import open_source
-from viewer.tools import tune as tuning
-from viewer.tools.tune import agreement, read_points, registered_pictures, tune
+from viewer.tools.tuning import tune as tuning
+from viewer.tools.tuning import withheld
+from viewer.tools.tuning.material import DENSITIES
+from viewer.tools.tuning.photographs import agreement, photographs_in, read_points, registered_pictures
+from viewer.tools.tuning.tune import tune
 
 PLACES = [((0.3, -0.4, 0.2), 0.7, 0.3), ((-0.5, 0.2, 0.0), 2.4, -0.2), ((0.1, 0.6, -0.3), 4.0, 0.1),
           ((0.8, 0.0, 0.1), 5.5, 0.0), ((-0.9, -0.5, 0.3), 1.6, -0.4), ((0.0, 0.0, 0.5), 3.1, 0.2)]  # fmt: skip
@@ -101,25 +105,24 @@ def test_one_photograph_that_does_not_fit_is_left_out_by_name(points, tmp_path):
     given[2].translation = tuple(AWAY + (-1.2, -0.9, 0.6))
     path, said = write_photos(tmp_path / "a.e57", given, *points), []
     scan = read_points(path)
-    pictures = registered_pictures(path, scan, scan_spacing(scan), say=said.append)
+    pictures = registered_pictures(path, photographs_in(path)[0], scan, scan_spacing(scan), say=said.append)
     assert len(pictures) == 5 and len(said) == 1 and "'p2'" in said[0] and "left out" in said[0]
 
 
 def test_panoramas_are_learned_from_too(points, tmp_path):
     path = write_photos(tmp_path / "a.e57", [panorama((0.4, 0.1, -0.2), 0.6)], *points)
     scan = read_points(path)
-    assert len(registered_pictures(path, scan, scan_spacing(scan))) == 6
+    assert len(registered_pictures(path, photographs_in(path)[0], scan, scan_spacing(scan))) == 6
 
 
 def test_what_cannot_be_tuned_with_is_refused_in_one_line(points, photographed, tmp_path):
     out = tmp_path / "out"
-    plain = write_photos(tmp_path / "plain.e57", [], *points)
     grey = write_photos(tmp_path / "grey.e57", [pinhole(*PLACES[0])], points[0], None)
-    seen = write_photos(tmp_path / "seen.e57", [pinhole(*PLACES[0], kind="visualReference", name="look")], *points)
-    ply = write_ply(tmp_path / "a.ply", points[0][:2000], points[1][:2000])
+    plain = write_photos(tmp_path / "plain.e57", [], points[0], None)
+    few = write_ply(tmp_path / "few.ply", points[0][:500], points[1][:500])
     single = write_photos(tmp_path / "single.e57", [pinhole(*PLACES[0])], *points)
-    refused = ((plain, "no photographs"), (ply, "only an E57"), (grey, "no colours"), (seen, "'look'"),
-               (single, "at least two"))  # fmt: skip
+    refused = ((grey, "no colours"), (plain, "no colours"), (few, "500 points are too few"), (single, "at least two"),
+               (tmp_path / "missing.laz", "no such file"))  # fmt: skip
     for path, told in refused:
         with pytest.raises(InputError, match=told) as caught:
             tune(path, out, quality="fast", steps=1)
@@ -156,13 +159,14 @@ def test_a_few_steps_run_end_to_end_and_keep_only_what_is_better(photographed, t
 @pytest.mark.parametrize("gain, count", [(1.0, 6), (0.0, 2)])
 def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, tmp_path, capsys, monkeypatch, gain, count):
     """Of two photographs, too, one is judged that is not learned from."""
-    values, material, judging = iter([20.0, 20.0 + gain]), tuning._material, []
+    values, material, judging = iter([20.0, 20.0 + gain]), tuning.material_of, []
 
     def some(*given):
-        pictures, points, spacing = material(*given)
-        return pictures[:count], points, spacing
+        found = material(*given)
+        pictures = (*found.held_out, *found.learned_from)[:count]
+        return replace(found, held_out=list(pictures[:1]), learned_from=list(pictures[1:]))
 
-    monkeypatch.setattr(tuning, "_material", some)
+    monkeypatch.setattr(tuning, "material_of", some)
     monkeypatch.setattr(tuning, "mean_psnr", lambda network, judged: (judging.append(len(judged)), next(values))[1])
     out = tmp_path / "own"
     made, said = _tuned(photographed, out, capsys, monkeypatch, steps=1)
@@ -172,4 +176,47 @@ def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, 
     else:
         assert made == weights_dir() / "fast-filtered.safetensors" and not list(out.iterdir())
         assert "nothing is written" in said
-    assert f"{count - 1} photographs to learn from, 1 to judge" in said and judging == [len(tuning.DENSITIES)] * 2
+    assert f"{count - 1} photographs to learn from, 1 to judge" in said and judging == [len(DENSITIES)] * 2
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Withheld points at a small size."""
+    for name, value in (("SIZE", (128, 96)), ("VIEWPOINTS", 6), ("PICTURES", 10)):
+        monkeypatch.setattr(withheld, name, value)
+
+
+def _noisy(points, path, sigma=12.0):
+    rgb = points[1] + np.random.default_rng(9).normal(0, sigma, points[1].shape)
+    return write_ply(path, points[0], np.rint(rgb).clip(0, 255).astype(np.uint8))
+
+
+def test_pairs_are_known_where_withheld_points_are_and_made_without_them(points, tmp_path, small, monkeypatch):
+    material, shown = withheld.withheld_points(_noisy(points, tmp_path / "a.ply"), 1), []
+    sight = withheld.sight
+    monkeypatch.setattr(withheld, "sight", lambda seen, *given, **more: (shown.append(seen), sight(seen, *given, **more))[1])
+    assert material.learned == 5 and material.held == 1
+    (tmp_path / "work").mkdir()
+    ((folder, views),) = material.pairs(tmp_path / "work", "a", 1)
+    inputs, truth = np.load(folder / "inputs.npy"), np.load(folder / "truth.npy")
+    assert views == 5 and len(inputs) == len(truth) == 10 and inputs.shape[2:] == truth.shape[2:] == (96, 128)
+    known = truth[:, 4] > 0
+    assert set(np.unique(truth[:, 4])) == {0, 255} and 0.01 < known.mean() < 0.5 and (truth[:, 3] == 255).all()
+    total = len(material.scan.xyz)
+    assert all(len(seen.point) < 0.82 * total and int(seen.point.max()) < np.count_nonzero(~material.apart) for seen in shown)
+    filled = inputs[:, :3].astype(float).transpose(0, 2, 3, 1)[known] - truth[:, :3].transpose(0, 2, 3, 1)[known] / 255
+    assert 0.03 < np.sqrt(np.mean(filled**2)) < 0.2  # true colours of the place, but for noise of both
+    shown.clear()
+    judged = material.judged()
+    assert len(judged) == len(DENSITIES) and all(not material.apart[seen.point.numpy()].any() for seen in shown)
+
+
+def test_points_are_learned_from_where_there_are_no_photographs(points, tmp_path, small, capsys, monkeypatch):
+    made, said = _tuned(_noisy(points, tmp_path / "a.ply"), tmp_path / "w", capsys, monkeypatch, steps=4, minutes=5)
+    assert "only an E57 carries photographs" in said and "learning from points withheld" in said
+    assert "5 viewpoints to learn from, 1 to judge" in said and "held-out viewpoints" in said
+    if made.parent == weights_dir():
+        assert "shipped weights are kept" in said and not list((tmp_path / "w").iterdir())
+    else:
+        notes = json.loads(load_weights(made)[1]["notes"])
+        assert notes["psnr_after"] > notes["psnr_before"] and notes["viewpoints"] == 5

@@ -1,13 +1,10 @@
-"""Adapts the shipped weights to one scanner's photographs: those inside an E57, registered to its points.
+"""Tuning by photographs: those inside an E57, registered to its points.
 
-Four photographs of five are learned from, the fifth is judged, before and after; weights that do not gain there are not kept.
-Each photograph's exposure is matched to the scan first (one gain a channel, linear light): the network cannot know it.  The
-place's own frame: the E57's, metres; cameras OpenGL's.
+Four photographs of five are learned from, the fifth is judged, before and after.  Each photograph's exposure is matched to the
+scan first (one gain a channel, linear light): the network cannot know it.  The place's own frame: the E57's, metres; cameras
+OpenGL's.
 """
 
-import re
-import shutil
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,20 +17,16 @@ from model.data.photo_place import PhotoPlace
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
 from model.data.truth import MemoryPicture, Scan
 from model.depth_filter import keep_mask
-from model.folders import made_folder
 from model.light import TO_LINEAR, TO_SRGB
-from model.metrics import masked_psnr
 from model.places import places_of
 from model.project import network_input
-from model.train import TrainConfig, train
-from model.weights import load_weights, save_weights, weights_dir, weights_name
 from viewer.cloud.colour import Colours
 from viewer.cloud.histogram import is_place
 from viewer.errors import InputError
-from viewer.paths import weights_home
 from viewer.progress import progress
 from viewer.readers.e57_images import Photo, read_photographs
 from viewer.readers.formats import open_source
+from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
 
 MOST_POINTS = 20_000_000
 MOST_PHOTOS = 120
@@ -42,12 +35,9 @@ LEAST_AGREEMENT = 0.3
 """Correlation of fine structure between a photograph and the points projected into it, below which it is not registered."""
 MOST_OFFSET = 2.0  # pixels, at which photograph and points fit best: beyond it they would teach blur
 OFFSETS = 16  # pixels, searched
-JUDGED = 5  # every fifth photograph is judged, not learned from
-DENSITIES = (1.0, 0.25)  # of the points, at which the judged pictures are made
 LARGEST_GAIN = 4.0
 LARGEST_DIFFERENCE = 48.0  # of 255, over a few pixels, between photograph and points: something moved, or hides it
 LEAST_SIDE = 64
-RATE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -153,17 +143,21 @@ def _gain(points: np.ndarray, photo: np.ndarray) -> np.ndarray:
     return np.exp(np.median(ratio, 0)).clip(1 / LARGEST_GAIN, LARGEST_GAIN)
 
 
-def registered_pictures(path: Path, scan: Scan, spacing: float, *, say=print) -> list[MemoryPicture]:
-    """The photographs of an E57 that fit its points.  say: told of every photograph left out, and why.
-
-    Raises InputError where there are none, or where most do not fit: they are then not registered to this scan.
-    """
+def photographs_in(path: Path) -> tuple[list[Photo], str]:
+    """The photographs with camera and pose inside a scan; where there are none, why."""
+    if path.is_dir() or open_source(path).format != "E57":
+        return [], f"{path}: only an E57 carries photographs with their cameras"
     photos, warnings = read_photographs(path, longest=LONGEST, most=MOST_PHOTOS)
     for line in warnings:
-        say(f"pointglass: {line}")
-    if not photos:
-        why = f" ({warnings[0].removeprefix(f'{path}: ')})" if warnings else ""
-        raise InputError(f"{path}: holds no photographs with camera and pose{why}; export it with registered images")
+        print(f"pointglass: {line}")
+    return photos, "" if photos else f"{path}: holds no photographs with camera and pose"
+
+
+def registered_pictures(path: Path, photos: list[Photo], scan: Scan, spacing: float, *, say=print) -> list[MemoryPicture]:
+    """The photographs of an E57 that fit its points.  say: told of every photograph left out, and why.
+
+    Raises InputError where most do not fit: they are then not registered to this scan.
+    """
     found = []
     with progress(len(photos), "comparing photographs with points") as meter:
         for photo in photos:
@@ -190,105 +184,65 @@ def registered_pictures(path: Path, scan: Scan, spacing: float, *, say=print) ->
 
 
 @dataclass(frozen=True, eq=False)
-class _Judged:
-    """input (5, H, W) float16; truth (3, H, W) 0..1; known (H, W) bool."""
+class Photographs:
+    """The material.  learned_from, held_out: registered photographs."""
 
-    input: torch.Tensor
-    truth: torch.Tensor
-    known: torch.Tensor
+    scan: Scan
+    spacing: float
+    learned_from: list[MemoryPicture]
+    held_out: list[MemoryPicture]
+    noun: str = "photographs"
+    perceptual: bool = True
+
+    @property
+    def learned(self) -> int:
+        return len(self.learned_from)
+
+    @property
+    def held(self) -> int:
+        return len(self.held_out)
+
+    def judged(self) -> list[Judged]:
+        """What the renderer would show the network from the held-out photographs' places, at every density."""
+        made = []
+        for picture in self.held_out:
+            seen: Projected = project_scan(self.scan, picture)
+            truth = torch.from_numpy(picture.colour).permute(2, 0, 1).float() / 255
+            for density in DENSITIES:
+                apart = self.spacing / density**0.5
+                raster = raster_of(seen, seen.rank < density, apart)
+                x = network_input(raster, keep_mask(raster.depth), picture.fl, apart)
+                made.append(Judged(x.half(), truth, torch.from_numpy(picture.trusted)))
+        return made
+
+    def pairs(self, work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
+        """Folders of pairs, one for each size of picture and half of it."""
+        pictures = self.learned_from
+        variants = int(np.clip(120 // len(pictures), 1, 8))
+        groups: dict[tuple[int, int], list[MemoryPicture]] = {}
+        for picture in pictures:
+            groups.setdefault((picture.width, picture.height), []).append(picture)
+        check_room(work, sum(w * h * len(g) * variants for (w, h), g in groups.items()))
+        folders = []
+        for number, group in enumerate(groups.values()):
+            for reduce in (1, 2):  # at half the size many points meet in a pixel
+                if reduce == 1 or min(group[0].width, group[0].height) >= 4 * LEAST_SIDE:
+                    folders.append((work / f"pairs-{number}-{reduce}", len(group)))
+                    build([PhotoPlace(name, self.scan, group)], folders[-1][0], seed=seed, scans=1, variants=variants,
+                          reduce=reduce)
+        return folders
 
 
-def _judged(scan: Scan, spacing: float, pictures: list[MemoryPicture]) -> list[_Judged]:
-    """What the renderer would show the network from the held-out photographs' places, at every density."""
-    made = []
-    for picture in pictures:
-        seen: Projected = project_scan(scan, picture)
-        truth = torch.from_numpy(picture.colour).permute(2, 0, 1).float() / 255
-        for density in DENSITIES:
-            apart = spacing / density**0.5
-            raster = raster_of(seen, seen.rank < density, apart)
-            x = network_input(raster, keep_mask(raster.depth), picture.fl, apart)
-            made.append(_Judged(x.half(), truth, torch.from_numpy(picture.trusted)))
-    return made
+def registered_photographs(path: Path, photos: list[Photo], seed: int) -> Photographs:
+    """The photographs of an E57 that are registered to its points, every JUDGED-th held out.
 
-
-@torch.inference_mode()
-def mean_psnr(network: torch.nn.Module, judged: list[_Judged]) -> float:
-    """Mean PSNR over pictures, of the pixels that are known."""
-    values = [masked_psnr(network(j.input.float()[None])[0, :3].clamp(0, 1), j.truth, j.known) for j in judged]
-    return float(np.mean(values))
-
-
-def _pairs(scan: Scan, pictures: list[MemoryPicture], work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
-    """Folders of pairs, one for each size of picture, and how many pictures each was made of."""
-    variants = int(np.clip(120 // len(pictures), 1, 8))
-    groups: dict[tuple[int, int], list[MemoryPicture]] = {}
-    for picture in pictures:
-        groups.setdefault((picture.width, picture.height), []).append(picture)
-    needed = sum(25 * w * h * len(g) * variants for (w, h), g in groups.items())
-    free = shutil.disk_usage(work).free
-    if needed > 0.9 * free:
-        raise InputError(f"{work.parent}: {needed / 1e9:.1f} GB are needed for training pairs, {free / 1e9:.1f} GB are free")
-    folders = []
-    for number, group in enumerate(groups.values()):
-        for reduce in (1, 2):  # at half the size many points meet in a pixel
-            if reduce == 1 or min(group[0].width, group[0].height) >= 4 * LEAST_SIDE:
-                folders.append((work / f"pairs-{number}-{reduce}", len(group)))
-                build([PhotoPlace(name, scan, group)], folders[-1][0], seed=seed, scans=1, variants=variants, reduce=reduce)
-    return folders
-
-
-def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minutes: float = 10.0,
-         perceptual: Path | None = None, seed: int = 1, steps: int = 20_000, device: str = "auto") -> Path:  # fmt: skip
-    """Trains the shipped weights on the photographs inside ``scan`` and writes ``NAME-QUALITY-filtered.safetensors``.
-
-    out: folder for it (default: the one the viewer looks into).  Prints the PSNR of the held-out photographs before and after.
-    Returns the weights to use: the new ones, or the shipped ones where tuning made nothing better, with a line that says so.
-    Raises InputError where the file holds no photographs, or none that are registered to its points.
+    Raises InputError where points have no colours, where photographs do not fit them, or fewer than two do.
     """
-    shipped = weights_dir() / f"{weights_name(quality, filtered=True)}.safetensors"
-    if not shipped.is_file():
-        raise InputError(f"no weights are shipped for quality {quality!r}; choose fast, balanced or best")
-    if not (np.isfinite(minutes) and minutes > 0):
-        raise InputError(f"--minutes {minutes:g}: more than 0 are needed")
-    pictures, points, spacing = _material(scan, seed)
-    held = [p for i, p in enumerate(pictures) if i % JUDGED == JUDGED // 2] or pictures[-1:]
-    learned = [p for p in pictures if all(p is not h for h in held)]
-    judged = _judged(points, spacing, held)
-    before = mean_psnr(load_weights(shipped)[0], judged)
-    print(f"{len(learned)} photographs to learn from, {len(held)} to judge; shipped weights: {before:.2f} dB", flush=True)
-    out = weights_home() if out is None else out
-    name = re.sub(r"[^\w.-]+", "_", scan.stem) or "scan"
-    with made_folder(out), tempfile.TemporaryDirectory(".partial", f".tuning-{name}.", out) as work:
-        folders = _pairs(points, learned, Path(work), name, seed)
-        sides = [min(np.load(folder / "truth.npy", mmap_mode="r").shape[2:]) for folder, _ in folders]
-        made = train(TrainConfig(
-            pairs=tuple(str(folder) for folder, _ in folders), shares=tuple(float(n) for _, n in folders), out=work,
-            quality=quality, steps=steps, minutes=minutes, rate=RATE, warmup=20, average=0.99, neighbours=0, device=device,
-            recolour=False,
-            crop=min(192, *(int(side) // 16 * 16 for side in sides)), seed=seed, start_from=str(shipped),
-            perceptual_path=str(perceptual) if perceptual else None,
-        ))  # fmt: skip
-        network = load_weights(made)[0]
-    after = mean_psnr(network, judged)
-    print(f"held-out photographs: {before:.2f} dB with the shipped weights, {after:.2f} dB tuned", flush=True)
-    if not after > before:
-        print(f"tuning made nothing better: the shipped weights are kept, nothing is written ({shipped})")
-        return shipped
-    target = out / f"{name}-{weights_name(quality, filtered=True)}.safetensors"
-    notes = {"tuned_on": scan.name, "photographs": len(learned), "judged": len(held), "psnr_before": before,
-             "psnr_after": after, "minutes": minutes, "seed": seed, "start_from": shipped.name}  # fmt: skip
-    save_weights(target, network, quality, filtered=True, notes=notes)
-    print(f"weights in {target}")
-    return target
-
-
-def _material(path: Path, seed: int) -> tuple[list[MemoryPicture], Scan, float]:
-    if open_source(path).format != "E57":
-        raise InputError(f"{path}: only an E57 carries photographs with their cameras; give the scanner's E57")
     points = read_points(path, seed=seed)
     spacing = scan_spacing(points)
-    pictures = registered_pictures(path, points, spacing)
+    pictures = registered_pictures(path, photos, points, spacing)
     if len(pictures) < 2:
         raise InputError(f"{path}: {len(pictures)} registered photographs; at least two are needed, to learn and to judge")
-    return pictures, points, spacing
+    held = [p for i, p in enumerate(pictures) if i % JUDGED == JUDGED // 2] or pictures[-1:]
+    learned = [p for p in pictures if all(p is not h for h in held)]
+    return Photographs(points, spacing, learned, held)

@@ -1,0 +1,152 @@
+"""Tuning by withheld points: a scan teaches its own network, without photographs (Noise2Noise, Lehtinen et al. 2018).
+
+A tenth of the points is kept apart, and what is learned is judged by it, from viewpoints that nothing was learned from.  Of the
+others, another tenth is withheld for every training picture, and the loss is taken at the pixels where these are visible: their
+noise is independent of the picture's, so the network learns what all points have in common.
+Frame: file coordinates, file units.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from model.data.heldout import HELD_OUT, Targets, targets
+from model.data.projected import Projected, project_scan
+from model.data.truth import Scan
+from model.evaluation.heldout import Viewpoint
+from model.evaluation.methods import OURS, sight, soft_z
+from model.project import rasterise
+from viewer.errors import InputError
+from viewer.progress import progress
+from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
+
+VIEWPOINTS = 30
+"""Cameras, learned from and judged: the benches' eight views and the rest along their path."""
+SIZE = (640, 480)
+"""Pixels."""
+MOST_POINTS = 8_000_000
+"""Points that are worked on: a view of 640x480 shows no more, and each is projected into every picture."""
+PICTURES = 75
+"""Training pictures: of each viewpoint as many as that allows."""
+LEAST_DENSITY = 0.25
+"""Of the points, that training pictures are made of; the other half of them are made of all."""
+LEAST_SEEN = 500
+"""Visible withheld points below which a view teaches and tells nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class WithheldPoints:
+    """The material.  scan, spacing: all points.  apart: (N,) bool, those kept apart.  views: learned from; judges: judged."""
+
+    scan: Scan
+    spacing: float
+    unlit: bool
+    apart: np.ndarray
+    views: Sequence[Viewpoint]
+    judges: Sequence[Viewpoint]
+    noun: str = "viewpoints"
+    perceptual: bool = False
+
+    @property
+    def learned(self) -> int:
+        return len(self.views)
+
+    @property
+    def held(self) -> int:
+        return len(self.judges)
+
+    def _input(self, seen: Projected, keep: Tensor, share: float) -> Tensor:
+        """(C, H, W) what the network is shown of the points of ``keep``, a share ``share`` of all."""
+        view = sight(seen.chosen(keep), None, self.spacing / share**0.5, unlit=self.unlit)
+        return view.input(OURS, weighed=True)
+
+    def judged(self) -> list[Judged]:
+        """Pictures of all points but those apart, judged by these."""
+        made, soft = [], soft_z(self.spacing, unlit=self.unlit)
+        for viewpoint in self.judges:
+            seen = project_scan(self.scan, viewpoint.picture)
+            held = torch.from_numpy(self.apart)[seen.point]
+            wanted = targets(seen, held, soft)
+            if len(wanted.index) < LEAST_SEEN:
+                continue
+            truth, known = pixels_of(seen, wanted)
+            for density in DENSITIES:
+                share = density * (1.0 - HELD_OUT)
+                x = self._input(seen, ~held & (seen.rank < density), share)
+                made.append(Judged(x.half(), truth.float() / 255, known))
+        if not made:
+            raise _too_sparse(len(self.judges))
+        return made
+
+    def pairs(self, work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
+        """One folder of pairs, as of :mod:`model.data.pairs`, known at the pixels of visible withheld points."""
+        variants = max(1, PICTURES // max(len(self.views), 1))
+        width, height = self.views[0].picture.width, self.views[0].picture.height
+        check_room(work, width * height * variants * len(self.views))
+        rest = np.flatnonzero(~self.apart)
+        scan = replace(self.scan, xyz=self.scan.xyz[rest], rgb=self.scan.rgb[rest], station=self.scan.station[rest])
+        soft = soft_z(self.spacing / (1.0 - HELD_OUT) ** 0.5, unlit=self.unlit)
+        rng, folder = np.random.default_rng(seed), work / "pairs-0-1"
+        inputs, truths, table = [], [], []
+        with progress(len(self.views), "making training pictures", " views") as meter:
+            for number, viewpoint in enumerate(self.views):
+                drawn = int(rng.integers(2**31))
+                seen = project_scan(scan, viewpoint.picture, drawn)
+                for variant in range(variants):
+                    rank = torch.remainder(seen.rank + variant / variants, 1.0)  # other points are withheld each time
+                    held = rank >= 1.0 - HELD_OUT
+                    wanted = targets(seen, held, soft)
+                    if len(wanted.index) >= LEAST_SEEN:
+                        density = float(np.exp(rng.uniform(np.log(LEAST_DENSITY), 0.0))) if variant % 2 else 1.0
+                        share = density * (1.0 - HELD_OUT)
+                        x = self._input(seen, rank < share, share * (1.0 - HELD_OUT))
+                        inputs.append(x.half().numpy())
+                        truths.append(truth_bytes(*pixels_of(seen, wanted)))
+                        table.append({"scene": name, "view": number, "density": density})
+                meter.update(1)
+        if not inputs:
+            raise _too_sparse(len(self.views))
+        folder.mkdir()
+        np.save(folder / "inputs.npy", np.stack(inputs))
+        np.save(folder / "truth.npy", np.stack(truths))
+        (folder / "pairs.json").write_text(json.dumps({"preset": "auto", "seed": seed, "reduce": 1, "pairs": table}))
+        return [(folder, len(self.views))]
+
+
+def _too_sparse(views: int) -> InputError:
+    return InputError(f"none of {views} viewpoints shows {LEAST_SEEN} withheld points: the scan is too sparse to be tuned on")
+
+
+def pixels_of(seen: Projected, wanted: Targets) -> tuple[Tensor, Tensor]:
+    """(3, H, W) uint8 mean colour of the withheld points in each pixel, in linear light as pictures are averaged, and (H, W)
+    bool, where there are any."""
+    camera = seen.camera
+    level = torch.ones(len(wanted.index))  # every one of them is in front: none hides another
+    raster = rasterise(wanted.index, level, wanted.rgb, camera.width, camera.height, soft_z(0.0))
+    return raster.colour.to(torch.uint8), raster.count > 0
+
+
+def truth_bytes(colour: Tensor, known: Tensor) -> np.ndarray:
+    """(5, H, W) uint8 as pairs hold it: colour, coverage, known."""
+    full = torch.full_like(known, 255, dtype=torch.uint8)
+    return torch.cat([colour, full[None], (known.to(torch.uint8) * 255)[None]]).numpy()
+
+
+def withheld_points(path: Path, seed: int) -> WithheldPoints:
+    """Opens a scan to be tuned on.  Raises InputError where its points have no colours, or are too few."""
+    from viewer.cloud import open_scene
+    from viewer.tools.heldout.points import points_of
+    from viewer.tools.heldout.viewpoints import judged_viewpoints
+
+    scene = open_scene(path)
+    scan, spacing = points_of(scene, path, most=MOST_POINTS, seed=seed)
+    viewpoints = judged_viewpoints(scene, SIZE, VIEWPOINTS)
+    apart = np.random.default_rng([seed, 1]).random(len(scan.xyz)) < HELD_OUT
+    judges = [v for i, v in enumerate(viewpoints) if i % JUDGED == JUDGED // 2]
+    views = [v for i, v in enumerate(viewpoints) if i % JUDGED != JUDGED // 2]
+    return WithheldPoints(scan, spacing, scene.unlit, apart, views, judges)
