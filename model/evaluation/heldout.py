@@ -37,7 +37,7 @@ NOISE_LEVELS = 3
 """Parts of equal size that the withheld points are split into by the noise level around them."""
 
 NoiseAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""xyz (K, 3) in the scan's frame, luma (K,) 0..255 -> (K,) noise standard deviation, of 1."""
+"""xyz (K, 3) in the scan's frame, luma (K,) 0..1 -> (K,) noise standard deviation of a point's luma."""
 
 
 def high_pass(values: np.ndarray, index: np.ndarray, shape: tuple[int, int], sigma: float = HIGH_PASS) -> np.ndarray:
@@ -174,7 +174,7 @@ class Withheld:
     def _noise(self, wanted: Targets) -> np.ndarray | None:
         if self.noise is None:
             return None
-        luma = wanted.rgb.numpy().astype(np.float32) @ np.array(LUMA, np.float32)
+        luma = wanted.rgb.numpy() / np.float32(255) @ np.array(LUMA, np.float32)
         return np.asarray(self.noise(self.scan.xyz[wanted.point.numpy()], luma), np.float64)
 
     def rows(self) -> list[dict]:

@@ -172,7 +172,7 @@ def test_figures_are_split_by_the_noise_around():
                 np.zeros(left.sum() + right.sum(), np.uint8))
 
     def level(xyz, luma):
-        assert len(xyz) == len(luma) and luma.min() >= 0 and 100 < luma.max() <= 255
+        assert len(xyz) == len(luma) and luma.min() >= 0 and 0.5 < luma.max() <= 1.0001
         return np.where(xyz[:, 0] < 0, 0.01, 0.1)
 
     row = judged(scan, [fixed("true", true_picture())], noise=level)["true"]

@@ -47,7 +47,7 @@ def test_a_scan_is_judged_by_its_own_points(scan, tmp_path, capsys):
     (("{scan}", "--densities", "0"), "--densities 0"), (("{scan}", "--views", "0"), "--views 0"),
     (("{scan}", "{scan}"), "one scan at a time"), (("{scan}", "{folder}"), "is a scan"),
     (("{scan}", "--plot", "a.svg"), "must end in .png"), (("{grey}",), "no colours"), (("{few}",), "too few"),
-    (("{scan}", "--weights", "missing.safetensors"), "no such weights"),
+    (("{scan}", "--weights", "missing.safetensors"), "no such weights"), (("{folder}/missing.laz",), "no such file"),
 ])
 def test_bad_input_is_refused_in_one_line(scan, tmp_path, capsys, options, said):
     xyz, rgb = room_points(1500)

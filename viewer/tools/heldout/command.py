@@ -29,10 +29,13 @@ _NO_USE_FOR = {"perceptual": None, "exposures": "both", "outside": [], "flicker"
 
 
 def is_scan(path: Path) -> bool:
-    """Whether a path is a scan for the viewer, a file or a folder made by ``convert``, and not a folder with a room in it."""
+    """Whether a path is a scan for the viewer, a file or a folder made by ``convert``, and not a folder with a room in it.
+
+    A path that leads nowhere is taken for a file where its name has a suffix.
+    """
     from viewer.cloud.cache import is_grid
 
-    return path.is_file() or (path.is_dir() and is_grid(path))
+    return is_grid(path) if path.is_dir() else path.exists() or bool(path.suffix)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -86,8 +89,8 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     methods += [network_method(name, file) for name, file in weights.items()]
     scene = open_scene(path)
     scan, spacing = points_of(scene, path)
-    noise = getattr(scene, "noise", None)
-    work = Withheld(scan, spacing, methods, densities, unlit=scene.unlit, noise=None if noise is None else noise.at)
+    noise = getattr(scene, "noise", None)  # a NoiseModel, where the grid has one
+    work = Withheld(scan, spacing, methods, densities, unlit=scene.unlit, noise=noise.at if noise is not None else None)
     viewpoints = judged_viewpoints(scene, size, views)
     stations = station_viewpoints(scan, size)
     rows = []

@@ -20,7 +20,7 @@ STATIONS = 4
 FIELD_OF_VIEW = 60.0
 """Degrees, vertical, from a scanner's place."""
 LEAST_SHARE = 0.02
-"""Of the points, that a station must have to be left out."""
+"""Of the points, that a station must have to be left out, and that must be left without it."""
 
 
 def picture_of(camera: Camera) -> MemoryPicture:
@@ -47,7 +47,8 @@ def station_viewpoints(scan: Scan, size: tuple[int, int]) -> list[Viewpoint]:
     if scan.places is None or not told_apart(scan.places):
         return []
     counts = np.bincount(scan.station, minlength=len(scan.places))[: len(scan.places)]
-    known = np.isfinite(scan.places).all(axis=1) & (counts >= LEAST_SHARE * len(scan.station))
+    share = counts / max(len(scan.station), 1)
+    known = np.isfinite(scan.places).all(axis=1) & (share >= LEAST_SHARE) & (share <= 1.0 - LEAST_SHARE)
     numbers = sorted(np.flatnonzero(known).tolist(), key=lambda n: -counts[n])[:STATIONS]
     found = []
     for number in numbers:
