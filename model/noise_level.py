@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from model.data.projected import Projected
 from model.noise import LUMA, NoiseModel
 from model.project import Raster
 
@@ -27,3 +28,9 @@ def pixel_noise(noise: NoiseModel | None, raster: Raster, camera, view_to_world:
         luma = raster.colour[:, rows, columns].double().numpy().T @ LUMA / 255.0
         told[rows, columns] = noise.at(view @ view_to_world.T + eye, luma)
     return torch.from_numpy(told).to(raster.depth.dtype)
+
+
+def seen_noise(noise: NoiseModel | None, raster: Raster, seen: Projected) -> Tensor:
+    """The same of a projected scan, whose frame is that of ``noise``."""
+    pose = seen.camera_to_world
+    return pixel_noise(noise, raster, seen.camera, pose[:3, :3] * (1.0, -1.0, -1.0), pose[:3, 3])

@@ -114,7 +114,7 @@ def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float
 
 def _crop(stage: Stage, pairs: Sequence[Path]) -> int:
     """Side of the stage's crops: those of the recipe, or smaller ones where pictures hold no more."""
-    sides = [min(PairFolder(folder).inputs.shape[2:]) for folder in pairs]
+    sides = [min(PairFolder(folder).measured.shape[2:]) for folder in pairs]
     return min(stage.crop, max(LEAST_CROP, min(sides) // 16 * 16))
 
 

@@ -54,7 +54,8 @@ class PairFolder:
         has_neighbours = (folder / "neighbours.npy").is_file()
         self.neighbours = self._array("neighbours", MEASURED_CHANNELS, np.float16) if has_neighbours else None
         self.flow = self._array("flow", 2, np.float16) if self.neighbours is not None else None
-        for name in ("truth", "neighbours", "flow"):
+        self.noise = self._array("noise", 1, np.float16) if (folder / "noise.npy").is_file() else None
+        for name in ("truth", "neighbours", "flow", "noise"):
             array = getattr(self, name)
             if array is not None and (len(array), *array.shape[2:]) != (len(self.measured), *self.measured.shape[2:]):
                 raise DataError(f"{folder / f'{name}.npy'}: {array.shape} does not match measured.npy {self.measured.shape}; "
@@ -129,6 +130,8 @@ class Crops:
         told = np.zeros((side, side), np.float32)
         if not beside:
             told = augmented(x, y, rng, textures_only=not self.recolour)
+        if folder.noise is not None:
+            told = np.hypot(told, folder.noise[window][0].astype(np.float32))
         noise = torch.from_numpy(told)
         x = filled_input(torch.from_numpy(x), noise).numpy()[inner]
         near = filled_input(torch.from_numpy(near), noise).numpy()[inner] if beside else near[inner]

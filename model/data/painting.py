@@ -110,14 +110,18 @@ def make_painting(textures: Sequence[np.ndarray], xyz: np.ndarray, rng: np.rando
     centre = xyz[rng.integers(len(xyz), size=count)].astype(np.float64)
     middle = np.median(xyz[:: max(len(xyz) // 10_000, 1)], axis=0)
     extent = float(np.median(np.linalg.norm(xyz[:: max(len(xyz) // 10_000, 1)] - middle, axis=1)))
-    tile = np.exp(rng.uniform(*np.log(TILE), count))
+    tile = _log_uniform(rng, TILE, count)
     axes = np.linalg.qr(rng.normal(size=(count, 3, 3)))[0]
     mips = np.stack([
-        np.minimum(mip_levels(textures[int(rng.integers(len(textures)))]) ** np.exp(rng.uniform(*np.log(CONTRAST))), BRIGHTEST)
-        for _ in range(count)
+        np.minimum(mip_levels(textures[int(rng.integers(len(textures)))]) ** contrast, BRIGHTEST)
+        for contrast in _log_uniform(rng, CONTRAST, count)
     ])
-    return Painting(centre, extent * np.exp(rng.uniform(*np.log(RADIUS), count)), axes[:, 0] / tile[:, None],
+    return Painting(centre, extent * _log_uniform(rng, RADIUS, count), axes[:, 0] / tile[:, None],
                     axes[:, 1] / tile[:, None], tile / SIDE, mips.astype(np.float32))
+
+
+def _log_uniform(rng: np.random.Generator, limits: tuple[float, float], count: int) -> np.ndarray:
+    return np.exp(rng.uniform(np.log(limits[0]), np.log(limits[1]), count))
 
 
 def painted(rgb: np.ndarray, gain: np.ndarray) -> np.ndarray:

@@ -8,7 +8,8 @@ training, into memory-mapped arrays, so that a crop costs a read; filling, and n
 ``measured.npy`` (P, 6, H, W) float16, see :func:`model.project.measured_input`; ``truth.npy`` (P, 5, H, W) uint8: colour,
 coverage, and 255 where the truth is known.  With neighbours also ``neighbours.npy`` (P, 6, H, W) float16: what is measured
 from a camera moved a little, and ``flow.npy`` (P, 2, H, W) float16: where each true pixel lies in that picture, in pixels from
-where it was, NaN where the neighbour does not see it, or the input lacks points that the neighbour has.  ``pairs.json`` says
+where it was, NaN where the neighbour does not see it, or the input lacks points that the neighbour has.  Where the scan's own
+noise is kept, as in tuning, ``noise.npy`` (P, 1, H, W) float16: its standard deviation at each pixel.  ``pairs.json`` says
 where each came from.
 
 Colours are of one of two kinds.  *Scanned*: as the stations saw them, with their exposures and their gloss, which differ from
@@ -36,6 +37,8 @@ from model.data.reduced import reduced_colour, reduced_share
 from model.data.truth import DataError, Scan, TruePicture, TruePlace
 from model.depth_filter import keep_mask
 from model.exposure import match_exposures
+from model.noise import NoiseModel
+from model.noise_level import seen_noise
 from model.project import MEASURED_CHANNELS, measured_input
 
 MATCHED_SHARE = 0.7
@@ -155,6 +158,7 @@ class Pair:
     truth: np.ndarray
     neighbour: np.ndarray | None = None
     flow: np.ndarray | None = None
+    noise: np.ndarray | None = None
 
 
 @runtime_checkable
@@ -190,12 +194,13 @@ class _Look:
 
 
 def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, preset: str, reduce: int = 1,
-                neighbours: bool = False, textures: Sequence[np.ndarray] = ()) -> Iterator[Pair]:
+                neighbours: bool = False, textures: Sequence[np.ndarray] = (),
+                noise: NoiseModel | None = None) -> Iterator[Pair]:
     """Yields ``variants`` densities of ``scans`` scans of every view of a place.
 
     reduce: pictures this much smaller, so that many points meet in a pixel: without such pairs the network blurs what
     a dense scan shows sharply.  textures: of :func:`model.data.painting.load_textures`, to paint with; photographed places
-    are neither painted nor made diffuse.
+    are neither painted nor made diffuse.  noise: of the scan, where its points keep their own.
     """
     rng = np.random.default_rng(seed)
     photographs = isinstance(place, PhotographedPlace)
@@ -230,7 +235,8 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
                 where = {"scene": place.name, "view": index, "scan": number, "density": density, "matched": matched,
                          "placed": placed, "diffuse": is_diffuse, "painted": painting is not None}
                 if not neighbours:
-                    yield Pair(where, made.numpy().astype(np.float16), truth)
+                    told = None if noise is None else seen_noise(noise, raster, seen)[None].numpy().astype(np.float16)
+                    yield Pair(where, made.numpy().astype(np.float16), truth, noise=told)
                     continue
                 finite = raster.depth[torch.isfinite(raster.depth)]
                 pose = _neighbour_pose(shot, float(finite.median()) if len(finite) else 1.0, rng)
@@ -256,7 +262,8 @@ def by_size(places: Sequence[TruePlace]) -> list[list[TruePlace]]:
 
 
 def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto",
-          reduce: int = 1, neighbours: bool = False, textures: Sequence[np.ndarray] = ()) -> int:
+          reduce: int = 1, neighbours: bool = False, textures: Sequence[np.ndarray] = (),
+          noise: NoiseModel | None = None) -> int:
     """Makes the pairs of all places into ``out`` (written beside and renamed).  Returns how many.
 
     Raises DataError where the places' pictures differ in size.
@@ -278,11 +285,13 @@ def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int =
         arrays = {"measured": room("measured", np.float16, MEASURED_CHANNELS), "truth": room("truth", np.uint8, 5)}
         if neighbours:
             arrays |= {"neighbour": room("neighbours", np.float16, MEASURED_CHANNELS), "flow": room("flow", np.float16, 2)}
+        if noise is not None:
+            arrays["noise"] = room("noise", np.float16, 1)
         table = []
         with tqdm(total=count, desc=out.name, unit=" pairs", disable=None) as meter:
             for number, place in enumerate(places):
                 for pair in place_pairs(place, seed=seed + number, scans=scans, variants=variants, preset=preset,
-                                        reduce=reduce, neighbours=neighbours, textures=textures):
+                                        reduce=reduce, neighbours=neighbours, textures=textures, noise=noise):
                     for name, array in arrays.items():
                         array[len(table)] = getattr(pair, name)
                     table.append(pair.where)

@@ -25,7 +25,7 @@ class Projected:
 
     index (M,) int64 pixel, z (M,) float32, rgb (M, 3) uint8, station (M,) uint8, rank (M,) float32 in 0..1: a decimation to a
     share s keeps the points of rank < s.  point (M,) int64 rows of the scan, rising.  weight (M,) int64 by where the scanners
-    stood, None where the scan does not say.
+    stood, None where the scan does not say.  camera_to_world (4, 4), OpenGL axes.
     """
 
     index: Tensor
@@ -35,13 +35,14 @@ class Projected:
     rank: Tensor
     point: Tensor
     camera: SimpleNamespace
+    camera_to_world: np.ndarray
     weight: Tensor | None = None
 
     def chosen(self, keep: Tensor) -> "Projected":
         """The points of ``keep`` (M,) bool."""
         index, z, rgb, station, rank = (part[keep] for part in (self.index, self.z, self.rgb, self.station, self.rank))
         weight = None if self.weight is None else self.weight[keep]
-        return Projected(index, z, rgb, station, rank, self.point[keep], self.camera, weight)
+        return Projected(index, z, rgb, station, rank, self.point[keep], self.camera, self.camera_to_world, weight)
 
     def coloured_as(self, other: "Projected") -> "Projected":
         """The same, points that ``other`` sees of the same scan in the colours that they have there."""
@@ -79,7 +80,7 @@ def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
     if scan.places is not None and told_apart(scan.places):
         places = torch.from_numpy(((scan.places - matrix[:3, 3]) @ to_view).astype(np.float32))
         weight = station_weights(x[inside], y[inside], z, station.long(), places)
-    return Projected(index, z, rgb, station, rank[rows], rows, camera, weight)
+    return Projected(index, z, rgb, station, rank[rows], rows, camera, matrix, weight)
 
 
 @compiled(nogil=True)

@@ -13,7 +13,7 @@ scan, and not scans.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,6 +25,7 @@ from model.data.projected import Projected, project_scan
 from model.data.truth import Scan, TruePicture
 from model.evaluation.labelled import picture_bytes
 from model.evaluation.methods import OURS, Method, Sight, sight, soft_z
+from model.noise import NoiseModel
 from model.unet import LUMA
 
 HIGH_PASS = 4.0
@@ -35,9 +36,6 @@ LEAST_IN_GAPS = 100
 """Withheld points in gaps below which a view says nothing of gaps."""
 NOISE_LEVELS = 3
 """Parts of equal size that the withheld points are split into by the noise level around them."""
-
-NoiseAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""xyz (K, 3) in the scan's frame, luma (K,) 0..1 -> (K,) noise standard deviation of a point's luma."""
 
 
 def high_pass(values: np.ndarray, index: np.ndarray, shape: tuple[int, int], sigma: float = HIGH_PASS) -> np.ndarray:
@@ -123,8 +121,8 @@ class Viewpoint:
 class Withheld:
     """Judges methods on a scan, view by view.
 
-    spacing: of the whole scan, its units.  unlit: black points have no colour.  noise: its level at points, None if not known.
-    share: of the points, withheld at random.
+    spacing: of the whole scan, its units.  unlit: black points have no colour.  noise: of the scan, as the network is told it,
+    None if not known.  share: of the points, withheld at random.
     """
 
     scan: Scan
@@ -133,7 +131,7 @@ class Withheld:
     densities: Sequence[float]
     seed: int = 11
     unlit: bool = False
-    noise: NoiseAt | None = None
+    noise: NoiseModel | None = None
     share: float = HELD_OUT
     found: dict[tuple[str, str, float], list[PointErrors]] = field(default_factory=dict)
 
@@ -169,13 +167,14 @@ class Withheld:
         random: whether the rank of a point tells that it is withheld.
         """
         most = density * left if random else density
-        return sight(seen.chosen(~held & (seen.rank < most)), None, self.spacing / (left * density) ** 0.5, unlit=self.unlit)
+        return sight(seen.chosen(~held & (seen.rank < most)), None, self.spacing / (left * density) ** 0.5, unlit=self.unlit,
+                     noise=self.noise)
 
     def _noise(self, wanted: Targets) -> np.ndarray | None:
         if self.noise is None:
             return None
         luma = wanted.rgb.numpy() / np.float32(255) @ np.array(LUMA, np.float32)
-        return np.asarray(self.noise(self.scan.xyz[wanted.point.numpy()], luma), np.float64)
+        return np.asarray(self.noise.at(self.scan.xyz[wanted.point.numpy()], luma), np.float64)
 
     def rows(self) -> list[dict]:
         """A row a method, density and what is withheld: ``method``, ``density``, ``withheld``, ``views`` and the figures."""

@@ -19,6 +19,8 @@ from torch import Tensor
 from model.data.projected import Projected
 from model.depth_filter import keep_mask
 from model.evaluation.open3d_points import POINT_SIZES, Open3DPoints
+from model.noise import NoiseModel
+from model.noise_level import seen_noise
 from model.project import Raster, SoftZ, network_input
 from model.unet import CompactUNet, mac_per_pixel
 from model.weights import load_weights
@@ -46,7 +48,8 @@ def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 @dataclass(frozen=True)
 class Sight:
     """A view's points at one density.  seen: the points left; raster: the same in their pixels, plainly averaged; true_depth:
-    (H, W) float32, None where it is not known; unlit: black points have no colour (:class:`model.project.SoftZ`).
+    (H, W) float32, None where it is not known; unlit: black points have no colour (:class:`model.project.SoftZ`); noise: of
+    the scan, as the network is told it, None where it is not known.
 
     Masks depend on depth alone, so that sights that differ in colour only may share them.
     """
@@ -59,6 +62,7 @@ class Sight:
     inputs: dict[tuple[str, bool], Tensor] = field(default_factory=dict)
     rasters: dict[str, Raster] = field(default_factory=dict)
     unlit: bool = False
+    noise: NoiseModel | None = None
 
     @property
     def weighed(self) -> Raster:
@@ -82,10 +86,11 @@ class Sight:
         return self.masks[name]
 
     def input(self, mask: str, *, weighed: bool = False) -> Tensor:
-        """(5, H, W) network input behind the named mask; its first three channels are the pull-push picture."""
+        """(6, H, W) network input behind the named mask; its first three channels are the pull-push picture."""
         if (mask, weighed) not in self.inputs:
             raster = self.weighed if weighed else self.raster
-            self.inputs[mask, weighed] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing)
+            noise = seen_noise(self.noise, raster, self.seen)
+            self.inputs[mask, weighed] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise)
         return self.inputs[mask, weighed]
 
     def fresh(self) -> "Sight":
@@ -99,10 +104,10 @@ def soft_z(spacing: float, *, unlit: bool = False) -> SoftZ:
 
 
 def sight(seen: Projected, true_depth: Tensor | None, spacing: float, masks: dict[str, Tensor] | None = None, *,
-          unlit: bool = False) -> Sight:
+          unlit: bool = False, noise: NoiseModel | None = None) -> Sight:
     """The points ``seen``, already thinned, through our soft z-buffer.  spacing: of the thinned scan, file units."""
     raster = replace(seen, weight=None).raster(soft_z(spacing, unlit=unlit))
-    return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks, unlit=unlit)
+    return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks, unlit=unlit, noise=noise)
 
 
 def thinned(seen: Projected, density: float) -> Projected:
@@ -114,7 +119,7 @@ def thinned(seen: Projected, density: float) -> Projected:
 class Method:
     """A way of making a picture.
 
-    prepare: a sight -> what ``network`` takes, or the picture itself where there is no network.  network: (5, H, W) ->
+    prepare: a sight -> what ``network`` takes, or the picture itself where there is no network.  network: (6, H, W) ->
     (3, H, W).  mask: the name of the one it uses, None where it has none.  mac: multiply-accumulates a pixel.  weighed: whether
     its points have the weights of their stations.
     """
@@ -197,7 +202,7 @@ def timings(methods: list[Method], view: Sight) -> dict[str, tuple[float, float 
 
     Masks are made from the plain raster at hand: its depths are those of the weighed one, which a weighed method makes itself.
     """
-    raster = _median_ms(lambda: sight(view.seen, view.true_depth, view.spacing))
+    raster = _median_ms(lambda: sight(view.seen, view.true_depth, view.spacing, noise=view.noise))
     prepared: dict[tuple[str | None, bool], float] = {}
     result: dict[str, tuple[float, float | None]] = {}
     for method in methods:

@@ -40,6 +40,7 @@ from model.evaluation.worse import Case, Worst, summary
 from model.exposure import Exposures, exposures_of
 from model.losses import perceptual
 from model.metrics import WINDOW
+from model.noise import estimate_noise
 
 EXPOSURES = ("scanned", "matched")
 FRAMES = 20
@@ -89,6 +90,7 @@ class Evaluation:
         self.solved: Exposures | None = None
         if "matched" in exposures:
             self.solved = exposures_of(scan.xyz, scan.rgb, scan.station)
+        self.noise = estimate_noise(scan.xyz, scan.rgb, scan.station)  # within stations: exposures change it by percents
         self.absent: dict[str, str] = {} if self.flip else {"FLIP": ABSENT}
         self.times: dict[tuple[str, float], tuple[float, float | None]] = {}
 
@@ -130,7 +132,7 @@ class Evaluation:
                 for density in self.densities:
                     left, masks = thinned(seen, density), {}
                     for exposure in self.exposures:
-                        view = sight(self.exposed(left, exposure), depth, self.spacing / density**0.5, masks)
+                        view = sight(self.exposed(left, exposure), depth, self.spacing / density**0.5, masks, noise=self.noise)
                         found, pictures = {}, {}
                         for name, exposed, picture, mask in self._pictures(view, shot, density, exposure):
                             kept, leaked = _judged(mask, view)
@@ -196,7 +198,7 @@ class Evaluation:
             depth = torch.from_numpy(shot.depth())
             pictures: dict[Key, Tensor] = {}
             for density in self.densities:
-                view = sight(thinned(seen, density), depth, self.spacing / density**0.5)
+                view = sight(thinned(seen, density), depth, self.spacing / density**0.5, noise=self.noise)
                 pictures |= {(method.name, density): method.picture(view) for method in self.methods}
                 pictures |= {(o.name, density): o.picture(shot, density) for o in self.outside if o.path_frames}
             return pictures

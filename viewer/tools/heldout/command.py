@@ -89,8 +89,7 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     methods += [network_method(name, file) for name, file in weights.items()]
     scene = open_scene(path)
     scan, spacing = points_of(scene, path)
-    noise = getattr(scene, "noise", None)  # a NoiseModel, where the grid has one
-    work = Withheld(scan, spacing, methods, densities, unlit=scene.unlit, noise=noise.at if noise is not None else None)
+    work = Withheld(scan, spacing, methods, densities, unlit=scene.unlit, noise=scene.noise)
     viewpoints = judged_viewpoints(scene, size, views)
     stations = station_viewpoints(scan, size)
     rows = []

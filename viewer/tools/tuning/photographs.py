@@ -18,6 +18,8 @@ from model.data.projected import Projected, project_scan, raster_of, scan_spacin
 from model.data.truth import MemoryPicture, Scan
 from model.depth_filter import keep_mask
 from model.light import TO_LINEAR, TO_SRGB
+from model.noise import NoiseModel, estimate_noise
+from model.noise_level import seen_noise
 from model.places import places_of
 from model.project import network_input
 from viewer.cloud.colour import Colours
@@ -185,10 +187,11 @@ def registered_pictures(path: Path, photos: list[Photo], scan: Scan, spacing: fl
 
 @dataclass(frozen=True, eq=False)
 class Photographs:
-    """The material.  learned_from, held_out: registered photographs."""
+    """The material.  noise: of the scan, as the network is told it.  learned_from, held_out: registered photographs."""
 
     scan: Scan
     spacing: float
+    noise: NoiseModel
     learned_from: list[MemoryPicture]
     held_out: list[MemoryPicture]
     noun: str = "photographs"
@@ -211,7 +214,8 @@ class Photographs:
             for density in DENSITIES:
                 apart = self.spacing / density**0.5
                 raster = raster_of(seen, seen.rank < density, apart)
-                x = network_input(raster, keep_mask(raster.depth), picture.fl, apart)
+                noise = seen_noise(self.noise, raster, seen)
+                x = network_input(raster, keep_mask(raster.depth), picture.fl, apart, noise)
                 made.append(Judged(x.half(), truth, torch.from_numpy(picture.trusted)))
         return made
 
@@ -229,7 +233,7 @@ class Photographs:
                 if reduce == 1 or min(group[0].width, group[0].height) >= 4 * LEAST_SIDE:
                     folders.append((work / f"pairs-{number}-{reduce}", len(group)))
                     build([PhotoPlace(name, self.scan, group)], folders[-1][0], seed=seed, scans=1, variants=variants,
-                          reduce=reduce)
+                          reduce=reduce, noise=self.noise)
         return folders
 
 
@@ -245,4 +249,4 @@ def registered_photographs(path: Path, photos: list[Photo], seed: int) -> Photog
         raise InputError(f"{path}: {len(pictures)} registered photographs; at least two are needed, to learn and to judge")
     held = [p for i, p in enumerate(pictures) if i % JUDGED == JUDGED // 2] or pictures[-1:]
     learned = [p for p in pictures if all(p is not h for h in held)]
-    return Photographs(points, spacing, learned, held)
+    return Photographs(points, spacing, estimate_noise(points.xyz, points.rgb, points.station), learned, held)

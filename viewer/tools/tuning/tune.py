@@ -69,6 +69,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
             quality=quality, steps=steps, minutes=minutes, rate=RATE, warmup=20, average=0.99, neighbours=0, device=device,
             recolour=False, crop=min(192, *(int(side) // 16 * 16 for side in sides)), seed=seed, start_from=str(shipped),
             perceptual_path=judge, perceptual_weight=0.1 if material.perceptual else 0.0,
+            structure_weight=0.05 if material.perceptual else 0.0,
         ))  # fmt: skip
         network = load_weights(made)[0]
     after = mean_psnr(network, judged)

@@ -19,8 +19,10 @@ from model.data.heldout import HELD_OUT, Targets, targets
 from model.data.projected import Projected, project_scan
 from model.data.truth import Scan
 from model.evaluation.heldout import Viewpoint
-from model.evaluation.methods import OURS, sight, soft_z
-from model.project import rasterise
+from model.evaluation.methods import OURS, Sight, sight, soft_z
+from model.noise import NoiseModel
+from model.noise_level import seen_noise
+from model.project import measured_input, rasterise
 from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
@@ -41,11 +43,13 @@ LEAST_SEEN = 500
 
 @dataclass(frozen=True, eq=False)
 class WithheldPoints:
-    """The material.  scan, spacing: all points.  apart: (N,) bool, those kept apart.  views: learned from; judges: judged."""
+    """The material.  scan, spacing: all points.  noise: of the scan, as the network is told it.  apart: (N,) bool, those kept
+    apart.  views: learned from; judges: judged."""
 
     scan: Scan
     spacing: float
     unlit: bool
+    noise: NoiseModel | None
     apart: np.ndarray
     views: Sequence[Viewpoint]
     judges: Sequence[Viewpoint]
@@ -60,10 +64,9 @@ class WithheldPoints:
     def held(self) -> int:
         return len(self.judges)
 
-    def _input(self, seen: Projected, keep: Tensor, share: float) -> Tensor:
-        """(C, H, W) what the network is shown of the points of ``keep``, a share ``share`` of all."""
-        view = sight(seen.chosen(keep), None, self.spacing / share**0.5, unlit=self.unlit)
-        return view.input(OURS, weighed=True)
+    def _sight(self, seen: Projected, keep: Tensor, share: float) -> Sight:
+        """What is seen of the points of ``keep``, a share ``share`` of all."""
+        return sight(seen.chosen(keep), None, self.spacing / share**0.5, unlit=self.unlit, noise=self.noise)
 
     def judged(self) -> list[Judged]:
         """Pictures of all points but those apart, judged by these."""
@@ -77,7 +80,7 @@ class WithheldPoints:
             truth, known = pixels_of(seen, wanted)
             for density in DENSITIES:
                 share = density * (1.0 - HELD_OUT)
-                x = self._input(seen, ~held & (seen.rank < density), share)
+                x = self._sight(seen, ~held & (seen.rank < density), share).input(OURS, weighed=True)
                 made.append(Judged(x.half(), truth.float() / 255, known))
         if not made:
             raise _too_sparse(len(self.judges))
@@ -92,7 +95,8 @@ class WithheldPoints:
         scan = replace(self.scan, xyz=self.scan.xyz[rest], rgb=self.scan.rgb[rest], station=self.scan.station[rest])
         soft = soft_z(self.spacing / (1.0 - HELD_OUT) ** 0.5, unlit=self.unlit)
         rng, folder = np.random.default_rng(seed), work / "pairs-0-1"
-        inputs, truths, table = [], [], []
+        found: dict[str, list[np.ndarray]] = {"measured": [], "noise": [], "truth": []}
+        table = []
         with progress(len(self.views), "making training pictures", " views") as meter:
             for number, viewpoint in enumerate(self.views):
                 drawn = int(rng.integers(2**31))
@@ -104,16 +108,19 @@ class WithheldPoints:
                     if len(wanted.index) >= LEAST_SEEN:
                         density = float(np.exp(rng.uniform(np.log(LEAST_DENSITY), 0.0))) if variant % 2 else 1.0
                         share = density * (1.0 - HELD_OUT)
-                        x = self._input(seen, rank < share, share * (1.0 - HELD_OUT))
-                        inputs.append(x.half().numpy())
-                        truths.append(truth_bytes(*pixels_of(seen, wanted)))
+                        view = self._sight(seen, rank < share, share * (1.0 - HELD_OUT))
+                        mask, noise = view.mask(OURS), seen_noise(self.noise, view.weighed, view.seen)
+                        measured = measured_input(view.weighed, mask, view.seen.camera.fx, view.spacing)
+                        found["measured"].append(measured.half().numpy())
+                        found["noise"].append(noise[None].half().numpy())
+                        found["truth"].append(truth_bytes(*pixels_of(seen, wanted)))
                         table.append({"scene": name, "view": number, "density": density})
                 meter.update(1)
-        if not inputs:
+        if not table:
             raise _too_sparse(len(self.views))
         folder.mkdir()
-        np.save(folder / "inputs.npy", np.stack(inputs))
-        np.save(folder / "truth.npy", np.stack(truths))
+        for array, pictures in found.items():
+            np.save(folder / f"{array}.npy", np.stack(pictures))
         (folder / "pairs.json").write_text(json.dumps({"preset": "auto", "seed": seed, "reduce": 1, "pairs": table}))
         return [(folder, len(self.views))]
 
@@ -149,4 +156,4 @@ def withheld_points(path: Path, seed: int) -> WithheldPoints:
     apart = np.random.default_rng([seed, 1]).random(len(scan.xyz)) < HELD_OUT
     judges = [v for i, v in enumerate(viewpoints) if i % JUDGED == JUDGED // 2]
     views = [v for i, v in enumerate(viewpoints) if i % JUDGED != JUDGED // 2]
-    return WithheldPoints(scan, spacing, scene.unlit, apart, views, judges)
+    return WithheldPoints(scan, spacing, scene.unlit, scene.noise, apart, views, judges)
