@@ -75,7 +75,7 @@ def pull_push(image: Tensor, mask: Tensor) -> Tensor:
     for level in range(len(weights) - 2, -1, -1):
         weight = weights[level]
         gated = by_depth and level + 1 >= FIRST_LEVEL
-        filled = sums[level] + (1.0 - weight) * _sampled(filled, *weight.shape, level + 1 if gated else None)
+        filled = sums[level] + (1.0 - weight) * _sampled(filled, weight.shape[0], weight.shape[1], level + 1 if gated else None)
     return filled
 
 

@@ -198,7 +198,7 @@ def test_pairs_are_known_where_withheld_points_are_and_made_without_them(points,
     assert material.learned == 5 and material.held == 1
     (tmp_path / "work").mkdir()
     ((folder, views),) = material.pairs(tmp_path / "work", "a", 1)
-    inputs, truth = np.load(folder / "inputs.npy"), np.load(folder / "truth.npy")
+    inputs, truth = np.load(folder / "measured.npy"), np.load(folder / "truth.npy")
     assert views == 5 and len(inputs) == len(truth) == 10 and inputs.shape[2:] == truth.shape[2:] == (96, 128)
     known = truth[:, 4] > 0
     assert set(np.unique(truth[:, 4])) == {0, 255} and 0.01 < known.mean() < 0.5 and (truth[:, 3] == 255).all()
