@@ -351,6 +351,19 @@ def test_e57_coordinates_of_every_kind_and_fields_beside_them(tmp_path, kind, sp
     np.testing.assert_allclose(got[3], np.where(no_level, 0, points.intensity), atol=1)
 
 
+@pytest.mark.parametrize("kind", ["uchar", "float", "int"])
+def test_ply_classes(tmp_path, kind):
+    points = some(50)
+    table = np.zeros(50, [("xyz", "<f8", 3), ("class", {"uchar": "u1", "float": "<f4", "int": "<i4"}[kind])])
+    table["xyz"], table["class"] = points.xyz, points.classes
+    head = "".join(f"property double {axis}\n" for axis in "xyz") + f"property {kind} scalar_Classification\n"
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex 50\n{head}end_header\n"
+    (tmp_path / "a.ply").write_bytes(head.encode() + table.tobytes())
+    _, xyz, _, _, classes, _ = gather(tmp_path / "a.ply")
+    np.testing.assert_array_equal(xyz, points.xyz)
+    np.testing.assert_array_equal(classes, points.classes)
+
+
 def test_readers_know_no_grid():
     """Nor torch, nor the libraries of single formats, before a file needs them."""
     code = """
