@@ -1,5 +1,8 @@
 """Every variant of every format gives back the points that were written: coordinates to the bit, colour, intensity, class."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las
@@ -158,7 +161,7 @@ def test_text_with_other_line_ends_empty_fields_marks_and_names(tmp_path):
 @pytest.mark.parametrize("block", [1 << 10, 1 << 24])
 def test_blocks_of_text_do_not_show(tmp_path, monkeypatch, block):
     monkeypatch.setattr("viewer.readers.text_rows._BLOCK", block)
-    monkeypatch.setattr("viewer.readers.xyz.CHUNK", 57)
+    monkeypatch.setattr("viewer.readers.xyz.ROWS", 57)
     points = some()
     path = tmp_path / "a.xyz"
     path.write_text(text_rows([points.xyz, points.rgb]).rstrip("\n"))  # the last line has no end
@@ -258,6 +261,7 @@ def test_folders_are_opened_described_and_converted(tmp_path, monkeypatch, capsy
     write_potree2(scans / "north", some(500))
     write_ept(scans / "south", some(600), data="binary")
     write_pcd(scans / "west.pcd", some(100), "binary")
+    (scans / "prices.csv").write_text("a table,of,no points\n")
     assert main(["info", str(scans / "north")]) == 0
     assert "Potree 2" in capsys.readouterr().out
     assert main(["convert", "--each", "--out", str(tmp_path / "out"), str(scans)]) == 0
@@ -345,3 +349,33 @@ def test_e57_coordinates_of_every_kind_and_fields_beside_them(tmp_path, kind, sp
     np.testing.assert_allclose(got[1], points.xyz + FAR, rtol=0, atol=atol)
     np.testing.assert_array_equal(got[2], np.where(no_colour[:, None], 0, points.rgb))
     np.testing.assert_allclose(got[3], np.where(no_level, 0, points.intensity), atol=1)
+
+
+@pytest.mark.parametrize("kind", ["uchar", "float", "int"])
+def test_ply_classes(tmp_path, kind):
+    points = some(50)
+    table = np.zeros(50, [("xyz", "<f8", 3), ("class", {"uchar": "u1", "float": "<f4", "int": "<i4"}[kind])])
+    table["xyz"], table["class"] = points.xyz, points.classes
+    head = "".join(f"property double {axis}\n" for axis in "xyz") + f"property {kind} scalar_Classification\n"
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex 50\n{head}end_header\n"
+    (tmp_path / "a.ply").write_bytes(head.encode() + table.tobytes())
+    _, xyz, _, _, classes, _ = gather(tmp_path / "a.ply")
+    np.testing.assert_array_equal(xyz, points.xyz)
+    np.testing.assert_array_equal(classes, points.classes)
+
+
+def test_readers_know_no_grid():
+    """Nor torch, nor the libraries of single formats, before a file needs them."""
+    code = """
+import importlib, pathlib, sys, viewer.readers
+for file in pathlib.Path(viewer.readers.__file__).parent.glob("*.py"):
+    importlib.import_module(f"viewer.readers.{file.stem}")
+heavy = ("viewer.cloud", "viewer.render", "torch", "open3d", "laspy", "pye57", "brotli")
+print([name for name in heavy if name in sys.modules])
+"""
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_the_table_of_formats_imports_nothing_heavy():
+    code = "import sys, viewer.readers.formats; print('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

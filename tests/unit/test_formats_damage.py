@@ -157,9 +157,9 @@ def pcd(fields="x y z", size="4 4 4", kind="F F F", points="1", data="ascii", mo
 HEADERS = [
     ("a.pcd", pcd(fields="x y w"), "without z"), ("a.pcd", pcd(size="4 4"), "has no SIZE, TYPE or COUNT"),
     ("a.pcd", pcd(size="4 4 3"), "cannot be of"), ("a.pcd", pcd(kind="F F Q"), "cannot be of"),
-    ("a.pcd", pcd(points="0", body=b""), "no points"), ("a.pcd", pcd(points="-5"), "is no number"),
+    ("a.pcd", pcd(points="0", body=b""), "no points"), ("a.pcd", pcd(points="-5"), "is not a whole number"),
     ("a.pcd", pcd(points="9" * 15, data="binary"), "truncated: 0 of 999,999,999,999,999 points"),
-    ("a.pcd", pcd(points="9" * 15), "truncated: 1 of"), ("a.pcd", pcd(points="9" * 30), "is no number"),
+    ("a.pcd", pcd(points="9" * 15), "truncated: 1 of"), ("a.pcd", pcd(points="9" * 30), "is not a whole number"),
     ("a.pcd", pcd(more="WIDTH 7\nHEIGHT 3\n"), "not WIDTH times HEIGHT"), ("a.pcd", pcd(data="zipped"), "is not known"),
     ("a.pcd", pcd(data="binary_compressed", body=struct.pack("<II", 5, 12) + b"123"), "3 of 5 bytes"),
     ("a.pcd", pcd(data="binary_compressed", body=struct.pack("<II", 3, 2**32 - 1) + b"123"), "do not fill"),
@@ -197,7 +197,7 @@ META = {
         ("scale", 0, "boundingBox and scale"), ("octreeDir", "none", "no such folder"),
         ("pointAttributes", ["A"], "attribute 1"),
         ("pointAttributes", ["RGB"], "no attribute POSITION"),
-        ("pointAttributes", ["POSITION_CARTESIAN"] * 2, "no whole points"),
+        ("pointAttributes", ["POSITION_CARTESIAN"] * 2, "not a multiple of its 24 a point"),
     ],
     "potree 2": [
         ("encoding", "ZIP", "'ZIP' is not known"), ("scale", [1, 2], "scale and offset"),

@@ -110,7 +110,7 @@ class EptSource(OctreeSource):
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror or error}; copy the whole folder again") from None
         if len(data) > _LARGEST:
-            raise self._damaged("no part of a hierarchy is as long", path)
+            raise self._damaged("it is too long for a part of a hierarchy", path)
         return as_object(path, data)
 
     def _file(self, node: str) -> Path:

@@ -48,6 +48,7 @@ KNOWN = f"{', '.join(_FILES[:-1])} or {_FILES[-1]} file, or a {' or '.join(_FOLD
 KNOWN_FILES = ", ".join(_FILES)
 """The formats that are single files, for help."""
 KNOWN_FOLDERS = " or ".join(_FOLDERS)
+_ANYTHING = (".txt", ".csv", ".asc")
 _HEAD = 64  # bytes of a file that tell its format
 
 
@@ -79,12 +80,12 @@ def name_of(path: Path) -> str:
 def is_scan(path: Path) -> bool:
     """Whether a path is named like a scan, or is a Potree or EPT folder; what it holds is seen on opening.
 
-    A .txt file may be anything, and is a scan only where it is named alone.
+    Files of _ANYTHING hold points only where a person names them.
     """
     if path.is_dir():
         return entry_of(path) != path
     suffix = path.suffix.lower()
-    return suffix != ".txt" and any(suffix in row.suffixes for row in FORMATS) and path.is_file()
+    return suffix not in _ANYTHING and any(suffix in row.suffixes for row in FORMATS) and path.is_file()
 
 
 def check_file(path: Path) -> None:

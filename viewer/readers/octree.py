@@ -72,7 +72,8 @@ def read_json(path: Path) -> dict[str, Any]:
     """The object in a JSON file.  Raises InputError where it holds none."""
     try:
         if path.stat().st_size > _LARGEST_JSON:
-            raise InputError(f"{path}: damaged: {path.stat().st_size:,} bytes, no description of a scan is as long")
+            what = f"{path.stat().st_size:,} bytes are too many for the description of a scan"
+            raise InputError(f"{path}: damaged: {what}; copy or convert the scan again")
         return as_object(path, path.read_bytes())
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}; copy the whole folder again") from None

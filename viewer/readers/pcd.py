@@ -15,7 +15,7 @@ from viewer.errors import InputError
 from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.pcd_header import Header, read_header
 from viewer.readers.source import CHUNK, told_beyond
-from viewer.readers.text_rows import TextRows
+from viewer.readers.text_rows import ROWS, TextRows
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 _PACKED = ("rgb", "rgba")  # of four bytes: blue, green, red, and alpha or nothing
@@ -105,7 +105,7 @@ class PcdSource(ColumnSource):
             file.seek(header.offset)
             text = TextRows(self.path, file, lines=header.lines)
             while done < header.points:
-                table, other = text.rows(target, min(CHUNK, header.points - done))
+                table, other = text.rows(target, min(ROWS, header.points - done))
                 done += len(table)
                 if len(table):
                     yield {name: self._plain(name, table[:, i]) for i, name in enumerate(names)}

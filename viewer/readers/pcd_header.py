@@ -74,7 +74,7 @@ def _header(path: Path, said: dict[str, list[str]], offset: int, lines: int) -> 
     points = _points(path, said)
     data = (said["DATA"] or [""])[0].lower()
     if data not in _DATA:
-        raise InputError(f"{path}: DATA {data[:30]!a} is not known; PCD is {', '.join(_DATA)}")
+        raise InputError(f"{path}: DATA {data[:30]!a} is not known; save it as one of {', '.join(_DATA)}")
     unlike = dict.fromkeys(field.name for field in fields if field.name != "_")
     if sum(field.name != "_" for field in fields) != len(unlike):
         raise InputError(f"{path}: its header names a field twice ({', '.join(names)[:80]}); export it again")
@@ -85,7 +85,8 @@ def _points(path: Path, said: dict[str, list[str]]) -> int:
     """POINTS, or as older files have it WIDTH times HEIGHT; both must agree."""
     numbers = {key: whole_number(" ".join(said[key])) for key in ("POINTS", "WIDTH", "HEIGHT") if key in said}
     if wrong := next((key for key, value in numbers.items() if value is None), None):
-        raise InputError(f"{path}: {wrong} {' '.join(said[wrong])[:30]!a} is no number; the header is damaged, export it again")
+        shown = ascii(" ".join(said[wrong])[:30])
+        raise InputError(f"{path}: {wrong} {shown} is not a whole number; its header is damaged, export it again")
     found = {key: value for key, value in numbers.items() if value is not None}
     size = found["WIDTH"] * found.get("HEIGHT", 1) if "WIDTH" in found else None
     points = found.get("POINTS", size)

@@ -19,6 +19,7 @@ _COLOURS = (
     ("scalar_red", "scalar_green", "scalar_blue"),
 )  # fmt: skip
 _INTENSITIES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
+_CLASSES = ("classification", "scalar_classification", "class", "scalar_class")
 _BLOCK = 1 << 24  # bytes of text read at a time
 
 Columns = dict[str, np.ndarray]
@@ -46,18 +47,21 @@ class PlySource(Source):
             raise InputError(f"{path}: holds no points (its header says 0); export it again")
         self._rgb = next((names for names in _COLOURS if all(name in plain for name in names)), None)
         self._intensity = next((name for name in _INTENSITIES if name in plain), None)
+        self._class = next((name for name in _CLASSES if name in plain), None)
         self._types = {name: p.type for name, p in plain.items()}
         if self._header.order and all(self._types[axis] == "f4" for axis in "xyz"):
             self.precision = 2.0**-24
         self._largest: dict[str, tuple[float, float]] | None = None
 
     def chunks(self) -> Iterator[Chunk]:
-        """Yields xyz, rgb (uint8, or uint16 where the fields are wider) and intensity."""
+        """Yields xyz, rgb (uint8, or uint16 where the fields are wider), intensity and class."""
         for columns in self._columns():
             with np.errstate(invalid="ignore"):  # some NaN of damaged files
                 xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
             rgb = None if self._rgb is None else np.stack([self._channel(columns, name) for name in self._rgb], axis=1)
-            yield Chunk(xyz, rgb, None if self._intensity is None else self._level(columns[self._intensity]))
+            level = None if self._intensity is None else self._level(columns[self._intensity])
+            classes = None if self._class is None else _whole(columns[self._class], np.uint8)
+            yield Chunk(xyz, rgb, level, classification=classes)
 
     def _channel(self, columns: Columns, name: str) -> np.ndarray:
         kind, values = self._types[name], columns[name]

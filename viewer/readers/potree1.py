@@ -57,7 +57,8 @@ class Potree1Source(OctreeSource):
             self.count = sum(file.stat().st_size // self._dtype.itemsize for _, file in self._points())
             for _, file in self._points():
                 if file.stat().st_size % self._dtype.itemsize:
-                    raise self._damaged(f"{file.stat().st_size:,} bytes are no whole points of {self._dtype.itemsize}", file)
+                    what = f"{file.stat().st_size:,} bytes are not a multiple of its {self._dtype.itemsize} a point"
+                    raise self._damaged(what, file)
         if self.count == 0 or not any(True for _ in self._points()):
             raise InputError(f"{path}: holds no points; copy the whole folder, or convert the scan again")
         self._crs(meta.get("projection"))
@@ -120,7 +121,7 @@ class Potree1Source(OctreeSource):
                 continue
             data = file.read_bytes()
             if not data or len(data) % _HIERARCHY.itemsize:
-                raise self._damaged(f"{len(data):,} bytes are no whole nodes of {_HIERARCHY.itemsize}", file)
+                raise self._damaged(f"{len(data):,} bytes are not a multiple of {_HIERARCHY.itemsize} a node", file)
             names = [root]
             for at, (children, points) in enumerate(np.frombuffer(data, _HIERARCHY).tolist()):
                 if at == len(names):

@@ -102,7 +102,8 @@ class Potree2Source(OctreeSource):
             wrong = nodes["bytes"] != lengths
         if wrong.any():
             node = nodes[wrong][0]
-            raise self._damaged(f"a node of {node['points']:,} points has {node['bytes']:,} bytes", path)
+            what = f"{node['points']:,} points of {self._dtype.itemsize} bytes"
+            raise self._damaged(f"a node of {what} cannot have {node['bytes']:,} bytes", path)
         return nodes
 
     def _widths(self) -> list[tuple[str, int]]:

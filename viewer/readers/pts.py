@@ -10,9 +10,9 @@ from pathlib import Path
 from viewer.errors import InputError
 from viewer.numerals import whole_number
 from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.source import CHUNK, ScanInfo, told_beyond
+from viewer.readers.source import ScanInfo, told_beyond
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
-from viewer.readers.text_rows import TextRows, quoted
+from viewer.readers.text_rows import ROWS, TextRows, quoted
 from viewer.words import counted
 
 
@@ -75,7 +75,7 @@ class PtsSource(ColumnSource):
                 text.line()
                 done = 0
                 while done < count:
-                    table, other = text.rows(target, min(CHUNK, count - done))
+                    table, other = text.rows(target, min(ROWS, count - done))
                     done += len(table)
                     if len(table):
                         yield scan, {name: table[:, i] for i, name in enumerate(wanted)}

@@ -13,9 +13,9 @@ import numpy as np
 from viewer.errors import InputError
 from viewer.numerals import whole_number
 from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.source import CHUNK, ScanInfo
+from viewer.readers.source import ScanInfo
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS
-from viewer.readers.text_rows import TextRows, quoted
+from viewer.readers.text_rows import ROWS, TextRows, quoted
 
 _VECTORS = (3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines of a header that follow columns and rows
 _ORTHOGONAL = 1e-3  # largest error of a rotation's columns: poses are written with six digits or more
@@ -116,7 +116,7 @@ class PtxSource(ColumnSource):
                     text.skip(scan.count)
                     continue
                 while done < scan.count:
-                    table, other = text.rows(target, min(CHUNK, scan.count - done))
+                    table, other = text.rows(target, min(ROWS, scan.count - done))
                     done += len(table)
                     if len(table):
                         yield number, {name: table[:, i] for i, name in enumerate(names)}

@@ -18,6 +18,8 @@ _SHOWN = 40  # characters of a line that a message quotes
 _NAN = re.compile(r"[-+]?(?:nan|1\.#)", re.IGNORECASE)  # as C libraries print it: -nan(ind), 1.#QNAN
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # of UTF-8, as some spreadsheets write it
+ROWS = 1 << 18
+"""Most rows that readers ask for at a time: of seven columns 15 MB, which a chunk of CHUNK points would take four times."""
 BLANKS = ""
 """The delimiter of fields that are separated by blanks or tabs."""
 

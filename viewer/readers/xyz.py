@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.source import CHUNK
 from viewer.readers.text_columns import named_columns, recognise
-from viewer.readers.text_rows import TextRows
+from viewer.readers.text_rows import ROWS, TextRows
 
 
 class XyzSource(ColumnSource):
@@ -30,7 +29,7 @@ class XyzSource(ColumnSource):
             text = TextRows(self.path, file)
             text.skip_lines(self._layout.headers)
             while True:
-                table, other = text.rows(self._layout.target(wanted), CHUNK, self._layout.delimiter)
+                table, other = text.rows(self._layout.target(wanted), ROWS, self._layout.delimiter)
                 if len(table):
                     yield 0, {name: table[:, i] for i, name in enumerate(wanted)}
                 if other is not None:
