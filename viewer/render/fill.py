@@ -7,13 +7,12 @@ storage buffer that CUDA can map as plain memory (see shaders/fill_picture.comp)
 from typing import TYPE_CHECKING
 
 import moderngl
-import numpy as np
 
 from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from viewer.render import shader
 from viewer.render.filter import level_sizes
 from viewer.render.surround import Surround
-from viewer.render.void import CLOSED, SEALED, SIDE, closed_in_view
+from viewer.render.void import CLOSED, SEALED, SIDE, Directions, closed_in_view
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -45,8 +44,8 @@ class Fill:
         self._pictures: dict[tuple[bool, int | None], moderngl.ComputeShader] = {}  # of eight that there are, those in use
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
-            closed: np.ndarray, spacing: float, network: "Pixels | None" = None) -> None:
-        """closed: (6 SIDE, SIDE) int8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
+            around: Directions, spacing: float, network: "Pixels | None" = None) -> None:
+        """around: the directions from the camera's place.  spacing: of points, file units.
         network: the input buffer to write, or None."""
         feature_scale = 1.0 / (camera.fx * spacing)
         base = {"raw": raw, "depth": depth, "mask": mask}
@@ -58,10 +57,10 @@ class Fill:
             inputs = {"coarse": coarse, "value": self._values[index], "weight": self._weights[index]}
             self._pass(self._push, self._pushed[index].size, [self._pushed[index]], inputs, feature_scale, is_sum)
             coarse, is_sum = self._pushed[index], 0
-        view = closed_in_view(closed, camera)
+        view = closed_in_view(around.closed, camera)
         if view not in (CLOSED, SEALED):  # else no direction in the picture is void: nobody asks which pixels are surrounded
-            self._surround.run()
-        self._closed.write(closed)
+            self._surround.run(camera, around.occupancy)
+        self._closed.write(around.closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
         push = self._picture(network is not None, view)

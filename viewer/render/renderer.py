@@ -133,7 +133,7 @@ class Renderer:
                 fill = self._fill = self._fill or Fill(self._programs, self._size)
                 stages.run("fill", lambda: fill.run(
                     *self._trusted(rasteriser, step.mask), rasteriser.depth,
-                    camera=camera, closed=self._surroundings.closed(camera.position), spacing=self.scene.spacing,
+                    camera=camera, around=self._surroundings.around(camera.position), spacing=self.scene.spacing,
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
                 if neural:
