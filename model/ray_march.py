@@ -11,9 +11,10 @@ STEP = 0.5
 """Blocks between two looks beside and in occupied ones: a corner less than that deep is missed."""
 NOTHING, TOUCHED, WITHIN = 0, 1, 2
 """What a ray met: no occupied block; some; one in the middle of a surface."""
-START = 3.0
-"""Blocks from the eye, along the axis that a ray follows most, from which on it is tested: an eye among leaves is in a block that
-holds points, and saw them whichever way it looked."""
+START, START_WITHIN = 3.0, 8.0
+"""Blocks from the eye, along the axis that a ray follows most, from which on it is tested, and from which on the middle of a
+surface decides for a ray that does not go down (the more it does, the nearer to START: the ground is under one's feet).  An eye
+among leaves is in a block that holds points, and would see them whichever way it looked."""
 SPARSE_SHARE = 1 / 128
 """Of the picture's longer side: where points lie at least as far apart, the picture cannot tell a gap between them from the
 background (it looks for holes across 1 / 16), and the middle of a surface decides.  Nearer together it would only make outlines
@@ -56,6 +57,7 @@ def march(codes: np.ndarray, eye: np.ndarray, rays: np.ndarray, sizes: np.ndarra
     a, b = (-eye) / away, (extent - eye) / away
     t = np.maximum(np.minimum(a, b).max(axis=1), np.float32(START))
     end = np.maximum(a, b).min(axis=1)
+    since = np.float32(START_WITHIN) + np.float32(START_WITHIN - START) * np.minimum(flat[:, 2], np.float32(0))
     until = np.float32(sparse) * sizes.reshape(-1)
     found = np.zeros(len(flat), np.uint8)
     left = np.flatnonzero(t < end)
@@ -65,7 +67,7 @@ def march(codes: np.ndarray, eye: np.ndarray, rays: np.ndarray, sizes: np.ndarra
             break
         at = np.clip(np.floor(eye + t[left, None] * flat[left]).astype(np.int64), 0, last)
         code = codes[tuple(at.T)]
-        held, within = (code == _INNER) | (code == _LOOSE), (code == _INNER) & (t[left] < until[left])
+        held, within = (code == _INNER) | (code == _LOOSE), (code == _INNER) & (t[left] < until[left]) & (t[left] >= since[left])
         found[left] = np.where(within, WITHIN, np.where(held, TOUCHED, found[left]))
         t[left] += np.where(held, np.float32(STEP), np.maximum(code.astype(np.float32) - np.float32(1), np.float32(STEP)))
         going = ~within & ~((found[left] == TOUCHED) & (t[left] >= until[left]))

@@ -25,12 +25,13 @@ void main() {
     vec3 enters = min(a, b), leaves = max(a, b);
     precise float t = max(max(enters.x, max(enters.y, enters.z)), START);
     float end = min(leaves.x, min(leaves.y, leaves.z));
+    precise float since = START_WITHIN + (START_WITHIN - START) * min(ray.z, 0.0);
     uint found = uint(NOTHING);
     for (int looks = 0; looks < MOST_LOOKS && t < end; ++looks) {
         precise vec3 spot = eye + t * ray;
         uint code = texelFetch(codes, clamp(ivec3(floor(spot)), ivec3(0), last), 0).x;
         bool held = code == uint(INNER) || code == uint(LOOSE);
-        if (code == uint(INNER) && t < until) {
+        if (code == uint(INNER) && t >= since && t < until) {
             found = uint(WITHIN);
             break;
         }

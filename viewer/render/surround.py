@@ -109,6 +109,7 @@ class Rays:
         self._of: Occupancy | None = None
         self._march = programs.compute(
             "surround_march.comp", RAY_BLOCK=RAY_BLOCK, STEP=ray_march.STEP, START=ray_march.START,
+            START_WITHIN=ray_march.START_WITHIN,
             MOST_LOOKS=ray_march.MOST_LOOKS, LOOSE=lattice.LOOSE, INNER=lattice.INNER, NOTHING=ray_march.NOTHING,
             TOUCHED=ray_march.TOUCHED, WITHIN=ray_march.WITHIN,
         )  # fmt: skip

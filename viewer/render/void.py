@@ -9,7 +9,7 @@ network may open it where that could be sky, seen between branches, say: not in 
 ground all around.
 
 Cells of six degrees are too coarse for a sky: filled as a whole, they hang over a street as panels with straight edges.  So in
-the open, where there is sky or where the scan is not around the camera, only what the tripod hid is closed; everything else is
+the open, where there is sky or where the scan is not around the camera, only the ground around one is closed; everything else is
 decided by the picture and the world (model/surrounded.py, viewer/render/occupancy.py).
 World axes, z up, no OpenGL.
 """
@@ -46,14 +46,15 @@ GROUND = 10
 goes on above it.  Close to a statue one sees between its bushes; sealed, that hole would end at the horizon in a straight
 line."""
 SKY = 0.05
-"""Share of all directions that the largest hole has at least, under a sky.  Over three streets it had 0.14 to 0.33, in rooms less
-than 0.03."""
+"""Share of all directions, away from its border, that the largest hole has at least, under a sky.  Over three streets the hole
+had 0.14 to 0.33 with its border, in rooms less than 0.03."""
 SKY_BELOW, ALL_SKY = 0.15, 0.4
 """Share of the sky that may lie below the horizon, and share of all directions from which on a hole is sky wherever it lies.  In
 three streets the sky has 0.1 at most below; at their ends, where it goes on below the border of the scan, it has 0.46 to 0.61 of
 all directions.  What a courtyard's pillars hid has up to 0.2 of them, 0.2 to 0.4 of which below."""
 GROUND_DIP = 15.0
-"""Degrees below the horizon from which on cells may belong to a hole in the ground: nearer to it they reach beyond the scan."""
+"""Degrees below the horizon from which on, in the open, cells are closed where there is ground all around: nearer to it they reach
+beyond the scan."""
 OPEN, CLOSED, SEALED = 0, 1, 2
 """What a direction is: void; filled; filled, and not the network's to open."""
 _SAMPLES = 24576
@@ -159,41 +160,42 @@ def close_directions(scanned, walks, needed, closed):
 
 
 @compiled(nogil=True)
-def settle_holes(scanned, walks, below, low, enclosing, closed, ground, hole, queue):
+def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
     """One answer for each hole: cells without a point that touch, and the scanned cells around them.
 
     scanned (cells,) bool and closed (cells,) int8: from close_directions; closed is changed.  walks: as in _walks; the first
-    cell of each is taken for a neighbour.  below, low: (cells,) bool.  enclosing: ENCLOSES.  ground: (cells,) bool, set to the
-    closed holes that lie below, and the scanned cells beside them, as far as they are low.  hole, queue: scratch, (cells,) int32.
-    Returns how many cells below belong to holes that go on above, and how many cells the largest sky has.
+    cell of each is taken for a neighbour.  below: (cells,) bool.  enclosing: ENCLOSES.  hole, queue: scratch, (cells,) int32.
+    Returns how many cells below belong to holes that go on above, and how many cells of the largest sky
+    have no scanned one beside them.
     """
     cells, through, sky = len(scanned), 0, 0
-    ground[:] = False
     hole[:] = -1
     enclosed = enclosing * (cells - scanned.sum()) <= cells
     for first in range(cells):
         if scanned[first] or hole[first] >= 0:
             continue
-        queue[0], size, at, surrounded, under = first, 1, 0, 0, 0
+        queue[0], size, at, surrounded, under, deep = first, 1, 0, 0, 0, 0
         hole[first] = first
         while at < size:
             cell = queue[at]
             at += 1
             surrounded += closed[cell]
             under += below[cell]
+            free = True
             for walk in range(walks.shape[1]):
                 beside = walks[cell, walk, 0]
+                free = free and not scanned[beside]
                 if not scanned[beside] and hole[beside] < 0:
                     hole[beside] = first
                     queue[size] = beside
                     size += 1
+            deep += free
         lies_below = under == size
         if under <= SKY_BELOW * size or size >= ALL_SKY * cells:
-            sky = max(sky, size)
+            sky = max(sky, deep)  # a ceiling so near that cells lie between its points is no sky
         answer = 2 * surrounded >= size or (enclosed and lies_below)
         for i in range(size):
             closed[queue[i]] = answer
-            ground[queue[i]] = enclosed and lies_below and low[queue[i]]
         through += 0 if lies_below else under
     for cell in range(cells):
         if not scanned[cell]:
@@ -204,7 +206,6 @@ def settle_holes(scanned, walks, below, low, enclosing, closed, ground, hole, qu
             if not scanned[beside]:
                 holes += 1
                 of_them_open += closed[beside] == 0
-                ground[cell] = ground[cell] or (low[cell] and ground[beside])
         if holes > 0 and of_them_open == 0:
             closed[cell] = 1
     return through, sky
@@ -254,7 +255,6 @@ class Surroundings:
         self._below = _centres()[:, 2] < 0
         self._low = _centres()[:, 2] < -np.sin(np.radians(GROUND_DIP))
         self._scanned = np.empty(len(self._below), bool)
-        self._ground = np.empty(len(self._below), bool)
         self._hole, self._queue = np.empty((2, len(self._below)), np.int32)
         self._scene = scene
         self._occupancy: Occupancy | None = None
@@ -284,15 +284,16 @@ class Surroundings:
         mark_directions(self._points, eye, SIDE, scanned)
         mark_near(self._blocks, self._marked, self._first, self._near, self._side, eye, SIDE, scanned)
         close_directions(scanned, walks, _NEEDED, closed)
-        through, sky = settle_holes(
-            scanned, walks, self._below, self._low, ENCLOSES, closed, self._ground, self._hole, self._queue)
+        through, sky = settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
+        ground = GROUND * through <= np.count_nonzero(self._below)
         in_room = np.count_nonzero(closed) > ROOM * len(closed)
         in_the_open = sky >= SKY * len(closed) or (not in_room and AROUND * np.count_nonzero(scanned) < len(closed))
         if in_the_open:  # the picture's pixels tell more than cells of six degrees
-            closed[:] = np.where(self._ground, SEALED, OPEN)
+            ground = ground and ENCLOSES * np.count_nonzero(~scanned) <= len(closed)
+            closed[:] = np.where((closed > 0) & self._low & ground, SEALED, OPEN)
         elif in_room:
             closed[closed > 0] = SEALED
-        elif GROUND * through <= np.count_nonzero(self._below):
+        elif ground:
             closed[(closed > 0) & self._below] = SEALED
         return closed.reshape(6 * SIDE, SIDE), in_the_open
 
