@@ -67,7 +67,8 @@ def march(codes: np.ndarray, eye: np.ndarray, rays: np.ndarray, sizes: np.ndarra
             break
         at = np.clip(np.floor(eye + t[left, None] * flat[left]).astype(np.int64), 0, last)
         code = codes[tuple(at.T)]
-        held, within = (code == _INNER) | (code == _LOOSE), (code == _INNER) & (t[left] < until[left]) & (t[left] >= since[left])
+        held = (code == _INNER) | (code == _LOOSE)
+        within = (code == _INNER) & (t[left] < until[left]) & (t[left] >= since[left])
         found[left] = np.where(within, WITHIN, np.where(held, TOUCHED, found[left]))
         t[left] += np.where(held, np.float32(STEP), np.maximum(code.astype(np.float32) - np.float32(1), np.float32(STEP)))
         going = ~within & ~((found[left] == TOUCHED) & (t[left] >= until[left]))

@@ -35,8 +35,8 @@ MOST = sum(SMOOTH) ** 2
 OPAQUE = 127
 """Levels of opacity above none."""
 BACKGROUND_BELOW, OPAQUE_FROM = 3 * MOST / 8, 5 * MOST / 8
-"""Of MOST: holes near a pixel up to which it is background, and from which it is opaque; around the middle, so that outlines stay
-where a threshold had them.  Between lie six to eight pixels: softer ones let haze grow around what is thin."""
+"""Of MOST: holes near a pixel up to which it is background, and from which it is opaque; around the middle, so that outlines
+stay where a threshold had them.  Between lie six to eight pixels: softer ones let haze grow around what is thin."""
 COVER_SLOPE = OPAQUE / (OPAQUE_FROM - BACKGROUND_BELOW)
 
 

@@ -18,8 +18,8 @@ AWAY = look_at((-30.0, -30.0, 20.0), (-60.0, -60.0, 60.0))
 
 @pytest.mark.parametrize("pose, said", [(INSIDE, SEALED), (AWAY, OPEN), (INSIDE, None)])
 def test_what_is_known_beforehand_changes_no_byte(context, monkeypatch, pose, said):
-    scene = room(4, 20_000)
-    renderer = Renderer(context, without_roof(scene) if said is None else scene)  # the ground is closed, the sky is not
+    scene = room(4, 20_000 if said is not None else 200_000)
+    renderer = Renderer(context, without_roof(scene, 0.95) if said is None else scene)  # the ground is closed, the sky is not
     camera, settings = from_fov(97, 71, 50.0, pose), Settings(quality="fast", device="cpu")
     answers, looked = [], []
 

@@ -7,8 +7,8 @@ import torch
 
 from model.depth_filter import keep_mask
 from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
-from model.station_weights import station_weights
 from model.ray_march import march, rays_of, sparse_depth
+from model.station_weights import station_weights
 from model.surrounded import coverage
 from viewer.render.cull import Culler
 from viewer.render.stations import Places, weighs

@@ -26,10 +26,10 @@ objects at one point in ten, 3 left 3 % more of what is covered empty, 4 filled 
 SAMPLE = 400_000
 """Points looked at, at least, where there are as many; no more than eight times as many."""
 TRIMMED, MARGIN = 0.1, 0.25
-"""Percentile at each end of the points, and share of the extent between them, beyond which points are strays and get no block."""
+"""Percentile at each end of the points, and share of the extent between them, beyond which points are outliers."""
 THIN = 15
-"""Of the 27 blocks around one and itself, as many hold points at most where it belongs to a surface; where a wall meets the ground
-15 do, in the crown of a tree more."""
+"""Of the 27 blocks around one and itself, as many hold points at most where it belongs to a surface; where a wall meets the
+ground 15 do, in the crown of a tree more."""
 LOOSE, INNER = 0, 255
 """Code of a block that holds points, and of one in the middle of a surface; of an empty one, blocks to the nearest that holds
 points, along the axis where they are farthest apart."""
@@ -88,7 +88,7 @@ def _dilated(held: np.ndarray, axis: int) -> np.ndarray:
 
 
 def _sample(scene: "Scene") -> np.ndarray:
-    """(n, 3) float64: the coarse layers, a uniform random subsample, up to SAMPLE points or as many whole layers as it takes."""
+    """(n, 3) float64: the coarse layers, a uniform random subsample, SAMPLE points or as many whole layers as it takes."""
     ends = np.asarray(scene.offsets)[len(scene.cell_coords) :: len(scene.cell_coords)]
     head = int(ends[min(int(np.searchsorted(ends, SAMPLE)), len(ends) - 1)]) if len(ends) else 0
     return unpack(scene, slice(0, head, max(1, head // SAMPLE)))[0]

@@ -9,13 +9,13 @@ network may open it where that could be sky, seen between branches, say: not in 
 ground all around.
 
 Cells of six degrees are too coarse for a sky: filled as a whole, they hang over a street as panels with straight edges.  So in
-the open, where there is sky or where the scan is not around the camera, only the ground around one is closed; everything else is
-decided by the picture and the world (model/surrounded.py, viewer/render/occupancy.py).
+the open, where there is sky or where the scan is not around the camera, only the ground around one is closed; everything else
+is decided by the picture and the world (model/surrounded.py, viewer/render/occupancy.py).
 World axes, z up, no OpenGL.
 """
 
-from functools import cache
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,16 +45,16 @@ GROUND = 10
 """There is ground all around a camera where no more than one in so many directions below the horizon belongs to a hole that
 goes on above it.  Close to a statue one sees between its bushes; sealed, that hole would end at the horizon in a straight
 line."""
-SKY = 0.05
+SKY = 0.015
 """Share of all directions, away from its border, that the largest hole has at least, under a sky.  Over three streets the hole
 had 0.14 to 0.33 with its border, in rooms less than 0.03."""
 SKY_BELOW, ALL_SKY = 0.15, 0.4
-"""Share of the sky that may lie below the horizon, and share of all directions from which on a hole is sky wherever it lies.  In
-three streets the sky has 0.1 at most below; at their ends, where it goes on below the border of the scan, it has 0.46 to 0.61 of
-all directions.  What a courtyard's pillars hid has up to 0.2 of them, 0.2 to 0.4 of which below."""
+"""Share of the sky that may lie below the horizon, and share of all directions from which on a hole is sky wherever it lies.
+In three streets the sky has 0.1 at most below; at their ends, where it goes on below the border of the scan, it has 0.46 to
+0.61 of all directions.  What a courtyard's pillars hid has up to 0.2 of them, 0.2 to 0.4 of which below."""
 GROUND_DIP = 15.0
-"""Degrees below the horizon from which on, in the open, cells are closed where there is ground all around: nearer to it they reach
-beyond the scan."""
+"""Degrees below the horizon from which on, in the open, cells are closed where there is ground all around: nearer to it they
+reach beyond the scan."""
 OPEN, CLOSED, SEALED = 0, 1, 2
 """What a direction is: void; filled; filled, and not the network's to open."""
 _SAMPLES = 24576
@@ -287,7 +287,7 @@ class Surroundings:
         through, sky = settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
         ground = GROUND * through <= np.count_nonzero(self._below)
         in_room = np.count_nonzero(closed) > ROOM * len(closed)
-        in_the_open = sky >= SKY * len(closed) or (not in_room and AROUND * np.count_nonzero(scanned) < len(closed))
+        in_the_open = bool(sky >= SKY * len(closed) or (not in_room and AROUND * np.count_nonzero(scanned) < len(closed)))
         if in_the_open:  # the picture's pixels tell more than cells of six degrees
             ground = ground and ENCLOSES * np.count_nonzero(~scanned) <= len(closed)
             closed[:] = np.where((closed > 0) & self._low & ground, SEALED, OPEN)
