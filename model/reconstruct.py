@@ -55,9 +55,9 @@ def fast_precision(device: str) -> str:
 def covered(void: Tensor, reach: int, multiple: int) -> tuple[slice, slice]:
     """Rows and columns outside which a picture is void, widened by ``reach`` and aligned as the network is.
 
-    void: (H, W), above 0.5 where void.  multiple: MEAN_BLOCK and the network's own multiple divide what is returned.
+    void: (H, W), 1 where void.  multiple: MEAN_BLOCK and the network's own multiple divide what is returned.
     """
-    shown = void < 0.5
+    shown = void < 1.0
     step = math.lcm(multiple, MEAN_BLOCK)
     out = []
     for axis in (1, 0):

@@ -1,11 +1,13 @@
-"""Hole or void, as far as a picture tells: twin of the passes of ``surround_*.comp``.
+"""Hole or background: how opaque each empty pixel is to be.  Reference implementation of the passes of ``surround_*.comp``.
 
 A gap of a few pixels is a hole where, in blocks of 2 or 4 pixels, of each two consecutive neighbours at least one holds a
 measured pixel.  A larger one is a hole where something is measured in each of sixteen directions: in a window that grows
 with its distance, at any of several distances, so that a hole may be nearer to one of its sides.  The largest is a share of
-the picture's side, so that pictures of any size are answered alike.  That is asked at cells of
-4 pixels; smoothed and asked again at pixels, the answer has no corners of its own.  Each window meets the one beside it, so
-that no gap wide enough to see through goes unseen; beyond the picture what lies at its border goes on.
+the picture's side, so that pictures of any size are answered alike.  In the open the picture does not decide alone: the ray of
+such a gap must touch a part of the world that holds points, and a ray that meets the middle of a surface is a hole whatever is
+around it (model/ray_march.py).  That is asked at cells of 4 pixels; smoothed and interpolated at pixels, the answer has no
+corners of its own, and its edge is soft.  Each window meets the one beside it, so that no gap wide enough to see through goes
+unseen; beyond the picture what lies at its border goes on.
 
 In blocks of up to 64 pixels, as before, the answer had these blocks' corners (a square of leaves beside a statue), and a
 margin along the border of a picture stayed empty wherever points were sparse.  Eight directions, or of each two consecutive
@@ -17,6 +19,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from model.pyramid import RING, clamped, parents, quads, shifted
+from model.ray_march import RAY_BLOCK, TOUCHED, WITHIN
 
 REACH_SHARE = 16
 """Holes are looked across to 1 / 16 of the picture's longer side, and three eighths of that more.  With 1 / 20 sparse ground
@@ -29,6 +32,12 @@ SMOOTH = (1, 2, 3, 4, 5, 4, 3, 2, 1)
 """Weights along rows and columns of cells: whole numbers, so that sums are exact in any order."""
 MOST = sum(SMOOTH) ** 2
 """What the weights of a cell's neighbourhood add up to."""
+OPAQUE = 127
+"""Levels of opacity above none."""
+BACKGROUND_BELOW, OPAQUE_FROM = 3 * MOST / 8, 5 * MOST / 8
+"""Of MOST: holes near a pixel up to which it is background, and from which it is opaque; around the middle, so that outlines
+stay where a threshold had them.  Between lie six to eight pixels: softer ones let haze grow around what is thin."""
+COVER_SLOPE = OPAQUE / (OPAQUE_FROM - BACKGROUND_BELOW)
 
 
 def fine_levels(width: int, height: int) -> int:
@@ -57,22 +66,33 @@ def window_reach(stride: int) -> int:
     return 3 * stride // 4
 
 
-def surrounded(mask: Tensor) -> Tensor:
-    """(H, W) bool: pixels that are measured or that measured pixels surround; the rest is void.  mask: (H, W) bool."""
+def coverage(mask: Tensor, met: Tensor | None = None) -> Tensor:
+    """(H, W) float32 0..1, in steps of 1 / OPAQUE: how opaque each pixel is to be; 1 where measured, 0 in the background.
+
+    mask: (H, W) bool, the measured pixels.  met: (h, w) uint8 of :func:`model.ray_march.march`, one for RAY_BLOCK pixels a
+    side; None: the picture decides alone.
+    """
     height, width = mask.shape
     held = _blocks(mask)
     inside = torch.zeros_like(held[-1])
     for level in reversed(held[1 : 1 + fine_levels(width, height)]):
         inside = torch.maximum(parents(inside, *level.shape), _between_neighbours(level))
-    return mask | (parents(inside, height, width) > 0) | (_around(held[-1], mask) > MOST / 2)
+    level = ((_around(held[-1], mask, met) - BACKGROUND_BELOW) * COVER_SLOPE).clamp(0.0, OPAQUE)
+    soft = torch.floor(level + 0.5) / OPAQUE
+    return torch.where(mask | (parents(inside, height, width) > 0), torch.ones(()), soft)
 
 
-def far_inside(mask: Tensor) -> Tensor:
-    """(H, W) bool: pixels, measured or not, near which something is measured in all directions everywhere.
+def surrounded(mask: Tensor, met: Tensor | None = None) -> Tensor:
+    """(H, W) bool: pixels that are more opaque than not.  mask, met: as in :func:`coverage`."""
+    return coverage(mask, met) > 0.5
+
+
+def far_inside(mask: Tensor, met: Tensor | None = None) -> Tensor:
+    """(H, W) bool: pixels, measured or not, near which all cells are holes or lie within a surface.
 
     Nothing can be seen through there: the network may open an outline, but no such pixel.
     """
-    return _around(_blocks(mask)[-1], mask) == MOST
+    return _around(_blocks(mask)[-1], mask, met) == MOST
 
 
 def _blocks(mask: Tensor) -> list[Tensor]:
@@ -84,9 +104,14 @@ def _blocks(mask: Tensor) -> list[Tensor]:
     return held
 
 
-def _around(cells: Tensor, mask: Tensor) -> Tensor:
-    """(H, W), of MOST: how far the cells around a pixel see something in every direction."""
-    return _at_pixels(_seen_around(cells, strides(mask.shape[1], mask.shape[0])), mask)
+def _around(cells: Tensor, mask: Tensor, met: Tensor | None) -> Tensor:
+    """(H, W), of MOST: how many of the cells around a pixel are holes."""
+    holes = _seen_around(cells, strides(mask.shape[1], mask.shape[0]))
+    if met is not None:
+        shift = RAY_BLOCK >> FINE_LEVELS
+        ray = met.repeat_interleave(shift, 0).repeat_interleave(shift, 1)[: cells.shape[0], : cells.shape[1]]
+        holes = torch.where(ray == WITHIN, torch.ones(()), torch.where(ray == TOUCHED, holes, torch.zeros(())))
+    return _at_pixels(holes, mask)
 
 
 def _between_neighbours(level: Tensor) -> Tensor:

@@ -1,7 +1,7 @@
-// Pull-push fill, level 0: the filled picture, void where neither the picture nor the directions around the camera surround a
-// hole (viewer/render/void.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input: eight
-// half-precision channels a pixel (channels last): filled RGB, keep-mask or trust, filled depth feature, filled noise level (NOISE;
-// else 0), 1 where the network may not open what is filled (SEALED, or far inside what the picture surrounds), 1 where void.
+// Pull-push fill, level 0: the filled picture, as opaque as surround_holes.comp found each pixel, and all of it in directions
+// that the scan encloses (viewer/render/void.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input:
+// eight half-precision channels a pixel (channels last): filled RGB, keep-mask or confidence, filled depth feature, filled noise
+// level (NOISE; else 0), 1 where the network may not open what is filled (SEALED, or far inside what is covered), 1 - alpha.
 // Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.  Reference: model/pull_push.py.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
@@ -41,7 +41,8 @@ int closed_towards(ivec2 at) {
 }
 #endif
 
-// at: a pixel.  behind, behind_noise: the level above at its centre.  whole: the weight of the whole picture.  hole: its bits in ``holes``.
+// at: a pixel.  behind, behind_noise: the level above at its centre.  whole: the weight of the whole picture.  hole: its byte in
+// ``holes``.
 void write(ivec2 at, ivec2 extent, vec4 behind, float behind_noise, float whole, uint hole) {
     if (any(greaterThanEqual(at, extent))) return;
     vec4 v;
@@ -56,10 +57,11 @@ void write(ivec2 at, ivec2 extent, vec4 behind, float behind_noise, float whole,
     int direction = closed_towards(at);
 #endif
     // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
-    float alpha = w == 0.0 && (!(direction != 0 || (hole & 1u) != 0u) || whole == 0.0) ? 0.0 : 1.0;
+    float cover = direction != 0 || w > 0.0 ? 1.0 : float(hole >> 1 & 0x7Fu) / 127.0;
+    float alpha = whole == 0.0 ? 0.0 : cover;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));
 #ifdef NETWORK
-    bool sealed = direction == SEALED || (direction == 0 && hole >> 16 != 0u);
+    bool sealed = direction == SEALED || (direction == 0 && (hole & 1u) != 0u);
     float level = 0.0;
 #ifdef NOISE
     if (w > 0.0) level = w * texelFetch(noise, at, 0).x;
@@ -83,7 +85,7 @@ void main() {
     vec4 se = fetch_clamped(coarse, above + ivec2(1, 1), bounds), nw = fetch_clamped(coarse, above - ivec2(1, 1), bounds);
     vec4 ne = fetch_clamped(coarse, above + ivec2(1, -1), bounds), sw = fetch_clamped(coarse, above - ivec2(1, -1), bounds);
 #if !defined(ALIKE) || ALIKE == 0
-    uint hole = texelFetch(holes, above >> 1, 0).x >> (2 * (above.x & 1) + 8 * (above.y & 1));
+    uint hole = texelFetch(holes, above >> 1, 0)[(above.x & 1) + 2 * (above.y & 1)];
 #else
     const uint hole = 0u;  // every direction is closed
 #endif
@@ -100,9 +102,8 @@ void main() {
 #else
     const vec4 noises = vec4(0.0);
 #endif
-    const uint mine = 0x10001u;
-    write(at, extent, corner_sum(own, w, n, nw) / unit, noises.x, whole, hole & mine);
-    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, noises.y, whole, hole >> 1 & mine);
-    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, noises.z, whole, hole >> 4 & mine);
-    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, noises.w, whole, hole >> 5 & mine);
+    write(at, extent, corner_sum(own, w, n, nw) / unit, noises.x, whole, hole);
+    write(at + ivec2(1, 0), extent, corner_sum(own, e, n, ne) / unit, noises.y, whole, hole >> 8);
+    write(at + ivec2(0, 1), extent, corner_sum(own, w, s, sw) / unit, noises.z, whole, hole >> 16);
+    write(at + ivec2(1, 1), extent, corner_sum(own, e, s, se) / unit, noises.w, whole, hole >> 24);
 }

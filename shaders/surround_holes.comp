@@ -1,16 +1,16 @@
-// Of each cell of 4x4 pixels a bit for every pixel that measured ones surround: in a gap of a few pixels, where in its block of
-// 2x2 or 4x4 (BLOCKS 2) pixels of each two consecutive neighbours at least one holds a point; or (AROUND) in a larger one.  And,
-// in the upper half, a bit for every pixel far inside, where all cells near it are surrounded.  Twin: model/surrounded.py.
+// How opaque each empty pixel of a cell of 4x4 is to be.  Opaque in a gap of a few pixels: where in its block of 2x2 or 4x4
+// (BLOCKS 2) pixels of each two consecutive neighbours at least one holds a point.  Elsewhere by how many of the cells
+// around it are holes: transparent up to BACKGROUND_BELOW of MOST, from there rising.  A byte a pixel, a component for each 2x2
+// pixels.  The upper seven bits are the opacity; the lowest is set far inside, where all cells near it are holes.
+// Reference implementation: model/surrounded.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
-layout(r32ui, binding = 0) uniform writeonly uimage2D holes;
+layout(rgba32ui, binding = 0) uniform writeonly uimage2D holes;
 uniform sampler2D blocks;  // of 2x2 pixels: more than 0 where one is measured
 #if BLOCKS == 2
 uniform sampler2D cells;   // of 4x4
 #endif
-#ifdef AROUND
-uniform sampler2D around;  // of MOST, how far those near a cell see something measured in every direction
-#endif
+uniform sampler2D around;  // of MOST, how many cells near one are holes
 
 float held(sampler2D level, ivec2 at) {
     if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, textureSize(level, 0)))) return 0.0;
@@ -25,20 +25,19 @@ bool between(float e, float se, float s, float sw, float w, float nw, float n, f
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(at, imageSize(holes)))) return;
-    uint found = 0u;
+    uvec4 found = uvec4(0u);
     float b[16];  // the cell's four blocks and those around them
     for (int k = 0; k < 16; ++k) b[k] = held(blocks, 2 * at + ivec2(k & 3, k >> 2) - 1);
     for (int k = 0; k < 4; ++k) {
         int m = 5 + (k & 1) + 4 * (k >> 1);
         if (between(b[m + 1], b[m + 5], b[m + 4], b[m + 3], b[m - 1], b[m - 5], b[m - 4], b[m - 3]))
-            found |= 0x33u << (2 * (k & 1) + 8 * (k >> 1));
+            found[k] = 0xFEFEFEFEu;
     }
 #if BLOCKS == 2
     if (between(held(cells, at + ivec2(1, 0)), held(cells, at + ivec2(1, 1)), held(cells, at + ivec2(0, 1)),
                 held(cells, at + ivec2(-1, 1)), held(cells, at + ivec2(-1, 0)), held(cells, at + ivec2(-1, -1)),
-                held(cells, at + ivec2(0, -1)), held(cells, at + ivec2(1, -1)))) found |= 0xFFFFu;
+                held(cells, at + ivec2(0, -1)), held(cells, at + ivec2(1, -1)))) found = uvec4(0xFEFEFEFEu);
 #endif
-#ifdef AROUND
     // Linear between the centres of cells.  All sums are of whole eighths, and exact.
     ivec2 last = imageSize(holes) - 1;
     float near[9];
@@ -48,9 +47,11 @@ void main() {
         int above = y < 2 ? 0 : 6;
         vec3 row = (1.0 - share) * vec3(near[3], near[4], near[5]) + share * vec3(near[above], near[above + 1], near[above + 2]);
         vec4 pixels = row.y * vec4(0.625, 0.875, 0.875, 0.625) + vec4(row.x, row.x, row.z, row.z) * vec4(0.375, 0.125, 0.125, 0.375);
-        uvec4 more = uvec4(greaterThan(pixels, vec4(0.5 * float(MOST)))) + (uvec4(equal(pixels, vec4(float(MOST)))) << 16);
-        found |= (more.x | more.y << 1 | more.z << 2 | more.w << 3) << (4 * y);
+        precise vec4 level = (pixels - float(BACKGROUND_BELOW)) * COVER_SLOPE;
+        uvec4 cover = uvec4(clamp(level, 0.0, 127.0) + 0.5) << 1 | uvec4(equal(pixels, vec4(float(MOST))));
+        int left = 2 * (y >> 1), to = 16 * (y & 1);  // where a gap of a few pixels is covered already, all coverage bits are set
+        found[left] |= (cover.x | cover.y << 8) << to;
+        found[left + 1] |= (cover.z | cover.w << 8) << to;
     }
-#endif
     imageStore(holes, at, uvec4(found));
 }

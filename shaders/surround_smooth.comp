@@ -1,12 +1,34 @@
-// How many, weighted, of the cells around one see something in every direction: along rows first (ROWS), then along columns.
-// Whole numbers throughout.  Twin: model/surrounded.py.
+// How many, weighted, of the cells around one are holes: along rows first (ROWS), then along columns.  A cell is a hole where it
+// sees something in every direction (AROUND); in the open (MARCHED) only where its ray touched a block with points, and anyway
+// where it met the middle of a surface.  Whole numbers throughout.  Twin: model/surrounded.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r16f, binding = 0) uniform writeonly image2D smoothed;
 #ifdef ROWS
+#ifdef AROUND
 uniform usampler2D seen;
+#endif
+#ifdef MARCHED
+uniform usampler2D met;  // as surround_march.comp leaves it
+#endif
 #else
 uniform sampler2D rows;
+#endif
+
+#ifdef ROWS
+float hole(ivec2 at) {
+#ifdef AROUND
+    bool all = texelFetch(seen, at, 0).x == 0xFFFFu;
+#else
+    const bool all = false;
+#endif
+#ifdef MARCHED
+    uint ray = texelFetch(met, at >> RAY_SHIFT, 0).x;
+    return ray == uint(WITHIN) || (all && ray == uint(TOUCHED)) ? 1.0 : 0.0;
+#else
+    return all ? 1.0 : 0.0;
+#endif
+}
 #endif
 
 void main() {
@@ -15,7 +37,7 @@ void main() {
     float sum = 0.0;
     for (int tap = 1 - SIDE; tap < SIDE; ++tap) {
 #ifdef ROWS
-        float value = texelFetch(seen, clamp(at + ivec2(tap, 0), ivec2(0), last), 0).x == 0xFFFFu ? 1.0 : 0.0;
+        float value = hole(clamp(at + ivec2(tap, 0), ivec2(0), last));
 #else
         float value = texelFetch(rows, clamp(at + ivec2(0, tap), ivec2(0), last), 0).x;
 #endif

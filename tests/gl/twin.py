@@ -8,11 +8,12 @@ import torch
 from model.depth_filter import keep_mask
 from model.noise_level import pixel_noise
 from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
+from model.ray_march import march, rays_of, sparse_depth
 from model.station_weights import station_weights
-from model.surrounded import surrounded
+from model.surrounded import coverage
 from viewer.render.cull import Culler
 from viewer.render.stations import Places, weighs
-from viewer.render.void import OPEN, Surroundings, cell_of
+from viewer.render.void import OPEN, Directions, Surroundings, cell_of
 
 
 @dataclass
@@ -21,6 +22,7 @@ class TwinFrame:
     mask: np.ndarray
     filled: np.ndarray
     alpha: np.ndarray
+    met: torch.Tensor | None
 
 
 def looked_up(closed: np.ndarray, camera) -> np.ndarray:
@@ -28,6 +30,16 @@ def looked_up(closed: np.ndarray, camera) -> np.ndarray:
     i, j = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1)
     return closed.ravel()[cell_of((view @ camera.view_rotation).reshape(-1, 3))].reshape(camera.height, camera.width)
+
+
+def rays_met(around: Directions, camera) -> torch.Tensor | None:
+    """What the rays of a picture met, by the reference implementation; None in a room."""
+    occupancy = around.occupancy
+    if occupancy is None:
+        return None
+    rays, sizes = rays_of(camera, camera.view_rotation.T)
+    sparse = sparse_depth(camera, occupancy.spacing) / occupancy.side
+    return torch.from_numpy(march(occupancy.codes, (camera.position - occupancy.origin) / occupancy.side, rays, sizes, sparse))
 
 
 def directions(scene, camera) -> np.ndarray:
@@ -55,6 +67,7 @@ def twin_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
     ) & (raster.count > 0)
     noise = pixel_noise(scene.noise, raster, camera, camera.view_rotation.T, camera.position)
     packed = network_input(raster, mask, camera.fx, scene.spacing, noise)
-    alpha = surrounded(mask).numpy() | (directions(scene, camera) != OPEN)
-    alpha &= bool(mask.any())
-    return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha)
+    around = Surroundings(scene).around(camera.position)
+    met = rays_met(around, camera)
+    alpha = np.where(looked_up(around.closed, camera) != OPEN, 1.0, coverage(mask, met).numpy()) * bool(mask.any())
+    return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha, met)

@@ -19,12 +19,14 @@ def closed_plainly(points: np.ndarray, position: np.ndarray) -> np.ndarray:
     return settled_plainly(scanned, hits >= void._NEEDED).reshape(6 * SIDE, SIDE)
 
 
-def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[np.ndarray, int]:
-    """Hole by hole, as sets: what is closed, and how many cells below belong to holes that go on above."""
+def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[np.ndarray, int, int]:
+    """Hole by hole, as sets: what is closed; how many cells below belong to holes that go on
+    above; how many the largest sky has."""
     beside = [set(cells) for cells in void._walks()[:, :, 0].tolist()]
     below = void._centres()[:, 2] < 0
     enclosed = (~scanned).mean() <= 1 / void.ENCLOSES
     closed, left, through = surrounded.copy(), set(np.flatnonzero(~scanned).tolist()), 0
+    sky = 0
     while left:
         hole, new = set(), {min(left)}
         while new:
@@ -34,18 +36,24 @@ def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[
         cells = list(hole)
         closed[cells] = surrounded[cells].mean() >= 0.5 or (enclosed and below[cells].all())
         through += 0 if below[cells].all() else below[cells].sum()
+        if below[cells].mean() <= void.SKY_BELOW or len(cells) >= void.ALL_SKY * len(below):
+            sky = max(sky, sum(not scanned[list(beside[cell])].any() for cell in cells))
     for cell in np.flatnonzero(scanned):
         open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
         closed[cell] |= bool(open_or_not) and all(open_or_not)
-    return closed, through
+    return closed, through, sky
 
 
 def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
-    closed, through = holes_settled_plainly(scanned, surrounded)
+    closed, through, sky = holes_settled_plainly(scanned, surrounded)
     below = void._centres()[:, 2] < 0
     around, in_room = scanned.mean() >= 1 / void.AROUND, closed.mean() > void.ROOM
     sealed = closed & (below & (through <= below.sum() / void.GROUND) | in_room)
-    return np.where(sealed, SEALED, closed) if around or in_room else np.full_like(closed, OPEN, int)
+    if sky >= void.SKY * len(closed) or not (around or in_room):
+        low = void._centres()[:, 2] < -np.sin(np.radians(void.GROUND_DIP))
+        ground = through <= below.sum() / void.GROUND and (~scanned).mean() <= 1 / void.ENCLOSES
+        return np.where(closed & low & ground, SEALED, OPEN)
+    return np.where(sealed, SEALED, closed)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.7, 0.9])
@@ -57,9 +65,9 @@ def test_holes_of_any_shape_are_settled_as_by_sets(seed, share):
     for _ in range(8):
         scanned, surrounded = rng.random(len(below)) < share, rng.random(len(below)) < 0.5
         closed = surrounded.astype(np.int8)
-        through = void.settle_holes(scanned, walks, below, void.ENCLOSES, closed, hole, queue)
-        wanted, cells = holes_settled_plainly(scanned, surrounded)
-        assert np.array_equal(closed, wanted) and through == cells
+        through, sky = void.settle_holes(scanned, walks, below, void.ENCLOSES, closed, hole, queue)
+        wanted, cells, largest = holes_settled_plainly(scanned, surrounded)
+        assert np.array_equal(closed, wanted) and (through, sky) == (cells, largest)
 
 
 def test_what_is_seen_from_outside_is_left_to_the_picture(seed):
@@ -144,9 +152,10 @@ def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
     closed = surroundings.closed(eye).ravel()
     up = np.flatnonzero(void._centres()[:, 2] > np.cos(np.radians(50)))  # the walls reach to 53 degrees from the zenith
     assert not closed[up].any()
+    assert surroundings.around(eye).occupancy is not None
     height = void._centres()[:, 2]
-    assert closed[height < 0.3].all()
-    assert (closed[height < 0] == SEALED).all() and (closed[height > 0] != SEALED).all()  # the network may open a wall's top
+    low = height < -np.sin(np.radians(void.GROUND_DIP))
+    assert (closed[low] == SEALED).all() and (closed[~low] == OPEN).all(), "there picture and blocks decide"
 
 
 def test_what_one_sees_between_things_without_ground_is_not_cut_at_the_horizon(seed):

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import moderngl
-import numpy as np
 
 from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from model.pull_push import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
 from viewer.render import shader
 from viewer.render.filter import level_sizes
 from viewer.render.surround import Surround
-from viewer.render.void import CLOSED, SEALED, SIDE, closed_in_view
+from viewer.render.void import CLOSED, SEALED, SIDE, Directions, closed_in_view
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -57,8 +56,8 @@ class Fill:
         self._compiled: dict[tuple, moderngl.ComputeShader] = {}
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
-            closed: np.ndarray, spacing: float, network: "Pixels | None" = None, noise: moderngl.Texture | None = None) -> None:
-        """closed: (6 SIDE, SIDE) int8 of :class:`viewer.render.void.Surroundings`.  spacing: of points, file units.
+            around: Directions, spacing: float, network: "Pixels | None" = None, noise: moderngl.Texture | None = None) -> None:
+        """around: the directions from the camera's place.  spacing: of points, file units.
         network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
         nothing is measured; None: 0 everywhere.  It is filled for the network only."""
         if network is None:
@@ -66,10 +65,10 @@ class Fill:
         feature_scale = 1.0 / (camera.fx * spacing)
         base = {"raw": raw, "depth": depth, "mask": mask} | ({} if noise is None else {"noise": noise})
         coarse, is_sum = self._pyramid(base, feature_scale)
-        view = closed_in_view(closed, camera)
+        view = closed_in_view(around.closed, camera)
         if view not in (CLOSED, SEALED):  # else no direction in the picture is void: nobody asks which pixels are surrounded
-            self._surround.run()
-        self._closed.write(closed)
+            self._surround.run(camera, around.occupancy)
+        self._closed.write(around.closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
         push = self._program("fill_picture.comp", base=True, noise=noise is not None, NETWORK=None if network is None else 1,

@@ -142,7 +142,7 @@ class Renderer:
                     level = noise.level
                 stages.run("fill", lambda: fill.run(
                     colour, confidence, rasteriser.depth, noise=level,
-                    camera=camera, closed=self._surroundings.closed(camera.position), spacing=self.scene.spacing,
+                    camera=camera, around=self._surroundings.around(camera.position), spacing=self.scene.spacing,
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
                 if neural:

@@ -1,4 +1,4 @@
-"""Void or hole: which directions around a camera the scan surrounds, whatever the picture's border cuts off.
+"""Background or hole: which directions around a camera the scan encloses, whatever the picture's border cuts off.
 
 A hole in a room's floor is surrounded by floor on all sides, even where the picture ends in the middle of it; the sky
 over a street and the space around a statue are not.  The directions around the camera are sorted into the cells of a
@@ -6,10 +6,15 @@ cube; a cell is surrounded where, walking from it in eight directions, each meet
 without a point that touch are one hole, and get one answer: closed where most of them are surrounded, or where the hole lies
 below the horizon of a camera that the scan encloses (what a tripod hid, seen from low down).  What is closed is filled, and the
 network may open it where that could be sky, seen between branches, say: not in a room, and not below the horizon where there is
-ground all around.  Where the scan is not around the camera, all of it is in the picture, and these directions say nothing.
+ground all around.
+
+Cells of six degrees are too coarse for a sky: filled as a whole, they hang over a street as panels with straight edges.  So in
+the open, where there is sky or where the scan is not around the camera, only the ground around one is closed; everything else
+is decided by the picture and the world (model/surrounded.py, viewer/render/occupancy.py).
 World axes, z up, no OpenGL.
 """
 
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -17,6 +22,7 @@ import numpy as np
 
 from model.compiled import compiled
 from viewer.cloud import unpack
+from viewer.render.occupancy import Occupancy, occupancy_of
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -39,6 +45,16 @@ GROUND = 10
 """There is ground all around a camera where no more than one in so many directions below the horizon belongs to a hole that
 goes on above it.  Close to a statue one sees between its bushes; sealed, that hole would end at the horizon in a straight
 line."""
+SKY = 0.015
+"""Share of all directions, away from its border, that the largest hole has at least, under a sky.  Over three streets the hole
+had 0.14 to 0.33 with its border, in rooms less than 0.03."""
+SKY_BELOW, ALL_SKY = 0.15, 0.4
+"""Share of the sky that may lie below the horizon, and share of all directions from which on a hole is sky wherever it lies.
+In three streets the sky has 0.1 at most below; at their ends, where it goes on below the border of the scan, it has 0.46 to
+0.61 of all directions.  What a courtyard's pillars hid has up to 0.2 of them, 0.2 to 0.4 of which below."""
+GROUND_DIP = 15.0
+"""Degrees below the horizon from which on, in the open, cells are closed where there is ground all around: nearer to it they
+reach beyond the scan."""
 OPEN, CLOSED, SEALED = 0, 1, 2
 """What a direction is: void; filled; filled, and not the network's to open."""
 _SAMPLES = 24576
@@ -149,31 +165,38 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
 
     scanned (cells,) bool and closed (cells,) int8: from close_directions; closed is changed.  walks: as in _walks; the first
     cell of each is taken for a neighbour.  below: (cells,) bool.  enclosing: ENCLOSES.  hole, queue: scratch, (cells,) int32.
-    Returns how many cells below belong to holes that go on above.
+    Returns how many cells below belong to holes that go on above, and how many cells of the largest sky
+    have no scanned one beside them.
     """
-    cells, through = len(scanned), 0
+    cells, through, sky = len(scanned), 0, 0
     hole[:] = -1
     enclosed = enclosing * (cells - scanned.sum()) <= cells
     for first in range(cells):
         if scanned[first] or hole[first] >= 0:
             continue
-        queue[0], size, at, surrounded, lies_below = first, 1, 0, 0, True
+        queue[0], size, at, surrounded, under, deep = first, 1, 0, 0, 0, 0
         hole[first] = first
         while at < size:
             cell = queue[at]
             at += 1
             surrounded += closed[cell]
-            lies_below = lies_below and below[cell]
+            under += below[cell]
+            free = True
             for walk in range(walks.shape[1]):
                 beside = walks[cell, walk, 0]
+                free = free and not scanned[beside]
                 if not scanned[beside] and hole[beside] < 0:
                     hole[beside] = first
                     queue[size] = beside
                     size += 1
+            deep += free
+        lies_below = under == size
+        if under <= SKY_BELOW * size or size >= ALL_SKY * cells:
+            sky = max(sky, deep)  # a ceiling so near that cells lie between its points is no sky
         answer = 2 * surrounded >= size or (enclosed and lies_below)
         for i in range(size):
             closed[queue[i]] = answer
-            through += below[queue[i]] and not lies_below
+        through += 0 if lies_below else under
     for cell in range(cells):
         if not scanned[cell]:
             continue
@@ -185,7 +208,7 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
                 of_them_open += closed[beside] == 0
         if holes > 0 and of_them_open == 0:
             closed[cell] = 1
-    return through
+    return through, sky
 
 
 def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
@@ -198,6 +221,15 @@ def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
     reach = np.arctan(np.hypot(across, along)) + _CELL_RADIUS
     there = closed.reshape(-1)[_centres() @ camera.view_rotation[2] >= np.cos(min(reach, np.pi))]
     return int(there[0]) if (there == there[0]).all() else None
+
+
+@dataclass(frozen=True, eq=False)
+class Directions:
+    """closed: (6 * SIDE, SIDE) int8, OPEN, CLOSED or SEALED by cell.  occupancy: where the scan has surfaces, for an eye in the
+    open, under a sky or where the scan is not around it; None in a room."""
+
+    closed: np.ndarray
+    occupancy: Occupancy | None = None
 
 
 class Surroundings:
@@ -221,27 +253,49 @@ class Surroundings:
         self._first = np.zeros(len(starts) + 1, np.int64)
         np.cumsum(np.bincount(blocks, minlength=len(starts)), out=self._first[1:])
         self._below = _centres()[:, 2] < 0
+        self._low = _centres()[:, 2] < -np.sin(np.radians(GROUND_DIP))
         self._scanned = np.empty(len(self._below), bool)
         self._hole, self._queue = np.empty((2, len(self._below)), np.int32)
-        self.closed(np.zeros(3))  # compiled now, or read from the cache, and not in the first frame
+        self._scene = scene
+        self._occupancy: Occupancy | None = None
+        self._look(np.zeros(3))  # compiled now, or read from the cache, and not in the first frame
+
+    @property
+    def occupancy(self) -> Occupancy:
+        """Where the scan has surfaces; made when first asked for: in rooms nobody does."""
+        if self._occupancy is None:
+            self._occupancy = occupancy_of(self._scene)
+        return self._occupancy
 
     def closed(self, position: np.ndarray) -> np.ndarray:
         """(6 * SIDE, SIDE) int8: OPEN, CLOSED or SEALED, what each direction from ``position`` (3,) is."""
+        return self._look(position)[0]
+
+    def around(self, position: np.ndarray) -> Directions:
+        """What the directions from ``position`` (3,) are, and what else tells holes from background."""
+        closed, in_the_open = self._look(position)
+        return Directions(closed, self.occupancy if in_the_open else None)
+
+    def _look(self, position: np.ndarray) -> tuple[np.ndarray, bool]:
+        """What each direction is; whether the eye is in the open."""
         closed, walks, scanned = np.empty(len(self._scanned), np.int8), _walks(), self._scanned
         eye = np.asarray(position, np.float64)
         scanned[:] = False
         mark_directions(self._points, eye, SIDE, scanned)
         mark_near(self._blocks, self._marked, self._first, self._near, self._side, eye, SIDE, scanned)
         close_directions(scanned, walks, _NEEDED, closed)
-        through = settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
+        through, sky = settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
+        ground = GROUND * through <= np.count_nonzero(self._below)
         in_room = np.count_nonzero(closed) > ROOM * len(closed)
-        if not in_room and AROUND * np.count_nonzero(scanned) < len(closed):
-            closed[:] = OPEN  # the picture's pixels tell more than cells of six degrees
+        in_the_open = bool(sky >= SKY * len(closed) or (not in_room and AROUND * np.count_nonzero(scanned) < len(closed)))
+        if in_the_open:  # the picture's pixels tell more than cells of six degrees
+            ground = ground and ENCLOSES * np.count_nonzero(~scanned) <= len(closed)
+            closed[:] = np.where((closed > 0) & self._low & ground, SEALED, OPEN)
         elif in_room:
             closed[closed > 0] = SEALED
-        elif GROUND * through <= np.count_nonzero(self._below):
+        elif ground:
             closed[(closed > 0) & self._below] = SEALED
-        return closed.reshape(6 * SIDE, SIDE)
+        return closed.reshape(6 * SIDE, SIDE), in_the_open
 
 
 def _sample(scene: "Scene", starts: np.ndarray, wanted: int) -> tuple[np.ndarray, np.ndarray]:
