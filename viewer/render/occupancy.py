@@ -70,7 +70,7 @@ def codes_of(held: np.ndarray) -> np.ndarray:
     inner = [held & ndimage.binary_erosion(_dilated(held, axis), _plane(axis)) for axis in range(3)]
     near = [ndimage.binary_dilation(one, np.ones((3, 3, 3))) for one in inner]
     edges = held & (near[0].astype(np.int8) + near[1] + near[2] >= 2)
-    away = ndimage.distance_transform_cdt(~held, "chessboard") if held.any() else np.full(held.shape, held.size)
+    away = np.asarray(ndimage.distance_transform_cdt(~held, "chessboard") if held.any() else np.full(held.shape, held.size))
     codes = np.clip(away, 0, INNER - 1).astype(np.uint8)
     thin = ndimage.convolve(held.astype(np.uint8), np.ones((3, 3, 3), np.uint8), mode="constant") <= THIN
     codes[(inner[0] | inner[1] | inner[2] | edges) & thin] = INNER
