@@ -337,7 +337,7 @@ def test_a_bad_scan_among_many_does_not_keep_the_others_from_being_converted(tmp
     write_ply(tmp_path / "c.ply", *surface(300))
     with pytest.raises(InputError, match="would have the same folder"):
         convert_each([scans, tmp_path / "c.ply"], tmp_path / "other")
-    with pytest.raises(InputError, match="holds no PLY"):
+    with pytest.raises(InputError, match="holds no scan; name its"):
         convert_each([tmp_path / "grids" / "a"], tmp_path / "other")
 
 
