@@ -87,16 +87,19 @@ RECIPES = {
 
 
 def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float, perceptual: Path | None,
-           validation: Path | None = None, seed: int = 1, device: str = "auto", most_places: int = 4096) -> list[Path]:
+           validation: Path | None = None, seed: int = 1, device: str = "auto", most_places: int = 4096,
+           textures: Path | None = None) -> list[Path]:
     """Follows a recipe into ``out``; returns the weights, in the order of its stages.
 
-    folders: data to learn from besides the procedural places.  minutes: in all.  most_places: procedural ones.
+    folders: data to learn from besides the procedural places.  minutes: in all.  most_places: procedural ones.  textures:
+    folder of sheets to paint them with.
     Raises DataError where a folder cannot be used, or ``out`` holds something else, before anything is made.
     """
     name = next((name for name, known in RECIPES.items() if known == recipe), "of its own")
-    facts: Facts = {"recipe": name, **whereabouts(out, folders), "seed": seed, "perceptual": "given" if perceptual else "none"}
+    facts: Facts = {"recipe": name, **whereabouts(out, folders), "seed": seed, "perceptual": "given" if perceptual else "none",
+                    "textures": None if textures is None else textures.resolve().name}
     sources = (*facts["folders"], "procedural places")
-    pairs = make_pairs(recipe, folders, out, facts, minutes * 60 * recipe.data_share, most_places)
+    pairs = make_pairs(recipe, folders, out, facts, minutes * 60 * recipe.data_share, most_places, textures)
     made: dict[str, Path] = {}
     for stage in recipe.stages:
         mine = pairs[_kind(stage)]
@@ -147,7 +150,7 @@ class _Job:
 
 
 def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts, seconds: float,
-               most_places: int) -> dict[str, list[Path]]:
+               most_places: int, textures: Path | None = None) -> dict[str, list[Path]]:
     """Pairs of the given folders and of as many procedural places as the time allows, on all cores.
 
     facts: what the recipe makes everything from.  Returns the folders of pairs for each kind of input.  What an earlier call
@@ -168,7 +171,8 @@ def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts,
                 stack.enter_context(made_folder(out / "pairs" / kind))
             try:
                 progress.keep()
-                _make_all(jobs, out, recipe, facts["seed"], progress, seconds, most_places)
+                _make_all(jobs, out, recipe, facts["seed"], progress, seconds, most_places,
+                          None if textures is None else str(textures))
             finally:
                 if _made(out, recipe):
                     progress.keep()
@@ -216,7 +220,7 @@ class _Progress:
 
 
 def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: _Progress, seconds: float,
-              most_places: int) -> None:
+              most_places: int, textures: str | None) -> None:
     """Does the jobs and what an earlier call began, then procedural places in turn, as many as will be done in time."""
     begun = {path.name.rsplit("-", 1)[0] for path in _made(out, recipe)}
     places = [_Job(f"place-{number}", number=number) for number in range(most_places)]
@@ -228,7 +232,7 @@ def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: 
         while True:
             while len(waiting) < count and (job := ready.pop(0) if ready else next(new, None)) is not None:
                 spent = progress.spent()
-                waiting[pool.submit(leaving, _make, job, str(out), recipe.kinds, seed)] = job.kind, spent
+                waiting[pool.submit(leaving, _make, job, str(out), recipe.kinds, seed, textures)] = job.kind, spent
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
@@ -260,11 +264,12 @@ def _folder_jobs(folders: Sequence[Path]) -> list[_Job]:
     return jobs
 
 
-def _make(job: _Job, out: str, kinds: Sequence[str], seed: int) -> str:
+def _make(job: _Job, out: str, kinds: Sequence[str], seed: int, textures: str | None) -> str:
     """The pairs of a job, in a process of its own.  Returns its name."""
     import torch
 
     from model.data.cutout import with_cut_outs
+    from model.data.painting import load_textures
     from model.data.pairs import build, by_size
     from model.data.sources import open_places
 
@@ -274,11 +279,13 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int) -> str:
         places = by_size(open_places([Path(job.folder)]))[job.group]
     else:
         places = [procedural_place(seed * 100_000 + job.number)]
+    paint = load_textures(Path(textures)) if textures is not None else []
     for kind, reduce, folder in job.targets(Path(out), kinds):
         if not folder.is_dir():
             filtered = kind == "filtered"
             build(with_cut_outs(places, seed) if reduce == 1 else places, folder, seed=job.seed(seed), scans=2,
-                  variants=2 if filtered else 1, preset="auto" if filtered else "off", reduce=reduce, neighbours=reduce == 2)
+                  variants=2 if filtered else 1, preset="auto" if filtered else "off", reduce=reduce, neighbours=reduce == 2,
+                  textures=paint)
     return job.name
 
 

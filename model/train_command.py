@@ -45,6 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help=f"side of a crop, {LEAST_CROP} or more (default 192)")
     parser.add_argument("--rate", type=float, default=1e-3, metavar="X", help="learning rate (default 0.001)")
     parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
+    parser.add_argument("--textures", type=Path, metavar="DIR",
+                        help="thumbnail sheets of photographic textures (ambientCG's, *.webp), painted onto half of the pairs")
     parser.add_argument("--validation", type=Path, metavar="FOLDER", help="with --recipe: a scene to judge the weights on")
     parser.add_argument("--start-from", type=Path, metavar="F", help="weights to go on from")
     parser.add_argument("--device", default="auto", choices=["auto", "cuda", "cpu"],
@@ -67,7 +69,8 @@ def run(options: argparse.Namespace) -> int:
 
         recipe = RECIPES[options.recipe]
         follow(recipe, options.data, options.out, minutes=recipe.minutes if options.minutes is None else options.minutes,
-               perceptual=options.perceptual, validation=options.validation, seed=options.seed, device=options.device)
+               perceptual=options.perceptual, validation=options.validation, seed=options.seed, device=options.device,
+               textures=options.textures)
         return 0
     if not options.data and not options.procedural:
         raise DataError("nothing to learn from: give folders with scene.json, or --procedural N")
@@ -93,7 +96,8 @@ def run(options: argparse.Namespace) -> int:
 _NO_USE_FOR = {
     "": ("validation",),
     "--recipe": ("procedural", "quality", "unfiltered", "steps", "batch", "crop", "rate", "start_from"),
-    "--tune": ("data", "procedural", "recipe", "unfiltered", "steps", "batch", "crop", "rate", "validation", "start_from"),
+    "--tune": ("data", "procedural", "recipe", "unfiltered", "steps", "batch", "crop", "rate", "validation", "start_from",
+               "textures"),
 }
 """What each way of training, "" being neither of the two others, has no use for."""
 
@@ -140,6 +144,10 @@ def check(options: argparse.Namespace) -> None:
         raise DataError(f"--minutes {options.minutes:g}: expected a number of minutes, 0 to go by --steps alone")
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         raise DataError(f"--out {options.out}: is a file; give a folder")
+    if options.textures is not None:
+        from model.data.painting import load_textures
+
+        load_textures(options.textures)
     if options.perceptual is not None:
         from model.losses import SQUEEZE_FILES
 
@@ -189,7 +197,8 @@ def _facts(options: argparse.Namespace) -> "Facts":
     """What the pairs are made from."""
     from model.record import whereabouts
 
-    return {**whereabouts(options.out, options.data), "procedural": options.procedural, "seed": options.seed}
+    return {**whereabouts(options.out, options.data), "procedural": options.procedural, "seed": options.seed,
+            "textures": None if options.textures is None else options.textures.resolve().name}
 
 
 def _sources(options: argparse.Namespace) -> tuple[str, ...]:
@@ -238,7 +247,8 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
         replace_text(record, json.dumps(facts, indent=1))
         folders = whole
         try:
-            folders = folders or _build(places, options.out, name, unfiltered=options.unfiltered, seed=options.seed)
+            folders = folders or _build(places, options.out, name, unfiltered=options.unfiltered, seed=options.seed,
+                                        textures=options.textures)
         except BaseException:
             if not any(path.is_dir() for path in options.out.glob(f"{name}-*-[12]")):
                 record.unlink(missing_ok=True)
@@ -247,16 +257,18 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
     return folders
 
 
-def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: bool, seed: int) -> list[Path]:
+def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: bool, seed: int,
+           textures: Path | None) -> list[Path]:
     from model.data.cutout import with_cut_outs
+    from model.data.painting import load_textures
     from model.data.pairs import build, by_size
 
-    folders = []
+    folders, paint = [], load_textures(textures) if textures is not None else []
     for number, alike in enumerate(by_size(places)):
         for reduce in (1, 2):  # at half the size many points meet in a pixel
             folder = out / f"{name}-{number}-{reduce}"
             folders.append(folder)
             if not folder.is_dir():
                 build(with_cut_outs(alike, seed) if reduce == 1 else alike, folder, seed=seed,
-                      preset="off" if unfiltered else "auto", reduce=reduce, neighbours=reduce == 2)
+                      preset="off" if unfiltered else "auto", reduce=reduce, neighbours=reduce == 2, textures=paint)
     return folders

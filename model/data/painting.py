@@ -44,6 +44,7 @@ EDGE = 0.05
 """Relative change of depth between neighbouring pixels beyond which they are not one surface."""
 
 
+@lru_cache(maxsize=1)
 def load_textures(folder: Path) -> list[np.ndarray]:
     """The (128, 128, 3) uint8 textures of all thumbnail sheets (``*.webp``) of a folder.
 
