@@ -9,7 +9,7 @@ import torch
 from model.blend_cpu import Blender
 from model.blend_rows import CLOSED, tanh
 from model.reconstruct import PACKED_IN, Reconstructor
-from model.unet import BLENDS, CompactUNet, Size
+from model.unet import BLENDS, INPUT_CHANNELS, CompactUNet, Size
 
 
 def _network(rng, block=2) -> CompactUNet:
@@ -32,7 +32,7 @@ def _packed(rng, height, width, mask="random") -> torch.Tensor:
 
 @torch.inference_mode()
 def _in_torch(network, packed) -> torch.Tensor:
-    x = packed[None].permute(0, 3, 1, 2)[:, :5].contiguous()
+    x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].contiguous()
     made = torch.nan_to_num(network(x)[0].clamp(0, 1), nan=0.0).permute(1, 2, 0)
     made[..., 3] = torch.maximum(made[..., 3], packed[..., CLOSED])
     return made
@@ -40,7 +40,7 @@ def _in_torch(network, packed) -> torch.Tensor:
 
 @torch.inference_mode()
 def _blocks(network, packed) -> np.ndarray:
-    return network.blocks(packed[None].permute(0, 3, 1, 2)[:, :5].contiguous())[0].permute(1, 2, 0).contiguous().numpy()
+    return network.blocks(packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].contiguous())[0].permute(1, 2, 0).contiguous().numpy()
 
 
 @pytest.mark.parametrize("mask", ["random", "none", "all"])
