@@ -68,20 +68,16 @@ RECIPES = {
     # The 31M network first: what can be learned from this data at all is the scale for the small ones.
     "gpu": Recipe(25.0, 0.20, (
         Stage("paper", True, 0.22, batch=16, crop=256, rate=5e-4),
-        Stage("balanced", True, 0.20, batch=32, crop=256),
-        Stage("best", True, 0.16, after="balanced-filtered", batch=32, crop=256),
-        Stage("fast", True, 0.10, batch=32, crop=256),
-        Stage("balanced", False, 0.05, after="balanced-filtered", batch=32, crop=256, rate=5e-4),
-        Stage("best", False, 0.04, after="best-filtered", batch=32, crop=256, rate=5e-4),
-        Stage("fast", False, 0.03, after="fast-filtered", batch=32, crop=256, rate=5e-4),
+        Stage("balanced", True, 0.34, batch=32, crop=256),
+        Stage("fast", True, 0.13, batch=32, crop=256),
+        Stage("balanced", False, 0.07, after="balanced-filtered", batch=32, crop=256, rate=5e-4),
+        Stage("fast", False, 0.04, after="fast-filtered", batch=32, crop=256, rate=5e-4),
     )),
     "night": Recipe(600.0, 0.15, (
-        Stage("balanced", True, 0.33),
-        Stage("best", True, 0.25, after="balanced-filtered"),
-        Stage("fast", True, 0.12),
-        Stage("balanced", False, 0.06, after="balanced-filtered", rate=5e-4),
-        Stage("best", False, 0.06, after="best-filtered", rate=5e-4),
-        Stage("fast", False, 0.03, after="fast-filtered", rate=5e-4),
+        Stage("balanced", True, 0.50),
+        Stage("fast", True, 0.20),
+        Stage("balanced", False, 0.10, after="balanced-filtered", rate=5e-4),
+        Stage("fast", False, 0.05, after="fast-filtered", rate=5e-4),
     )),
 }
 

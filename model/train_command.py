@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="also N places made up, of every kind in turn (default 0)")
     parser.add_argument("--recipe", choices=["gpu", "night"],
                         help="gpu: the most of one CUDA GPU in 25 minutes; night: of two CPU cores in 10 hours")
-    parser.add_argument("--quality", default="balanced", choices=["fast", "balanced", "best", "paper"],
+    parser.add_argument("--quality", default="balanced", choices=["fast", "balanced", "paper"],
                         help="which network (default balanced)")
     parser.add_argument("--unfiltered", action="store_true", help="for `--filter off`")
     parser.add_argument("--minutes", type=float, metavar="M",

@@ -69,7 +69,6 @@ class Size:
 SIZES = {
     "fast": Size((32, 64, 96, 128), 1),
     "balanced": Size((64, 128, 192, 256), 1),
-    "best": Size((96, 128, 192, 256), 2),
 }
 
 

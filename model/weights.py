@@ -30,8 +30,13 @@ def weights_dir() -> Path:
     return bundled if bundled.is_dir() else _PACKAGE.parent / "assets" / "weights"
 
 
+MIRRORED = {"best": "balanced"}
+"""Qualities that run another one's network on mirrored pictures and average, by whose it is (model/reconstruct.py)."""
+
+
 def weights_name(quality: str, *, filtered: bool) -> str:
     """Name of a shipped weights file, without its folder and suffix."""
+    quality = MIRRORED.get(quality, quality)
     return f"{quality}-{'filtered' if filtered else 'unfiltered'}"
 
 

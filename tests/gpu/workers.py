@@ -104,10 +104,10 @@ def _networks(plan: Plan) -> list[dict]:
     from model.engines import ENGINES, Runner
     from model.reconstruct import PACKED_IN, Reconstructor
     from model.unet import mac_per_pixel, make_network
-    from model.weights import shipped
+    from model.weights import shipped, weights_name
 
     on_gpu, begun = plan.device == "cuda", time.perf_counter()
-    qualities = [q for q in ("balanced", "fast", "best") if f"{q}-filtered" in shipped()]
+    qualities = [q for q in ("balanced", "fast", "best") if weights_name(q, filtered=True) in shipped()]
     jobs = [(q, size, engine, False) for size in plan.sizes for q in qualities for engine in ("eager", "graph")]
     middle = plan.sizes[min(1, len(plan.sizes) - 1)]
     jobs += [("balanced", middle, *last) for last in (("graph", True), ("tensorrt", False), ("compile", False))]

@@ -40,7 +40,8 @@ def _in_torch(network, packed) -> torch.Tensor:
 
 @torch.inference_mode()
 def _blocks(network, packed) -> np.ndarray:
-    return network.blocks(packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].contiguous())[0].permute(1, 2, 0).contiguous().numpy()
+    x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].contiguous()
+    return network.blocks(x)[0].permute(1, 2, 0).contiguous().numpy()
 
 
 @pytest.mark.parametrize("mask", ["random", "none", "all"])

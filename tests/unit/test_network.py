@@ -13,7 +13,7 @@ from model.data.stations import ScanModel, load_scene, scan_stations
 from model.data.truth import DataError
 from model.evaluation import evaluate, format_table
 from model.metrics import psnr, psnr_after_gain, ssim
-from model.reconstruct import CLOSED, VOID, Reconstructor, covered, fast_precision, fitting_weights
+from model.reconstruct import CLOSED, FLIPS, PACKED_IN, VOID, Reconstructor, covered, fast_precision, fitting_weights
 from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network, without_mesh
 from model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
 
@@ -135,7 +135,7 @@ def test_leaving_out_the_void_changes_nothing_that_is_shown(quality):
 
 def test_the_network_takes_nothing_from_further_than_its_reach():
     torch.manual_seed(4)
-    for quality in ("fast", "balanced", "best"):
+    for quality in ("fast", "balanced"):
         network = make_network(quality)
         for parameter in network.parameters():
             torch.nn.init.normal_(parameter, 0.0, 0.05)
@@ -147,7 +147,7 @@ def test_the_network_takes_nothing_from_further_than_its_reach():
 
 
 def test_missing_quality_says_which_weights_there_are():
-    missing = next(q for q in ("paper", "best") if f"{q}-unfiltered" not in shipped())
+    missing = next(q for q in ("paper", "balanced") if f"{q}-unfiltered" not in shipped())
     with pytest.raises(WeightsError, match=f"no weights are shipped for quality '{missing}'"):
         Reconstructor(missing, filtered=False, device="cpu")
     assert fast_precision("cuda") == "fp16" and fast_precision("cpu") in ("bf16", "fp32")
@@ -199,7 +199,7 @@ def test_metrics_know_equal_pictures_gain_and_noise():
     assert psnr(a, a + 0.1) == pytest.approx(20.0, abs=1e-4)
     assert psnr_after_gain(a * 0.8, a) > 100 > psnr(a * 0.8, a)
     assert ssim(a, torch.rand(3, 40, 40)) < 0.2
-    assert set(SIZES) == {"fast", "balanced", "best"}
+    assert set(SIZES) == {"fast", "balanced"}
 
 
 @pytest.mark.parametrize("block", [1, 2, 4])
@@ -278,3 +278,17 @@ def test_blends_take_noise_and_leave_what_stands_out_of_it(seed):
     noise = 0.05 * torch.randn(1, 1, 96, 96, generator=generator)
     made = network._blend(torch.cat([(0.5 + noise).expand(1, 3, 96, 96), torch.ones(1, 2, 96, 96)], 1), guide)
     assert made[:, :3, 16:-16, 16:-16].std() < 0.15 * 0.05, "of noise alone hardly any is left"
+
+
+@torch.inference_mode()
+def test_best_is_the_mean_of_the_balanced_networks_mirrored_pictures(seed):
+    """Each flip of the input, flipped back; void left out and coverage bound as for one."""
+    rng = np.random.default_rng(seed)
+    packed = torch.from_numpy(rng.random((40, 56, PACKED_IN), np.float32)).half()
+    packed[..., CLOSED:] = 0.0
+    best, one = (Reconstructor(quality, filtered=True, device="cpu", precision="fp32") for quality in ("best", "balanced"))
+    wanted = sum(one(packed.flip(axes).contiguous()).flip(axes).float() for axes in FLIPS) / len(FLIPS)
+    assert torch.equal(best(packed), wanted.half()) and len(set(FLIPS)) == 4
+    assert "4 mirrored pictures" in best.name and best.name.split()[1] == one.name.split()[1]
+    mirrored = best(packed.flip((1,)).contiguous()).flip((1,))
+    assert (best(packed).float() - mirrored.float()).abs().max() < 2e-3, "which side is left no longer matters"

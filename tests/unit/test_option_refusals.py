@@ -65,7 +65,7 @@ def test_what_trains_in_one_process_is_refused_in_several(way, tmp_path, capsys,
      "`train --tune` has no use for room, --recipe gpu, --validation box: left out of account"),
     (("room", "--validation", "box", "--minutes", "0"), "`train` has no use for --validation box: left out of account"),
     (("--recipe", "night", "--validation", "box", "--minutes", "3"), ""),
-    (("--tune", "scan.e57", "--quality", "best", "--seed", "4"), ""),
+    (("--tune", "scan.e57", "--quality", "fast", "--seed", "4"), ""),
     (("room", "--steps", "5", "--start-from", "WEIGHTS", "--unfiltered"), ""),
 ])
 def test_training_says_which_options_it_has_no_use_for(options, said, tmp_path, capsys, monkeypatch):

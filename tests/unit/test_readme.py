@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,13 @@ import pytest
 from rooms import make_room
 
 from model.data.stations import load_scene, scan_stations
-from viewer.bench import glance, readme
+from viewer.bench import readme
 from viewer.bench.figures import FIGURES, command
 from viewer.bench.figures import main as run_figures
 from viewer.bench.readme import BLOCKS, filled, main
 from viewer.cloud import open_scene
+from viewer.paths import assets_dir
+from viewer.window.controls import table_markdown
 
 MACHINE = {"cores": 2, "processor": "X", "gpu": None, "versions": {"torch": "9"}}
 BENCH = {
@@ -89,29 +92,6 @@ def test_every_size_of_the_demo_has_its_line():
     assert "1.35 M points, 960x720" in made and "3840x2160" in made
 
 
-def test_what_is_seen_at_a_glance_is_in_the_tables():
-    judged = [{"method": method, "exposure": "matched", "density": 1.0, "psnr": psnr, "distance": distance}
-              for method, psnr, distance in ((glance._NETWORK, 26.64, 0.106), (glance._PAPER, 23.48, 0.197),
-                                             (glance._FILLED, 26.22, 0.153))]  # fmt: skip
-    others = [{**row, "psnr": 1.0, **change} for row in judged for change in ({"density": 0.1}, {"exposure": "scanned"})]
-    files = {
-        "frame-plant_room": BENCH, "frame-plant_room-fast": BENCH, "versus-plant_room": VERSUS, "scale": SCALE,
-        "evaluate": {"rows": [*others, *judged]}, "stability": {"rows": [{"ok": True}, {"ok": False}, {"skipped": "no GPU"}]},
-        "open-procedural": {"points": 25_000_000, "first_picture": 0.1,
-                            "milliseconds": {"cache to first picture": 214.0, "cache to every point in view": 400.0}},
-    }  # fmt: skip
-    made = block("glance", files)
-    assert "Measured on 2 cores of an X without a GPU" in made and "11.6 M points at 960x720 takes **1 ms**" in made
-    assert "takes **3.5 times** as long" in made and "**26.6 dB, distance 0.106**" in made
-    assert "network: 26.2 dB, distance 0.153; by the paper's filter and its averaging: 23.5 dB, distance 0.197." in made
-    assert "25 M points opened again are on the screen in 0.21 s" in made and "1 of 2 claims" in made
-    assert "of 100 M points a neural frame takes 1.10 times as long as in one of 10 M" in made
-    on_gpu = {**BENCH, "software": False, "opengl": "NVIDIA H200"}
-    assert "Measured on NVIDIA H200 (" in block("glance", {**files, "frame-plant_room": on_gpu})
-    del files["evaluate"]
-    assert "Measured" not in block("glance", files)
-
-
 def test_scale_says_what_did_not_fit():
     made = block("scale", {"scale": SCALE})
     assert "| by rooms | 10 M | 10 | 31 | 42 | 250 | 0.50 | 120 | 340 |" in made
@@ -141,12 +121,11 @@ def test_documents_are_renewed_and_missing_benches_named(tmp_path, capsys):
     assert main(tmp_path, [document]) == 0
     assert "pixel | 1 / 3" in document.read_text()
     said = capsys.readouterr().out
-    assert "not there: error-demo, evaluate, frame-plant_room-fast, open-procedural, scale, stability" in said
+    assert "not there: error-demo, scale, stability" in said
 
 
 def test_figures_run_every_bench_the_readme_needs():
-    trained = {"evaluate"}  # need rooms and hours; `evaluate` and `train` leave them
-    assert set[str]().union(*(needed for _, needed in BLOCKS.values())) - trained <= FIGURES.keys()
+    assert set[str]().union(*(needed for _, needed in BLOCKS.values())) <= FIGURES.keys()
     from viewer.bench import KINDS
 
     assert {arguments[0] for arguments in FIGURES.values()} == set(KINDS)
@@ -221,7 +200,6 @@ def test_the_picture_shows_four_views_and_is_where_the_readme_looks(tmp_path):
     from PIL import Image
 
     from viewer.bench.readme_picture import PICTURE, SIZE, main
-    from viewer.paths import assets_dir
     from viewer.settings import Settings
 
     assert f"](assets/{PICTURE.as_posix()})" in (assets_dir().parent / "README.md").read_text("utf-8")
@@ -234,3 +212,11 @@ def test_the_picture_shows_four_views_and_is_where_the_readme_looks(tmp_path):
     assert dark[1] > dark[0] > 0.2 and max(dark[2:]) < 0.05, "points on black, hidden ones gone, filled, repainted"
     with Image.open(assets_dir() / PICTURE) as kept:
         assert np.abs(np.asarray(kept, int)[:height] - shown[:height]).mean() < 4, "as it is drawn today"
+
+
+def test_the_readme_is_short_and_has_the_controls_that_there_are():
+    text = (assets_dir().parent / "README.md").read_text("utf-8")
+    assert len(text.encode()) <= 12_000
+    assert table_markdown() in text
+    for page in re.findall(r"\]\(((?:viewer|model|assets)[^)]*)\)", text):
+        assert (assets_dir().parent / page).exists(), page

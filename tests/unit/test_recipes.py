@@ -28,7 +28,7 @@ def test_the_shares_of_every_recipe_add_up_and_its_stages_can_be_had():
         for stage in recipe.stages:
             assert stage.after is None or stage.after in made
             made.add(f"{stage.quality}-{'filtered' if stage.filtered else 'unfiltered'}")
-        assert {f"{q}-{i}" for q in ("fast", "balanced", "best") for i in ("filtered", "unfiltered")} <= made
+        assert {f"{q}-{i}" for q in ("fast", "balanced") for i in ("filtered", "unfiltered")} <= made
 
 
 def test_a_recipe_is_followed_to_its_end_and_kept_when_asked_again(room, tmp_path):

@@ -116,7 +116,7 @@ def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: st
 def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:
     """The table over the eight named views of a scan.  only: one group of it.  Raises InputError where there is no such."""
     from model.reconstruct import fast_precision
-    from model.weights import shipped
+    from model.weights import shipped, weights_name
     from viewer.bench.int8 import Int8Error, quantised
     from viewer.render.context import create_context
     from viewer.render.neural import load_network
@@ -125,7 +125,7 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
     context = create_context()
     exact = BenchRenderer(context, scene, device="cpu")
     cameras = named_views(scene, size)
-    qualities = [q for q in ("balanced", "fast", "best", "paper") if f"{q}-filtered" in shipped()]
+    qualities = [q for q in ("balanced", "fast", "best", "paper") if weights_name(q, filtered=True) in shipped()]
     precisions = [p for p in ("bf16", "fp16") if p == fast_precision("cpu") or p == "fp16"]
     left_out: list[str] = []
     int8 = None

@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from model.whole import write_whole
-from viewer.bench import glance
-from viewer.bench.readme_truth import precision, truth
 
 SOFTWARE = ("llvmpipe", "softpipe", "swr")
 """In the names of OpenGL on the processor, for files that do not say which it was."""
@@ -228,8 +226,7 @@ def stability(files: dict[str, dict]) -> str:
 
 
 BLOCKS: dict[str, tuple[Callable[[dict[str, dict]], str], set[str]]] = {
-    "glance": (glance.glance, glance.NEEDED),
-    "frames": (frames, {"frame-plant_room"}), "truth": (truth, {"evaluate"}), "precision": (precision, {"evaluate"}),
+    "frames": (frames, {"frame-plant_room"}),
     "scale": (scale, {"scale"}), "versus": (versus, {"versus-plant_room"}),
     "errors": (errors, {"error-demo"}), "stability": (stability, {"stability"}),
 }
@@ -258,4 +255,4 @@ def main(folder: Path, documents: list[Path]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(Path("out/bench"), [Path("README.md"), Path("assets/weights/README.md")]))
+    sys.exit(main(Path("out/bench"), [Path("viewer/bench/README.md")]))

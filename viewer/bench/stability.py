@@ -55,7 +55,7 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     def networks() -> list[dict]:
         found = []
-        for quality, filtered in itertools.product(("fast", "balanced", "best"), (True, False)):
+        for quality, filtered in itertools.product(("fast", "balanced"), (True, False)):
             if (name := weights_name(quality, filtered=filtered)) in shipped():
                 more, made = network_rows(seed, (112, 80), quality, filtered=filtered)
                 found += more

@@ -50,7 +50,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     """
     shipped = weights_dir() / f"{weights_name(quality, filtered=True)}.safetensors"
     if not shipped.is_file():
-        raise InputError(f"no weights are shipped for quality {quality!r}; choose fast, balanced or best")
+        raise InputError(f"no weights are shipped for quality {quality!r}; choose fast or balanced")
     if not (np.isfinite(minutes) and minutes > 0):
         raise InputError(f"--minutes {minutes:g}: more than 0 are needed")
     material = material_of(scan, seed)
