@@ -33,7 +33,7 @@ def test_every_new_weight_is_reached_by_learning_within_a_few_steps():
     optimiser = torch.optim.SGD(large.parameters(), 0.05)
     for _ in range(4):
         optimiser.zero_grad()
-        (large(torch.rand(2, 5, 32, 32)) - 0.3).square().mean().backward()
+        (large(torch.rand(2, 6, 32, 32)) - 0.3).square().mean().backward()
         optimiser.step()
     for name, value in large.named_parameters():
         assert not torch.equal(value, before[name]), name
