@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
                         help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
     render.add_argument("--out", type=Path, required=True, metavar="DIR", help="where pictures go, as NAME.png of each camera")
     render.add_argument("--size", metavar="WxH", help="picture size (default: the cameras' own)")
-    render.add_argument("--aux", action="store_true", help="also depth, mask and stats of each picture")
+    render.add_argument("--aux", action="store_true", help="also depth, mask, provenance and stats of each picture")
     render.add_argument("--shard", metavar="i/n", help="only every n-th camera, starting at the i-th (from 0)")
     add_settings(render)
     add_memory(render)
