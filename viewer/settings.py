@@ -54,6 +54,15 @@ DEVICES: dict[str, str] = {
     "cuda": "CUDA or an error",
     "cpu": "CPU",
 }
+BACKGROUNDS: dict[str, str] = {
+    "black": "black",
+    "transparent": "an alpha channel, not premultiplied",
+    "plain": "the window's dark grey",
+    "gradient": "grey, lighter at the top",
+    "sky": "blue at the top, pale at the bottom",
+}
+"""What is shown where nothing was measured or filled.  It is laid behind a picture when that is saved or shown, hence no part of
+Settings (viewer.tools.background)."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ def main(path: Path | None = None, settings: Settings | None = None) -> Path:
     from viewer.render.renderer import Renderer
     from viewer.tools.camera_files import read_cameras
     from viewer.tools.demo import contact_sheet, demo_scan
-    from viewer.window.present import composite
+    from viewer.tools.background import composite
 
     path = path or assets_dir() / PICTURE
     renderer = Renderer(create_context(), open_scene([demo_scan()]))
