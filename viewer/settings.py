@@ -61,8 +61,8 @@ BACKGROUNDS: dict[str, str] = {
     "gradient": "grey, lighter at the top",
     "sky": "blue at the top, pale at the bottom",
 }
-"""What is shown where nothing was measured or filled.  It is laid behind a picture when that is saved or shown, hence no part of
-Settings (viewer.tools.background)."""
+"""What is shown where nothing was measured or filled.  No part of Settings: it is laid behind a finished picture
+(viewer.tools.background)."""
 
 
 @dataclass(frozen=True)
