@@ -21,6 +21,7 @@ from viewer.errors import Cancelled, InputError, PointglassError
 from viewer.options import Parser, add_columns, add_exposures, add_memory, add_scans, add_settings, memory_of, settings_of
 from viewer.progress import progress
 from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from viewer.settings import BACKGROUNDS
 from viewer.words import counted
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
@@ -53,7 +54,10 @@ def _parser() -> argparse.ArgumentParser:
                         help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
     render.add_argument("--out", type=Path, required=True, metavar="DIR", help="where pictures go, as NAME.png of each camera")
     render.add_argument("--size", metavar="WxH", help="picture size (default: the cameras' own)")
-    render.add_argument("--aux", action="store_true", help="also depth, mask and stats of each picture")
+    render.add_argument("--aux", action="store_true", help="also depth, mask, provenance and stats of each picture")
+    texts = "; ".join(f"{key}: {text}" for key, text in BACKGROUNDS.items())
+    render.add_argument("--background", choices=list(BACKGROUNDS), default="black",
+                        help=f"behind what is shown: {texts} (default black)")
     render.add_argument("--shard", metavar="i/n", help="only every n-th camera, starting at the i-th (from 0)")
     add_settings(render)
     add_memory(render)
@@ -139,7 +143,7 @@ def _render(options: argparse.Namespace) -> int:
                        columns=options.columns)
     renderer = Renderer(context, scene, memory=memory)
     try:
-        count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux)
+        count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=options.background)
     finally:
         renderer.release()
         context.release()

@@ -4,6 +4,7 @@ The command line, the window's panel and the README all read these tables, so a 
 """
 
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Literal
 
 from viewer.errors import InputError
@@ -53,6 +54,15 @@ DEVICES: dict[str, str] = {
     "cuda": "CUDA or an error",
     "cpu": "CPU",
 }
+BACKGROUNDS: dict[str, str] = {
+    "black": "black",
+    "transparent": "an alpha channel, not premultiplied",
+    "plain": "the window's dark grey",
+    "gradient": "grey, lighter at the top",
+    "sky": "blue at the top, pale at the bottom",
+}
+"""What is shown where nothing was measured or filled.  No part of Settings: it is laid behind a finished picture
+(viewer.tools.background)."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +96,7 @@ class Settings:
                 raise InputError(f"{name} {value!r}: expected one of {', '.join(table)}")
         if not 0 < self.filter_strength <= 1000:
             raise InputError(f"filter strength {self.filter_strength!r}: expected a number above 0, at most 1000")
-        if self.filter_levels is not None and not 1 <= self.filter_levels <= 12:
+        if self.filter_levels is not None and not (isinstance(self.filter_levels, Integral) and 1 <= self.filter_levels <= 12):
             raise InputError(f"filter levels {self.filter_levels!r}: expected a whole number from 1 to 12")
         if not 0 <= self.detail <= 2:
             raise InputError(f"detail {self.detail!r}: expected a number from 0 (smooth) to 2 (every measured grain)")

@@ -11,6 +11,7 @@ from viewer.camera import from_fov, look_at
 from viewer.render import renderer as module
 from viewer.render.occlusion import HiddenCells
 from viewer.settings import Memory, Settings
+from viewer.tools.background import COLOURS, composite
 from viewer.window.painter import Painter
 from viewer.window.picture import Plan
 
@@ -29,7 +30,8 @@ class Told:
     """A session's part in it.  heard: ("shown" or "cost", what)."""
 
     def __init__(self, scan):
-        self.choice = SimpleNamespace(settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",))
+        self.choice = SimpleNamespace(settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",),
+                                      background="plain")
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
         self.flight = SimpleNamespace(moving=True)
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
@@ -125,4 +127,26 @@ def test_the_last_picture_of_a_movement_is_told_at_rest_and_once(context, floor,
         assert [entry[0] for entry in told.heard].count("cost") == 3
         assert [entry[1] for entry in told.heard if entry[0] == "cost"] == [64.0, 65.0, 66.0]
     finally:
+        painter.release()
+
+
+def test_the_background_chosen_is_behind_what_is_shown_and_what_is_saved(context, floor):
+    """At once: no picture is made again for it."""
+    told = Told(floor[0])
+    told.choice.settings, told.choice.sides = Settings(view="raw", raster="compute", lod=1.0), ("raw",)
+    told.go_on(moving=False)
+    told.plan = told.full_plan = Plan(("raw",), 1.0)
+    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    try:
+        assert painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        saved = painter.full_picture()
+        assert saved is not None and painter._frame is not None
+        image = painter._frame.image("raw")
+        assert (image[..., 3] == 0).any() and np.array_equal(saved, composite(image, "plain"))
+        for background in COLOURS:
+            told.choice.background = background
+            assert np.array_equal(painter.show().read(), composite(image, background))
+            assert np.array_equal(painter.full_picture(), composite(image, background))  # type: ignore[arg-type]
+    finally:
+        context.detect_framebuffer(0).use()  # the canvas must not stay bound
         painter.release()

@@ -15,7 +15,7 @@ from viewer.settings import Settings
 from viewer.tools.export import export_pictures
 
 CAMERAS = [from_fov(8, 6, 60, np.eye(4), name) for name in ("a", "b")]
-ENDINGS = ("depth.npy", "mask.npy", "png", "stats.json")
+ENDINGS = ("depth.npy", "mask.npy", "png", "provenance.png", "stats.json")
 
 
 class FakeRenderer:

@@ -10,11 +10,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 CHECK = """
+import os, sys
+import pointglass
+assert pointglass.demo_scan().is_file() and not {"torch", "moderngl"} & set(sys.modules)
 import viewer, model
 from viewer.paths import assets_dir, shaders_dir
 from model.weights import shipped
-import os
-assert viewer.__file__.startswith(os.environ["PYTHONPATH"]) and model.__file__.startswith(os.environ["PYTHONPATH"])
+assert all(module.__file__.startswith(os.environ["PYTHONPATH"]) for module in (pointglass, viewer, model))
 assert (shaders_dir() / "resolve.comp").is_file() and (assets_dir() / "demo.laz").is_file()
 assert (assets_dir() / "demo_cameras.json").is_file() and "balanced-filtered" in shipped()
 from viewer.cli import main

@@ -14,11 +14,12 @@ from viewer.camera import from_fov, look_at
 from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.settings import Settings
+from viewer.tools.background import composite
 from viewer.window import controls
 from viewer.window.capture import FrameTimes, save_png, stamped
 from viewer.window.keeping import Keeper
 from viewer.window.loading import Loaded
-from viewer.window.present import composite, split_column
+from viewer.window.present import split_column
 from viewer.window.session import Session
 from viewer.window.start import survey
 
@@ -188,7 +189,7 @@ def test_a_failed_picture_goes_back_to_the_last_good_settings_and_then_stops():
 def test_composite_is_exact_at_both_ends_and_takes_colours_premultiplied():
     image = np.zeros((1, 4, 4), np.uint8)
     image[0, 0], image[0, 1], image[0, 2], image[0, 3] = (9, 200, 255, 255), 0, (128, 128, 128, 128), (100, 50, 0, 128)
-    assert composite(image, (10, 20, 30)).tolist() == [[[9, 200, 255], [10, 20, 30], [133, 138, 143], [105, 60, 15]]]
+    assert composite(image).tolist() == [[[9, 200, 255], [23, 25, 29], [139, 140, 142], [111, 62, 14]]]
     assert split_column(0.0, 7) == 0 and split_column(1.0, 7) == 7
 
 

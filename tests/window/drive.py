@@ -30,7 +30,7 @@ def check_headless(folder: Path) -> None:
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
     from viewer.settings import Settings
-    from viewer.window.present import composite
+    from viewer.tools.background import composite
     from viewer.window.start import FIELD_OF_VIEW
 
     shot = np.load(folder / "shot.npz")

@@ -100,7 +100,7 @@ class Driver:
             self.session.interface, self.session.notices.toasts = shown, said
 
     def rendered(self) -> np.ndarray:
-        from viewer.window.present import composite
+        from viewer.tools.background import composite
 
         session = self.session
         frame = self.app.painter.renderer.render(session.camera, session.choice.settings)

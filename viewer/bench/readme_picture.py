@@ -17,9 +17,9 @@ def main(path: Path | None = None, settings: Settings | None = None) -> Path:
     from viewer.cloud import open_scene
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
+    from viewer.tools.background import composite
     from viewer.tools.camera_files import read_cameras
     from viewer.tools.demo import contact_sheet, demo_scan
-    from viewer.window.present import composite
 
     path = path or assets_dir() / PICTURE
     renderer = Renderer(create_context(), open_scene([demo_scan()]))

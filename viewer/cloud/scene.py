@@ -9,6 +9,7 @@ A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most h
 """
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -107,17 +108,41 @@ def unpack(scene: Scene, index=slice(None)) -> tuple[np.ndarray, np.ndarray, np.
 
     Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8.
     """
-    words = np.atleast_2d(np.asarray(scene.points[index]))
+    words = packed(scene, index)
+    return positions(scene, words, index), colours(words), (words[:, 1] >> 16).astype(np.uint16), scan_numbers(words)
+
+
+def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:
+    """(n, 3) uint32: the packed points that ``index`` names, as for ``unpack``."""
+    return np.atleast_2d(np.asarray(scene.points[index]))
+
+
+def positions(scene: Scene, words: np.ndarray, index: Any = slice(None)) -> np.ndarray:
+    """(n, 3) float64 file coordinates of the packed points ``words`` that ``index`` names."""
     if isinstance(index, slice) and index.indices(scene.count)[2] == 1:
         start, stop, _ = index.indices(scene.count)
         cells = scene.cell_of_points(start, max(start, stop))
     else:
-        places = np.arange(*index.indices(scene.count)) if isinstance(index, slice) else np.arange(scene.count)[index]
-        places = np.atleast_1d(places)
+        places = np.arange(*index.indices(scene.count)) if isinstance(index, slice) else _places(scene.count, index)
         cells = (np.searchsorted(scene.offsets, places, side="right") - 1) % len(scene.cell_coords)
     low = (words & 0xFFFF).astype(np.float64)
-    high = words >> 16
-    q = np.stack([low[:, 0], high[:, 0], low[:, 1]], axis=1)
-    xyz = scene.cell_min[cells] + (q + 0.5) * scene.step
-    rgb = np.stack([words[:, 2] >> shift & 0xFF for shift in (0, 8, 16)], axis=1).astype(np.uint8)
-    return xyz, rgb, high[:, 1].astype(np.uint16), (words[:, 2] >> 24).astype(np.uint8)
+    q = np.stack([low[:, 0], (words[:, 0] >> 16).astype(np.float64), low[:, 1]], axis=1)
+    return scene.cell_min[cells] + (q + 0.5) * scene.step
+
+
+def colours(words: np.ndarray) -> np.ndarray:
+    """(n, 3) uint8 sRGB of packed points."""
+    return np.stack([words[:, 2] >> shift & 0xFF for shift in (0, 8, 16)], axis=1).astype(np.uint8)
+
+
+def scan_numbers(words: np.ndarray) -> np.ndarray:
+    """(n,) uint8: which scan each packed point is of."""
+    return (words[:, 2] >> 24).astype(np.uint8)
+
+
+def _places(count: int, index) -> np.ndarray:
+    """The running numbers that ``index`` names; of an array of numbers without a list of all points."""
+    array = np.atleast_1d(np.asarray(index))
+    if array.dtype.kind in "iu":
+        return np.where(array < 0, array + count, array)
+    return np.arange(count)[index]

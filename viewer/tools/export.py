@@ -8,7 +8,9 @@ from viewer.errors import InputError
 from viewer.numerals import whole_number
 from viewer.progress import progress
 from viewer.settings import Settings
+from viewer.tools.background import as_saved
 from viewer.tools.files import out_folder, write_array, write_json, write_png, write_together
+from viewer.tools.provenance import provenance, views_with_mask
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -35,30 +37,37 @@ def parse_shard(text: str) -> tuple[int, int]:
 
 
 def export_pictures(
-    renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False
-) -> int:
-    """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask and stats.  Returns how many.
+    renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False,
+    background: str = "black",
+) -> int:  # fmt: skip
+    """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask, provenance and stats.  Returns how many.
+
+    background: behind the pictures, a key of viewer.settings.BACKGROUNDS.
 
     The files of one camera appear whole and together, or not at all; a new ``out`` without any does not stay.  A mask needs
     the filter, whatever the view.
     """
-    views = (settings.view,) if settings.view != "raw" or not aux else ("raw", "filtered")
+    views = views_with_mask(settings.view) if aux else (settings.view,)
     with out_folder(out), progress(len(cameras), "rendering", "picture") as meter:
         for camera in cameras:
-            write_together(out, _files(renderer.render(camera, settings, views), camera.name, settings.view, aux=aux))
+            frame = renderer.render(camera, settings, views)
+            write_together(out, _files(frame, camera.name, settings.view, aux=aux, background=background))
             meter.update(1)
     return len(cameras)
 
 
-def _files(frame: "Frame", name: str, view: str, *, aux: bool) -> dict[str, Callable[[Path], object]]:
+def _files(frame: "Frame", name: str, view: str, *, aux: bool, background: str) -> dict[str, Callable[[Path], object]]:
     """What is written of one camera: file name -> what writes it at a path."""
+    image = frame.image(view)
     files: dict[str, Callable[[Path], object]] = {
-        f"{name}.png": lambda path: write_png(path, frame.image(view)[..., :3]),
+        f"{name}.png": lambda path: write_png(path, as_saved(image, background)),
     }
     if aux:
+        mask = frame.mask()
         files |= {
             f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
-            f"{name}.mask.npy": lambda path: write_array(path, frame.mask()),
+            f"{name}.mask.npy": lambda path: write_array(path, mask),
+            f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask)),
             f"{name}.stats.json": lambda path: write_json(path, frame.stats),
         }
     return files

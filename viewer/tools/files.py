@@ -59,7 +59,7 @@ def _named(path: Path, work: Callable[[], object]) -> None:
 
 
 def write_png(path: Path, image: np.ndarray) -> None:
-    """Writes (H, W, 3 or 4) uint8, row 0 at the top."""
+    """Writes (H, W, 3 or 4) uint8, or (H, W) as grey levels, row 0 at the top."""
     from PIL import Image
 
     write_whole(path, lambda p: Image.fromarray(image).save(p, format="PNG", compress_level=3))

@@ -19,6 +19,7 @@ from viewer.window.worker import Worker
 class Choice:
     """settings: what pictures are made with.  wanted: settings that wait for their network, else None.
     split: whether views are compared, ``left`` at the left of ``split_at`` (0 to 1 of the width).
+    background: what is laid behind the picture, a key of viewer.tools.background.COLOURS.
     own_weights: name -> file of a person's own.  network_load: the load under way.
 
     picture: told when it is out of date.  load_network, wake: what it depends on, replaceable in tests.
@@ -38,6 +39,7 @@ class Choice:
         self.settings = replace(settings, view="filled") if settings.view == "neural" else settings
         self.wanted: Settings | None = None
         self.split, self.split_at, self.left = False, 0.5, "raw"
+        self.background = "plain"
         self._right = "filled"
         self._left_wanted: str | None = None
         self.network_load: Worker | None = None

@@ -15,8 +15,9 @@ from viewer.errors import DeviceError, PointglassError
 from viewer.render.occlusion import Occlusion
 from viewer.render.points import UPLOAD_SECONDS
 from viewer.settings import Memory
+from viewer.tools.background import composite
 from viewer.window.loading import Loaded
-from viewer.window.present import Canvas, composite, split_column
+from viewer.window.present import Canvas, split_column
 from viewer.window.session import Session
 
 if TYPE_CHECKING:
@@ -168,16 +169,16 @@ class Painter:
 
     def show(self) -> Canvas:
         """The last picture, or the background where there is none, on a canvas of the framebuffer's size."""
-        size, split_at = self._session.size, self._session.choice.split_at
+        size, split_at, background = self._session.size, self._session.choice.split_at, self._session.choice.background
         if self.canvas is None or self.canvas.size != size:
             if self.canvas is not None:
                 self.canvas.release()
             self.canvas = Canvas(self._context, self._programs, size)
         sides = [self._frame.textures[view] for view in self._shown] if self._frame is not None else []
         if len(sides) == 2:
-            self.canvas.show(sides[0], sides[1], split_column(split_at, size[0]))
+            self.canvas.show(sides[0], sides[1], split_column(split_at, size[0]), background)
         else:
-            self.canvas.show(sides[0] if sides else None)
+            self.canvas.show(sides[0] if sides else None, background=background)
         return self.canvas
 
     def full_picture(self) -> np.ndarray | None:
@@ -188,14 +189,14 @@ class Painter:
         session = self._session
         if self.renderer is None or min(session.size) == 0:
             return None
-        plan, sides = session.full_plan, session.choice.sides
+        plan, sides, background = session.full_plan, session.choice.sides, session.choice.background
         frame = self.renderer.render(session.camera, session.choice.settings, tuple(dict.fromkeys(sides)))
         self._frame, self._shown = frame, sides
         self._tell(plan, frame)
-        image = composite(frame.image(sides[0]))
+        image = composite(frame.image(sides[0]), background)
         if len(sides) == 2:
             column = split_column(session.choice.split_at, session.size[0])
-            image[:, column:] = composite(frame.image(sides[1]))[:, column:]
+            image[:, column:] = composite(frame.image(sides[1]), background)[:, column:]
         return image
 
     def release(self) -> None:

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.settings import CHOICES, VIEWS, Settings
+from viewer.settings import BACKGROUNDS, CHOICES, VIEWS, Settings
+from viewer.tools.background import COLOURS
 from viewer.window import theme
 from viewer.window.hud import MARGIN, OVERLAY
 from viewer.window.session import Session
@@ -39,6 +40,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     imgui.pop_style_color(2)
     new = _views(old, look)
     _compare(session, look)
+    _background(session, look)
     _heading("Filter", look)
     new = _choice(new, "filter", "preset", look)
     with_filter = new.filter != "off"
@@ -183,6 +185,13 @@ def _compare(session: Session, look: Theme) -> None:
     if chosen != session.choice.left:
         session.choice.choose_left(chosen)
     imgui.end_disabled()
+
+
+def _background(session: Session, look: Theme) -> None:
+    """A row that chooses what is behind the picture; only the canvas is drawn again."""
+    table = {name: BACKGROUNDS[name] for name in COLOURS}
+    _label("background", f"where nothing was measured or filled: {table[session.choice.background]}", look)
+    session.choice.background = _combo("##background", session.choice.background, table, look)
 
 
 def _choice(settings: Settings, name: str, label: str, look: Theme) -> Settings:

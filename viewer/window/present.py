@@ -1,4 +1,4 @@
-"""The last pass: a view's texture, or two split at a line, over a plain background; and the canvas it is drawn on.
+"""The last pass: a view's texture, or two split at a line, over a background; and the canvas it is drawn on.
 
 Everything the window shows is drawn on a canvas of our own and copied to the screen last, because the canvas can be
 read back (the screen's own buffer cannot, reliably).  Pictures have row 0 on top.
@@ -8,20 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from viewer.tools.background import COLOURS, PLAIN
+
 if TYPE_CHECKING:
     import moderngl
 
     from viewer.render.shader import Programs
-
-BACKGROUND = (23, 25, 29)
-"""sRGB, shown where nothing was measured: dark and neutral, so that it lends no colour to what is beside it."""
-
-
-def composite(image: np.ndarray, background: tuple[int, int, int] = BACKGROUND) -> np.ndarray:
-    """(H, W, 4) uint8, premultiplied, over a plain background -> (H, W, 3) uint8: what ``present.frag`` does, to the byte."""
-    rgb, alpha = image[..., :3].astype(np.uint32), image[..., 3:].astype(np.uint32)
-    behind = (np.asarray(background, np.uint32) * (255 - alpha) + 127) // 255
-    return np.minimum(rgb + behind, 255).astype(np.uint8)
 
 
 def split_column(split: float, width: int) -> int:
@@ -41,11 +33,13 @@ class Canvas:
         self._draw_compose = context.vertex_array(self._compose, [])
         self._draw_copy = context.vertex_array(self._copy, [])
 
-    def show(self, left: "moderngl.Texture | None", right: "moderngl.Texture | None" = None, column: int = 0) -> None:
-        """Draws ``left``, and ``right`` from pixel ``column`` on where it is given; without either, the background."""
+    def show(self, left: "moderngl.Texture | None", right: "moderngl.Texture | None" = None, column: int = 0,
+             background: str = "plain") -> None:
+        """Draws ``left``, and ``right`` from pixel ``column`` on where it is given, over a key of COLOURS; without either, the
+        plain background."""
         self.framebuffer.use()
         self._context.enable_only(0)
-        red, green, blue = (c / 255 for c in BACKGROUND)
+        red, green, blue = (c / 255 for c in PLAIN)
         if left is None:
             self.framebuffer.clear(red, green, blue, 1.0)
             return
@@ -53,7 +47,7 @@ class Canvas:
         (right or left).use(1)
         self._compose["left"], self._compose["right"] = 0, 1
         self._compose["column"] = column if right is not None else self.size[0]
-        self._compose["background"] = BACKGROUND
+        self._compose["top"], self._compose["bottom"] = COLOURS[background]
         self._draw_compose.render(vertices=3)
 
     def to_screen(self) -> None:
