@@ -23,11 +23,11 @@ from viewer.paths import cache_dir
 from viewer.words import counted
 
 LIBRARIES = (
-    "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "pillow", "platformdirs", "pye57",
-    "safetensors", "scipy", "torch", "tqdm",
+    "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
+    "platformdirs", "pye57", "safetensors", "scipy", "torch", "tqdm", "zstandard",
 )  # fmt: skip
 """What pyproject.toml asks for, for a checkout that is run without being installed."""
-OPTIONAL = ("cuda-core", "cuda-bindings", "open3d")
+OPTIONAL = ("cuda-core", "cuda-bindings")
 _SECONDS = 120  # a probe that takes longer hangs
 
 

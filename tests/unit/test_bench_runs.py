@@ -82,7 +82,7 @@ def test_bench_frame(tmp_path, capsys):
     assert [run["size"] for run in made["runs"]] == [[64, 48], [48, 32], [33, 17]] == made["sizes"]
     for held in made["runs"]:
         assert list(held["views"]) == ["raw", "filtered", "filled", "neural"] and held["frames"] == 8
-        assert set(held["views"]["neural"]) == {"cull", "raster", "filter", "fill", "network", "present", "total"}
+        assert set(held["views"]["neural"]) == {"cull", "raster", "filter", "noise", "fill", "network", "present", "total"}
         for stages in held["views"].values():
             assert stages["total"]["low1_fps"] > 0
             assert all({"p50", "p95", "p99", "cold_ms"} <= v.keys() and v["p50"] <= v["p99"] for v in stages.values())

@@ -1,5 +1,7 @@
 """Withheld points: which are judged, what their figures mean, and that no picture is made of what judges it."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
@@ -175,7 +177,7 @@ def test_figures_are_split_by_the_noise_around():
         assert len(xyz) == len(luma) and luma.min() >= 0 and 0.5 < luma.max() <= 1.0001
         return np.where(xyz[:, 0] < 0, 0.01, 0.1)
 
-    row = judged(scan, [fixed("true", true_picture())], noise=level)["true"]
+    row = judged(scan, [fixed("true", true_picture())], noise=SimpleNamespace(at=level))["true"]
     values = [(part["sigma"], part["psnr"]) for part in row["noise"]]
     assert values[0][0] < 0.02 and values[0][1] > 35 and values[-1][1] < 24
     text = format_withheld({"scan": "a.laz", "points": 1, "withheld": 0.1, "views": ["x"], "size": [1, 1], "rows": [row]})

@@ -16,6 +16,7 @@ from model.data.photos import Photograph
 from model.data.projected import project_scan, raster_of
 from model.data.truth import DataError, MemoryPicture, Scan
 from model.objective import inside_flow, warp
+from model.project import filled_input
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -172,11 +173,11 @@ def test_photographs_make_training_pairs():
     pairs = list(place_pairs(place, seed=2, scans=1, variants=2, preset="auto"))
     assert len(pairs) == 2
     for pair in pairs:
-        assert pair.input.shape == pair.truth.shape == (5, 72, 96)
+        assert pair.measured.shape == (6, 72, 96) and pair.truth.shape == (5, 72, 96)
         assert np.array_equal(pair.truth[:3].transpose(1, 2, 0), place.views[0].rgb()) and (pair.truth[4] == 255).mean() > 0.99
     dense = max(pairs, key=lambda pair: pair.where["density"])
-    measured = dense.input[3] > 0
-    assert np.abs(dense.input[:3] * 255 - dense.truth[:3])[:, measured].mean() < 25  # tones aside, the same picture
+    measured = dense.measured[3] > 0
+    assert np.abs(dense.measured[:3] * 255 - dense.truth[:3])[:, measured].mean() < 25  # tones aside, the same picture
 
 
 def test_a_neighbouring_picture_of_a_photographed_place_shows_the_photographs_colours_too(monkeypatch):
@@ -187,7 +188,7 @@ def test_a_neighbouring_picture_of_a_photographed_place_shows_the_photographs_co
     place = PhotoPlace("box", replace(scan, rgb=255 - scan.rgb), [view])
     (pair,) = place_pairs(place, seed=3, scans=1, variants=1, preset="auto", neighbours=True)
     assert pair.neighbour is not None and pair.flow is not None
-    near, x = (torch.from_numpy(picture.astype(np.float32))[None] for picture in (pair.neighbour, pair.input))
+    near, x = (filled_input(torch.from_numpy(shown.astype(np.float32)))[None] for shown in (pair.neighbour, pair.measured))
     flow = torch.from_numpy(pair.flow.astype(np.float32))[None]
     back = warp(near, flow)
     both = inside_flow(flow)[0, 0] & (back[0, 3] > 0.5) & (x[0, 3] > 0.5)

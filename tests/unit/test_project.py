@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.light import LEVELS, TO_LINEAR, TO_SRGB
-from model.project import SoftZ, depth_feature, frame, network_input, pixels, rasterise, unpack_points
+from model.project import NOISE_SCALE, SoftZ, depth_feature, frame, network_input, pixels, rasterise, unpack_points
 from model.pull_push import FIRST_LEVEL, background, pull_push
 
 CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
@@ -176,11 +176,11 @@ def test_a_pixel_without_a_colour_is_no_part_of_the_mask():
         assert mask.tolist() == [[not unlit, True, False]] and torch.isfinite(raster.depth).tolist() == [[True, True, False]]
 
 
-def test_network_input_has_its_five_channels():
+def test_network_input_has_its_six_channels():
     index = torch.tensor([0, 4])
     raster = rasterise(index, torch.tensor([1.0, 2.0]), torch.tensor([[255, 0, 51], [0, 255, 51]]), 3, 2, SoftZ(0.01, 0.0))
-    made = network_input(raster, torch.isfinite(raster.depth), 10.0, 0.1)
-    assert made.shape == (5, 2, 3)
+    made = network_input(raster, torch.isfinite(raster.depth), 10.0, 0.1, 0.03)
+    assert made.shape == (6, 2, 3) and torch.allclose(made[5], torch.tensor(NOISE_SCALE * 0.03))
     assert made[3].flatten().tolist() == [1, 0, 0, 0, 1, 0]
     assert made[:3, 0, 0].tolist() == pytest.approx([1.0, 0.0, 0.2])
     assert (made[2] - 0.2).abs().max() < 1e-6

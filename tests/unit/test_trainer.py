@@ -34,7 +34,7 @@ def _batch() -> Batch:
     def random(*shape):
         return torch.rand(2, *shape, 32, 32)
 
-    return Batch(random(5), random(3), random(1), random(1), torch.zeros(0, 5, 32, 32), torch.zeros(0, 2, 32, 32))
+    return Batch(random(6), random(3), random(1), random(1), torch.zeros(0, 6, 32, 32), torch.zeros(0, 2, 32, 32))
 
 
 def _pull(strength: float):

@@ -98,7 +98,7 @@ def test_two_processes_learn_from_the_mean_of_their_gradients(pairs, tmp_path):
 
     config = _config(pairs, tmp_path / "one", steps=2, batch=1, neighbours=0, warmup=1)
     trainer = Trainer(config, Process(0, 1, torch.device("cpu")))
-    objective, crops = Objective(None, 0.1, 0.1, 0.1), Crops([pairs], 32, config.seed)
+    objective, crops = Objective(None, 0.1, 0.1, 0.1, config.structure_weight), Crops([pairs], 32, config.seed)
 
     class Mean:
         """Both processes' crops, one after the other: the mean of their losses has the mean of their gradients."""
