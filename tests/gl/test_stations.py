@@ -6,7 +6,7 @@ from clouds import camera_in, room
 from test_frame import ALL, assert_agrees
 from twin import twin_frame
 
-from model.station_weights import HEAVIEST
+from model.project import MOST_AVERAGED
 from viewer.cloud import scene_from_arrays, unpack
 from viewer.render.renderer import Renderer
 from viewer.settings import FILTERS, Settings
@@ -148,4 +148,4 @@ def test_heavy_sums_are_carried(renderer_of, kind):
         assert raw[1, 2].tolist() == [255, 255, 255, 255] and raw[1, 3].tolist() == [10, 128, 255, 255]
         assert renderer._rasterisers[kind].weight is not None
         weight = np.frombuffer(renderer._rasterisers[kind].weight.read(alignment=1), np.uint8).reshape(3, 5)
-        assert weight[1, 2] == HEAVIEST and weight[0, 0] == 0
+        assert weight[1, 2] == MOST_AVERAGED and weight[0, 0] == 0
