@@ -50,7 +50,7 @@ def test_every_place_of_a_recipe_lacks_points_in_its_own_way(room, tmp_path):
     """With one seed for all of them, a thousand places had the densities, patches and missing stations of one."""
     other = shutil.copytree(room, tmp_path / "data" / "another")
     for job in (_Job("folder-box", str(room)), _Job("folder-another", str(other))):
-        _make(job, str(tmp_path), ("unfiltered",), 1)
+        _make(job, str(tmp_path), ("unfiltered",), 1, None)
     told = [json.loads((tmp_path / "pairs" / "unfiltered" / f"folder-{name}-1" / "pairs.json").read_text())["pairs"]
             for name in ("box", "another")]  # fmt: skip
     densities = [{pair["density"] for pair in pairs} - {1.0, 0.1} for pairs in told]

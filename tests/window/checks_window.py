@@ -67,13 +67,13 @@ def check_a_list_of_choices_closes_with_esc_and_its_hints_hide_none_of_it(d: Dri
     d.glfw.set_window_size(d.app.window, 900, 400)
     d.until(lambda: d.session.size == (900, 400))
     d.session.panel = True
-    d.point(800, 164)  # the filter's presets
+    d.point(800, 190)  # the filter's presets
     d.button(d.glfw.PRESS)
     d.button(d.glfw.RELEASE)
     d.settle()
     assert listed()
-    d.point(800, 255)
-    d.until(lambda: np.ptp(d.canvas()[250:270, 300:560], axis=(0, 1)).min() > 100, 5.0)  # its hint's text, beside the panel
+    d.point(800, 281)
+    d.until(lambda: np.ptp(d.canvas()[276:296, 300:560], axis=(0, 1)).min() > 100, 5.0)  # its hint's text, beside the panel
     d.key("ESCAPE")
     assert not listed() and d.session.panel and d.session.interface and not d.app.closing
     d.session.panel = False
