@@ -8,15 +8,15 @@ divided by the square root of how many points were averaged there, which the ras
 from typing import TYPE_CHECKING
 
 import numpy as np
-from model.noise import KNOTS, LUMA
 
+from model.noise import KNOTS, LUMA
 from model.project import NOISE_SCALE, TYPICAL_WEIGHT
 from viewer.render import shader
 
 if TYPE_CHECKING:
     import moderngl
-    from model.noise import NoiseModel
 
+    from model.noise import NoiseModel
     from viewer.camera import Camera
 
 
