@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from model.pyramid import clamped, quads
+from model.pyramid import bilinear, clamped, quads
 
 DEPTH = 3
 """Channel of the depth feature."""
@@ -103,15 +103,14 @@ def _sampled(coarse: Tensor, height: int, width: int, level: int | None) -> Tens
     coarse: (C, h, w).  level: of ``coarse``; None: plainly bilinear.  Weights 9, 3, 3, 1 of 16, as those of
     :func:`model.pyramid.bilinear`.
     """
+    if level is None:
+        return bilinear(coarse, height, width)
     columns = []
     for side in (-1, 1):
         rows = []
         for vertical in (-1, 1):
             a, b = coarse, clamped(coarse, side, 0)
             c, d = clamped(coarse, 0, vertical), clamped(coarse, side, vertical)
-            if level is None:
-                rows.append(((9.0 * a + 3.0 * b) + (3.0 * c + d)) * 0.0625)
-                continue
             i, j, k, m = background([x[DEPTH] for x in (a, b, c, d)], level)
             i, j, k = 9.0 * i, 3.0 * j, 3.0 * k
             total = (i + j) + (k + m)
