@@ -196,7 +196,7 @@ def test_what_is_left_of_the_time_for_pairs_is_spent_and_no_more(tmp_path, monke
     clock, given = [0.0], []
 
     class Pool:
-        def submit(self, _leaving, _make, job, out, kinds, seed):
+        def submit(self, _leaving, _make, job, out, kinds, seed, _textures):
             from concurrent.futures import Future
 
             if clock[0] >= stop:
