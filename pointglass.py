@@ -45,7 +45,7 @@ from viewer.tools.demo import demo_scan
 from viewer.tools.provenance import PROVENANCE, provenance, views_with_mask
 
 if TYPE_CHECKING:
-    from viewer.cloud import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.renderer import Renderer
 
 __all__ = [
@@ -128,28 +128,28 @@ class Points:
     @property
     def xyz(self) -> npt.NDArray[np.float64]:
         """(n, 3) float64 file coordinates, each at most half a step from the measured one; a step is 1/65536 of a grid cell."""
-        from viewer.cloud.scene import packed, positions
+        from viewer.grid.scene import packed, positions
 
         return positions(self._scene, packed(self._scene, self._index), self._index)
 
     @property
     def rgb(self) -> npt.NDArray[np.uint8]:
         """(n, 3) uint8 sRGB, after exposure compensation unless the scan was opened with exposures="as-scanned"."""
-        from viewer.cloud.scene import colours, packed
+        from viewer.grid.scene import colours, packed
 
         return colours(packed(self._scene, self._index))
 
     @property
     def intensity(self) -> npt.NDArray[np.uint16]:
         """(n,) uint16, 0 where the file holds none."""
-        from viewer.cloud.scene import packed
+        from viewer.grid.scene import packed
 
         return (packed(self._scene, self._index)[:, 1] >> 16).astype(np.uint16)
 
     @property
     def station(self) -> npt.NDArray[np.uint8]:
         """(n,) uint8, the row of ``Scan.stations`` and the place in ``Scan.info["scans"]``."""
-        from viewer.cloud.scene import packed, scan_numbers
+        from viewer.grid.scene import packed, scan_numbers
 
         return scan_numbers(packed(self._scene, self._index))
 
@@ -204,7 +204,7 @@ class Scan:
     @property
     def info(self) -> dict[str, Any]:
         """What ``pointglass info --json`` prints: format, spacing, noise, unit, CRS, scans, warnings; ready for JSON."""
-        from viewer.cloud.info import facts
+        from viewer.grid.info import facts
 
         return facts(self._open)
 
@@ -307,7 +307,7 @@ def open(
     is streamed, to the same picture; None: by the device.
     Raises InputError, one line, for anything wrong with the files or the cache folder.
     """
-    from viewer.cloud import open_scene
+    from viewer.grid.open_scene import open_scene
 
     files = [_path(path) for path in paths]
     if exposures not in ("matched", "as-scanned"):

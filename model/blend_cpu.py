@@ -28,7 +28,7 @@ from model.blend_rows import (
     stray_row,
     weigh_row,
 )
-from model.compiled import compiled
+from model.common.jit import compiled
 from model.unet import BLENDS, CONTRAST_AT, MEAN_BLOCK, MOST_STRAYS, STRAYS
 
 _MAY_TAKE = (1e30, *(MOST_STRAYS * stray for stray in STRAYS))  # the finest blend has no bound

@@ -6,7 +6,8 @@ loops run along a row in vector instructions.
 
 import numpy as np
 
-from model.compiled import compiled
+from model.common.jit import compiled
+from model.network_layout import CLOSED
 from model.unet import (
     DARK,
     FILLED_WEIGHT,
@@ -20,7 +21,6 @@ from model.unet import (
     SPARSE,
 )
 
-CLOSED = 6  # channel of the packed input: 1 in a direction that the scan surrounds, where nothing can be void
 _RED, _GREEN, _BLUE = LUMA
 _OUTER, _BESIDE, _MIDDLE = HALF_BAND[:3]
 _SOME, _ALL = MEASURED

@@ -13,6 +13,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
+from model.network_layout import PACKED_IN
+
 if TYPE_CHECKING:
     from model.reconstruct import Reconstructor
 
@@ -82,8 +84,6 @@ class Runner:
 
     def __init__(self, network: "Reconstructor", height: int, width: int, *, engine: str | None = None,
                  capture: Callable[[Work, Tensor], Work] = Captured):
-        from model.reconstruct import PACKED_IN
-
         self.device = network.device
         asked = engine or network.engine
         self._work: Work | None = network

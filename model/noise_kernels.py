@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.compiled import compiled
+from model.common.jit import compiled
 
 NEAR, FAR = 7, 20
 """Neighbours a point is predicted from, at two scales: texture makes the far prediction worse, noise does not."""

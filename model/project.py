@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from model.common.linear_light import TO_LINEAR, TO_SRGB
 from model.depth_filter import keep_mask
-from model.light import TO_LINEAR, TO_SRGB
 from model.pull_push import pull_push
 from model.station_weights import toned, trust
 

@@ -14,15 +14,13 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from model.blend_cpu import Blender
-from model.blend_rows import CLOSED
+from model.common.memory import keep_freed_memory
+from model.common.processors import usable_processors
 from model.engines import fold_normalisation
-from model.memory import keep_freed_memory
-from model.processors import usable_processors
+from model.network_layout import CLOSED, PACKED_OUT, VOID
 from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import MIRRORED, WeightsError, digest, load_weights, weights_dir, weights_name
 
-PACKED_IN, PACKED_OUT = 8, 4
-VOID = 7  # channel of the packed input: 1 where nothing is to be shown
 FLIPS: tuple[tuple[int, ...], ...] = ((), (1,), (0,), (0, 1))
 """Axes (rows 0, columns 1) that mirrored pictures are flipped along; the first is the picture itself."""
 _WORTHWHILE = 0.9  # share of the picture above which leaving out the void saves nothing

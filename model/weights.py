@@ -11,8 +11,8 @@ from pathlib import Path
 import torch
 from torch import nn
 
+from model.common.atomic_write import write_whole
 from model.unet import INPUT_CHANNELS, SIZES, make_network
-from model.whole import write_whole
 
 FORMAT = "pointglass-weights-3"
 _NUMBERS = ("F16", "BF16", "F32", "F64")

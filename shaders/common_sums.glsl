@@ -8,7 +8,7 @@ layout(std430, binding = CARRY_BINDING) buffer Carry {
     uint carried_groups[4];  // workgroups x, y, z of the pass over what was carried; x is 0 until something is
     uint carries[];          // a pixel, times 2^16: red, green, blue, count
 };
-layout(std430, binding = LIGHT_BINDING) readonly buffer Light {            // model/light.py
+layout(std430, binding = LIGHT_BINDING) readonly buffer Light {            // model/common/linear_light.py
     uint to_linear[256];
     uint to_srgb[1024];  // four levels a word, the first in the lowest bits
 };

@@ -1,5 +1,5 @@
 // Pull-push fill, level 0: the filled picture, as opaque as surround_holes.comp found each pixel, and all of it in directions
-// that the scan encloses (viewer/render/void.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input:
+// that the scan encloses (viewer/render/enclosed_directions.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input:
 // eight half-precision channels a pixel (channels last): filled RGB, keep-mask or confidence, filled depth feature, filled noise
 // level (NOISE; else 0), 1 where the network may not open what is filled (SEALED, or far inside what is covered), 1 - alpha.
 // Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.  Reference: model/pull_push.py.
@@ -25,7 +25,7 @@ uniform sampler2D coarse_noise;   // already filled
 #endif
 
 #ifndef ALIKE
-// The cube face and cell of a direction, as viewer/render/void.py numbers them.
+// The cube face and cell of a direction, as viewer/render/enclosed_directions.py numbers them.
 ivec2 cell_of(vec3 d) {
     vec3 a = abs(d);
     int axis = a.x >= a.y && a.x >= a.z ? 0 : (a.y >= a.z ? 1 : 2);

@@ -2,7 +2,7 @@
 // (BLOCKS 2) pixels of each two consecutive neighbours at least one holds a point.  Elsewhere by how many of the cells
 // around it are holes: transparent up to BACKGROUND_BELOW of MOST, from there rising.  A byte a pixel, a component for each 2x2
 // pixels.  The upper seven bits are the opacity; the lowest is set far inside, where all cells near it are holes.
-// Reference implementation: model/surrounded.py.
+// Reference implementation: model/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(rgba32ui, binding = 0) uniform writeonly uimage2D holes;

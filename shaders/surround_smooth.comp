@@ -1,6 +1,6 @@
 // How many, weighted, of the cells around one are holes: along rows first (ROWS), then along columns.  A cell is a hole where it
 // sees something in every direction (AROUND); in the open (MARCHED) only where its ray touched a block with points, and anyway
-// where it met the middle of a surface.  Whole numbers throughout.  Twin: model/surrounded.py.
+// where it met the middle of a surface.  Whole numbers throughout.  Twin: model/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r16f, binding = 0) uniform writeonly image2D smoothed;

@@ -1,4 +1,4 @@
-// Windows of cells in which something is measured, made wider by so many cells on each side.  Twin: model/surrounded.py.
+// Windows of cells in which something is measured, made wider by so many cells on each side.  Twin: model/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r8, binding = 0) uniform writeonly image2D wider;

@@ -9,7 +9,7 @@ def main() -> int:
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:  # a scheduler, `timeout`, a container that is stopped
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        from model.signals import importing
+        from model.common.signals import importing
 
         with importing():
             from viewer.cli import main as run

@@ -19,7 +19,7 @@ little; beyond, numbers overflow."""
 _OFF_CENTRE = 1e9
 """How many sides the principal point may lie off the picture."""
 _FARTHEST = 1e20
-"""File units from zero; beyond it a number is no position (as for points, viewer.cloud.histogram)."""
+"""File units from zero; beyond it a number is no position (as for points, viewer.grid.histogram)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
 
-from model import train_command
+from model.common.signals import importing
 from model.evaluation import command as evaluation_command
-from model.signals import importing
+from model.train import command as train_command
 from viewer import __version__
 from viewer.bench import add_arguments as bench_arguments
 from viewer.errors import Cancelled, InputError, PointglassError
@@ -22,7 +22,7 @@ from viewer.options import Parser, add_columns, add_exposures, add_memory, add_s
 from viewer.progress import progress
 from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from viewer.settings import BACKGROUNDS
-from viewer.words import counted
+from viewer.text import counted
 
 COMMANDS = ("view", "demo", "render", "info", "convert", "bench", "simulate", "train", "evaluate", "doctor")
 
@@ -134,7 +134,7 @@ def _render(options: argparse.Namespace) -> int:
         own = Path(settings.weights) if settings.weights else None
         fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)  # refused before the scan is read
 
-    from viewer.cloud import open_scene
+    from viewer.grid.open_scene import open_scene
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
 
@@ -152,7 +152,7 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from viewer.cloud.info import describe, format_text
+    from viewer.grid.info import describe, format_text
 
     facts = describe(options.scans, cache=not options.no_cache, columns=options.columns)
     print(json.dumps(facts, indent=1) if options.json else format_text(facts))
@@ -160,7 +160,7 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from viewer.cloud.convert import convert, convert_each
+    from viewer.grid.convert import convert, convert_each
 
     if options.each or options.shard:
         from viewer.tools.export import parse_shard
@@ -203,7 +203,7 @@ def _train(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from viewer.tools.heldout import command as withheld
+    from viewer.tools.heldout import evaluate_scan as withheld
 
     scans = [path for path in options.data if withheld.is_scan(path)]
     if scans and len(scans) < len(options.data):

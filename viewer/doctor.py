@@ -16,11 +16,11 @@ from importlib import metadata
 from pathlib import Path
 
 import viewer
-from model.processors import usable_processors
-from viewer.cloud.residency import available_memory
+from model.common.processors import usable_processors
 from viewer.doctor_probes import GB, PROBES, item
 from viewer.paths import cache_dir
-from viewer.words import counted
+from viewer.stream.residency import available_memory
+from viewer.text import counted
 
 LIBRARIES = (
     "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",

@@ -95,7 +95,7 @@ _MEMORY = {"gpu": "gpu-memory", "read_ahead": "read-ahead"}
 
 
 def memory_of(options: argparse.Namespace) -> Memory:
-    from viewer.cloud.residency import byte_count
+    from viewer.stream.residency import byte_count
 
     given = {"gpu": options.gpu_memory, "read_ahead": options.read_ahead}
     return Memory(**{name: byte_count(text, f"--{_MEMORY[name]}") for name, text in given.items() if text is not None})

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from model.data.augmentation import augmented
-from model.data.truth import DataError
+from model.data.dataset import DataError
 from model.project import MEASURED_CHANNELS, filled_input
 
 MARGIN = 32

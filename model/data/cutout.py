@@ -13,8 +13,8 @@ from itertools import islice
 
 import numpy as np
 
+from model.data.dataset import MemoryPicture, Scan, TruePicture, TruePlace
 from model.data.stations import StationScene
-from model.data.truth import MemoryPicture, Scan, TruePicture, TruePlace
 
 LEAST_COVERED = 0.04  # of a picture, for it to be worth learning from
 TRIES = 8  # boxes, until some view shows enough of one

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from model.data.dataset import Scan, TruePicture
 from model.data.projected import Projected
-from model.data.truth import Scan, TruePicture
 
 RELATIVE, METRES = 0.015, 0.01
 """A point within so much of the true depth, relative and absolute, is on the surface that the picture shows."""

@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from model.compiled import compiled
-from model.data.truth import DataError, TruePicture
-from model.light import to_linear, to_srgb
+from model.common.jit import compiled
+from model.common.linear_light import to_linear, to_srgb
+from model.data.dataset import DataError, TruePicture
 
 SIDE = 128
 """Texels a side of a texture."""

@@ -30,11 +30,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from model.data.dataset import DataError, Scan, TruePicture, TruePlace
 from model.data.diffuse import diffuse
+from model.data.downsample import reduced_colour, reduced_share
 from model.data.painting import Painting, make_painting, paint_picture, painted
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
-from model.data.reduced import reduced_colour, reduced_share
-from model.data.truth import DataError, Scan, TruePicture, TruePlace
 from model.depth_filter import keep_mask
 from model.exposure import match_exposures
 from model.noise import NoiseModel

@@ -17,9 +17,9 @@ import numpy as np
 import torch
 from scipy.ndimage import maximum_filter, minimum_filter
 
+from model.data.dataset import DataError, Scan, TruePicture
+from model.data.downsample import in_blocks, reduced_colour
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
-from model.data.reduced import in_blocks, reduced_colour
-from model.data.truth import DataError, Scan, TruePicture
 from model.depth_filter import keep_mask
 from model.project import SoftZ
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from model.data.dataset import DataError
 from model.data.lens import Lens, straight_focal, straighten
-from model.data.truth import DataError
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.data.truth import FAR, DataError, Scan
+from model.data.dataset import FAR, DataError, Scan
 
 PLY_TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4", "double": "f8",

@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from model.data.truth import MemoryPicture, Scan, TruePicture
+from model.data.dataset import MemoryPicture, Scan, TruePicture
 from model.synth.demo import exposures, looking
 from model.synth.outdoors import OpenPlace, street, thing
 from model.synth.panorama import Passer, with_passers

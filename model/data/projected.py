@@ -7,11 +7,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from model.compiled import compiled
+from model.common.jit import compiled
+from model.common.scanner_positions import told_apart
+from model.data.dataset import Scan, TruePicture
 from model.data.spacing import median_spacing
-from model.data.truth import Scan, TruePicture
 from model.depth_filter import keep_mask
-from model.places import told_apart
 from model.project import Raster, SoftZ, network_input, pixels, rasterise
 from model.station_weights import station_weights
 

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from model.data.dataset import DataError, Scan
 from model.data.photo_place import PhotoPlace
 from model.data.photos import check_pictures
 from model.data.rgbd_forms import read_frames
 from model.data.rgbd_frame import FARTHEST, Frame
-from model.data.truth import DataError, Scan
 
 HELD_OUT = 8  # every so manieth frame is a true picture
 MOST_FRAMES = 200  # of the scan

@@ -17,10 +17,10 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
+from model.data.dataset import FAR, MOST_FOCAL, DataError
 from model.data.lens import Lens
 from model.data.photos import check_pictures
 from model.data.rgbd_frame import MILLIMETRE, Frame
-from model.data.truth import FAR, MOST_FOCAL, DataError
 
 APART = 0.02  # seconds between a picture and its depth
 POSE_GAP = 0.2  # seconds between the poses around a picture

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from model.data.dataset import DataError, Scan
 from model.data.lens import Lens
 from model.data.photo_place import PhotoPlace
 from model.data.photos import Photograph, check_pictures
 from model.data.ply import PlyHeader, read_points, scatter
-from model.data.truth import DataError, Scan
 
 SPLITS = {"train": "nvs_sem_train", "val": "nvs_sem_val", "test": "nvs_test"}
 TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))

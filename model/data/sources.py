@@ -7,7 +7,7 @@ depth and poses (RGB-D), or scenes one level further down.
 from collections.abc import Sequence
 from pathlib import Path
 
-from model.data.truth import DataError, TruePlace
+from model.data.dataset import DataError, TruePlace
 
 
 def open_places(folders: Sequence[Path]) -> list[TruePlace]:

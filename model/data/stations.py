@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from model.data.dataset import FAR, MOST_FOCAL, DataError, Scan
 from model.data.photos import wrong_pictures
-from model.data.truth import FAR, MOST_FOCAL, DataError, Scan
 from model.synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
 from model.synth.scanner import ScannerModel, VirtualScanner
 

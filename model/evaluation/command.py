@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from model.signals import importing
+from model.common.signals import importing
 
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
 
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def names_of(files: Sequence[Path]) -> dict[str, Path]:
     """A name for each weights file: its stem, with its folder where several share one.  Raises DataError for the same twice."""
-    from model.data.truth import DataError
+    from model.data.dataset import DataError
 
     stems = [path.stem for path in files]
     names: dict[str, Path] = {}
@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     JSON of one scene: what :func:`model.evaluation.evaluate` returns; of several: a list of that, ``scenes``, worst first.
     """
     with importing():
-        from model.data.truth import DataError
+        from model.data.dataset import DataError
         from model.evaluation.outside import parse_outside
         from model.evaluation.precision import precision_of_scene
         from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
@@ -112,8 +112,8 @@ _NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposur
 def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
     from model.data.scannetpp import load_scannetpp, scenes
     from model.data.sources import open_places
+    from model.evaluation.paper_table import format_paper_table, paper_table
     from model.evaluation.report import save
-    from model.paper_table import format_paper_table, paper_table
 
     folder = options.data[0]
     if ignored := [f"--{name}" for name, usual in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != usual]:

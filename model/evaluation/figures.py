@@ -7,8 +7,8 @@ import torch
 from torch import Tensor, nn
 
 from model.evaluation.flip import FlipTo
-from model.losses import SqueezeDistance
-from model.metrics import SsimTo, masked_error, masked_psnr, psnr, psnr_after_gain
+from model.evaluation.metrics import SsimTo, masked_error, masked_psnr, psnr, psnr_after_gain
+from model.perceptual import SqueezeDistance
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,8 @@ class Figures:
 
 
 class Truth:
-    """A true picture to judge by.  rgb: (3, H, W) in 0..1.  distance: of :func:`model.losses.perceptual`, or None.  flip: of
+    """A true picture to judge by.  rgb: (3, H, W) in 0..1.  distance: of :func:`model.perceptual.perceptual`, or None.  flip:
+    of
     :func:`model.evaluation.flip.flip_judge`, or None."""
 
     def __init__(self, rgb: Tensor, distance: nn.Module | None, flip: FlipTo | None = None):

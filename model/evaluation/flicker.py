@@ -13,8 +13,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.data.truth import TruePicture
-from model.metrics import gradient_energy
+from model.data.dataset import TruePicture
+from model.evaluation.metrics import gradient_energy
 
 ROUNDING = 1e-6  # pixels beyond the outermost centres
 AGREE = 0.01  # of depth: farther from it, frame t + 1 shows something else

@@ -20,9 +20,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
+from model.data.dataset import Scan, TruePicture
 from model.data.heldout import HELD_OUT, Targets, targets
 from model.data.projected import Projected, project_scan
-from model.data.truth import Scan, TruePicture
 from model.evaluation.labelled import picture_bytes
 from model.evaluation.methods import OURS, Method, Sight, sight, soft_z
 from model.noise import NoiseModel

@@ -14,8 +14,8 @@ import torch
 from PIL import Image, UnidentifiedImageError
 from torch import Tensor
 
+from model.data.dataset import DataError
 from model.data.stations import Shot
-from model.data.truth import DataError
 
 NAMED = 10  # at most, in a message
 

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor, nn
 
 from model.data.projected import Projected, picture
-from model.metrics import psnr
+from model.evaluation.metrics import psnr
 from model.reconstruct import PRECISIONS
 from model.unet import CompactUNet
 from model.weights import load_weights

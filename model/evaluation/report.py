@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from model.data.truth import DataError
+from model.common.atomic_write import passes_through, write_whole
+from model.data.dataset import DataError
 from model.evaluation.worse import said
-from model.whole import passes_through, write_whole
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 

@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
+from model.data.dataset import DataError, Scan, TruePicture
 from model.data.projected import Projected, project_scan, scan_spacing
 from model.data.stations import Shot, StationScene, load_scene, scan_stations
-from model.data.truth import DataError, Scan, TruePicture
 from model.evaluation.figures import Figures, Truth
 from model.evaluation.flicker import Key, measure_flicker, middle_stretch
 from model.evaluation.flip import ABSENT, flip_judge
@@ -34,13 +34,13 @@ from model.evaluation.methods import (
     timings,
     true_visibility,
 )
+from model.evaluation.metrics import WINDOW
 from model.evaluation.open3d_points import Open3DError, Open3DPoints
 from model.evaluation.outside import Outside, open_outside
 from model.evaluation.worse import Case, Worst, summary
 from model.exposure import Exposures, exposures_of
-from model.losses import perceptual
-from model.metrics import WINDOW
 from model.noise import estimate_noise
+from model.perceptual import perceptual
 
 EXPOSURES = ("scanned", "matched")
 FRAMES = 20

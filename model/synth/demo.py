@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from model.data.truth import DataError
-from model.folders import made_folder
-from model.seeds import MOST_SEED
+from model.common.folders import made_folder
+from model.common.seeds import MOST_SEED
+from model.data.dataset import DataError
 
 from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner

@@ -5,7 +5,7 @@ Origins o, unit directions d, in metres; t along the ray.
 
 import numpy as np
 
-from model.compiled import compiled
+from model.common.jit import compiled
 
 EPSILON = 1e-6  # metres: hits nearer than this are the surface that the ray leaves
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.compiled import compiled, unbroken
-from model.processors import in_slices
+from model.common.jit import compiled, unbroken
+from model.common.processors import in_slices
 
 from .shapes import Shapes, nearest, one_hit
 

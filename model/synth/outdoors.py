@@ -7,7 +7,7 @@ Frame: world metres, z up, the street along x, its floor at z = 0.
 
 import numpy as np
 
-from model.light import to_linear, to_srgb
+from model.common.linear_light import to_linear, to_srgb
 
 from . import furniture as f
 from .builder import Builder, Look

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from model.light import to_linear, to_srgb
+from model.common.linear_light import to_linear, to_srgb
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.compiled import compiled, unbroken
-from model.processors import in_slices
+from model.common.jit import compiled, unbroken
+from model.common.processors import in_slices
 from model.synth.hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)

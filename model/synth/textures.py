@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.light import to_linear
+from model.common.linear_light import to_linear
 
 from . import prints
 

@@ -7,10 +7,10 @@ import pytest
 import torch
 from clouds import room
 
+from model.hole_test import far_inside
 from model.reconstruct import Reconstructor
-from model.surrounded import far_inside
 from viewer.camera import from_fov, look_at
-from viewer.cloud import scene_from_arrays
+from viewer.grid.open_scene import scene_from_arrays
 from viewer.render import neural
 from viewer.render.renderer import Renderer
 from viewer.render.shader import Programs

@@ -10,10 +10,11 @@ import pytest
 import torch
 from fake_cuda import Driver, RecordingContext, Status, core_module, install, runtime_module
 
-from model.reconstruct import PACKED_IN, PACKED_OUT
+from model.network_layout import PACKED_IN, PACKED_OUT
 from viewer.doctor_probes import interop_item
 from viewer.errors import DeviceError
-from viewer.render.bridge import ReadBackBridge, make_bridge, works
+from viewer.render.bridge import ReadBackBridge, works
+from viewer.render.choose_bridge import make_bridge
 from viewer.render.context import unshared
 from viewer.render.cuda_bridge import MAPPERS, CudaBridge
 from viewer.render.shader import Programs

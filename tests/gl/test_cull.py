@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from viewer.camera import Camera, look_at
-from viewer.cloud import scene_from_arrays, unpack
-from viewer.cloud.boxes import SHARES, WHOLE
-from viewer.cloud.faces import SQUARES, UNKNOWN
-from viewer.cloud.layers import morton_order
-from viewer.cloud.scene import Scene
+from viewer.grid.cell_boxes import SHARES, WHOLE
+from viewer.grid.density_layers import morton_order
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.grid.projected_coverage import SQUARES, UNKNOWN
+from viewer.grid.scene import Scene, unpack
 from viewer.render.batches import BatchTable, PageMap
 from viewer.render.cull import Culler
 

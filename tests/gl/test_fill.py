@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 import torch
 from clouds import camera_in, room
+from reference import directions, looked_up, rays_met, reference_frame
 from test_stations import scanned
-from twin import directions, looked_up, rays_met, twin_frame
 
-from model.blend_rows import CLOSED
+from model.hole_test import OPAQUE, coverage, far_inside
+from model.network_layout import CLOSED, PACKED_IN, VOID
 from model.project import DEPTH_FEATURE_LIMIT, Raster, depth_feature, network_input
 from model.pull_push import pull_push
-from model.reconstruct import PACKED_IN, VOID
-from model.surrounded import OPAQUE, coverage, far_inside
 from viewer.camera import Camera, look_at
-from viewer.cloud import scene_from_arrays, unpack
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.grid.scene import unpack
+from viewer.render.enclosed_directions import OPEN, SEALED, SIDE, Directions
 from viewer.render.fill import Fill
 from viewer.render.occupancy import Occupancy, codes_of
 from viewer.render.renderer import Renderer
 from viewer.render.shader import Programs
-from viewer.render.void import OPEN, SEALED, SIDE, Directions
 from viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
@@ -146,7 +146,7 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
     renderer = Renderer(context, scene)
     try:
         renderer.render(camera, settings, views=("filled",))
-        twin, towards = twin_frame(scene, camera, settings), directions(scene, camera)
+        twin, towards = reference_frame(scene, camera, settings), directions(scene, camera)
         mask = torch.from_numpy(twin.mask)
         sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(mask, twin.met).numpy())
         (rasteriser,), around = renderer._rasterisers.values(), renderer._surroundings.around(camera.position)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from clouds import camera_in, room
-from twin import twin_frame
+from reference import reference_frame
 
-from viewer.bench.stress_points import mean_level
+from viewer.bench.stability.points import mean_level
 from viewer.camera import Camera
-from viewer.cloud import scene_from_arrays
+from viewer.grid.open_scene import scene_from_arrays
 from viewer.render import raster_compute
 from viewer.render.context import describe_device
 from viewer.render.renderer import Renderer
@@ -62,7 +62,7 @@ def test_frame_agrees_with_twin(context, scale, preset):
         for seed in range(3):
             camera = camera_in(scene, seed)
             settings = Settings(filter=preset)
-            assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+            assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
     finally:
         renderer.release()
 
@@ -77,7 +77,7 @@ def test_a_file_in_another_unit_agrees_with_twin(context, preset, soft_z, seed):
     camera, settings = camera_in(scene, seed), Settings(filter=preset, soft_z=soft_z)
     renderer = Renderer(context, scene)
     try:
-        assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings, metre=metre))
+        assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings, metre=metre))
     finally:
         renderer.release()
 
@@ -104,7 +104,7 @@ def test_every_batch_is_drawn_once_however_they_are_dealt_out(context, monkeypat
 def test_soft_z_presets_agree_with_twin(drawn, soft_z):
     scene, renderer = drawn
     camera, settings = camera_in(scene, 3), Settings(soft_z=soft_z)
-    assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+    assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
 
 
 @pytest.mark.parametrize("soft_z", list(SOFT_Z))
@@ -122,7 +122,7 @@ def test_points_without_a_colour_hide_and_show_nothing(context, preset, soft_z, 
         for kind in ("compute", "points"):
             settings = Settings(filter=preset, soft_z=soft_z, raster=kind)
             frame = renderer.render(camera, settings, views=ALL)
-            assert_agrees(frame, twin_frame(scene, camera, settings))
+            assert_agrees(frame, reference_frame(scene, camera, settings))
             raw, held = frame.image("raw"), np.isfinite(frame.depth())
             if soft_z == "auto":
                 assert (held & (raw[..., 3] == 0)).any() and not (frame.mask() & (raw[..., 3] == 0)).any()
@@ -141,7 +141,7 @@ def test_points_without_a_colour_hide_and_show_nothing(context, preset, soft_z, 
 def test_odd_and_prime_sizes_agree_with_twin(drawn, size):
     scene, renderer = drawn
     camera, settings = camera_in(scene, 5, size), Settings()
-    assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+    assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
 
 
 @pytest.mark.parametrize("strength, levels", [(0.3, 2), (1.0, 1), (2.5, 7)])
@@ -150,7 +150,7 @@ def test_filter_flags_agree_with_twin(drawn, preset, strength, levels):
     scene, renderer = drawn
     camera = camera_in(scene, 11)
     settings = Settings(filter=preset, filter_strength=strength, filter_levels=levels)
-    assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+    assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
 
 
 @pytest.mark.parametrize("lod", [None, 1.0, 4.0])

@@ -31,8 +31,8 @@ def worked():
 
 
 from viewer.camera import from_fov, look_at
-from viewer.cloud.layers import morton_order
-from viewer.cloud.scene import Scene
+from viewer.grid.density_layers import morton_order
+from viewer.grid.scene import Scene
 from viewer.render.context import create_context
 from viewer.render.occlusion import Occlusion
 from viewer.render.renderer import Renderer

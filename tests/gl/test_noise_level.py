@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 from clouds import camera_in, room
+from reference import reference_frame
 from test_stations import scanned
-from twin import twin_frame
 
 from model.noise import KNOTS, NoiseModel
 from model.noise_level import pixel_noise
@@ -43,7 +43,7 @@ def test_the_noise_level_is_that_of_the_reference(context, seed, weighted, detai
         level = np.frombuffer(made.level.read(alignment=1), np.float16).reshape(camera.height, camera.width).astype(float)
     finally:
         renderer.release()
-    twin = twin_frame(scene, camera, settings)
+    twin = reference_frame(scene, camera, settings)
     sigma = pixel_noise(scene.noise, twin.raster, camera, camera.view_rotation.T, camera.position).numpy()
     wanted = (2 - detail) * NOISE_SCALE * sigma * averaging(twin.raster.count, weighed=twin.raster.weighed).numpy() * twin.mask
     assert twin.raster.weighed == weighted and twin.mask.mean() > 0.005

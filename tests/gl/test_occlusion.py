@@ -16,7 +16,7 @@ from model.pyramid import parents
 from viewer.bench.occlusion import LEVELS, LIMIT, VIEWS, compare, walk
 from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
 from viewer.camera import Camera, from_fov, look_at
-from viewer.cloud.boxes import SHARES
+from viewer.grid.cell_boxes import SHARES
 from viewer.render.cull import Culler
 from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
 from viewer.render.renderer import Renderer

@@ -15,7 +15,7 @@ from viewer.render.points import PointPages
 from viewer.render.renderer import Renderer
 from viewer.render.shader import BATCH
 from viewer.settings import Settings
-from viewer.window.painter import Painter
+from viewer.window.viewport import Painter
 
 pytestmark = pytest.mark.gl
 

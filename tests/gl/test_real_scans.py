@@ -4,10 +4,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from reference import reference_frame
 from test_frame import ALL, assert_agrees
-from twin import twin_frame
 
-from viewer.cloud import open_scene
+from viewer.grid.open_scene import open_scene
 from viewer.render.renderer import Renderer
 from viewer.settings import Settings
 
@@ -29,6 +29,6 @@ def test_real_scan_agrees_with_twin(context, shared_data, scan):
         for camera in cameras()[scan]:
             settings = Settings()
             frame = renderer.render(camera, settings, views=ALL)
-            assert_agrees(frame, twin_frame(scene, camera, settings, metre=renderer.metre))
+            assert_agrees(frame, reference_frame(scene, camera, settings, metre=renderer.metre))
     finally:
         renderer.release()

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from clouds import camera_in, room
+from reference import reference_frame
 from test_frame import ALL, assert_agrees
-from twin import twin_frame
 
 from model.project import MOST_AVERAGED
-from viewer.cloud import scene_from_arrays, unpack
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.grid.scene import unpack
 from viewer.render.renderer import Renderer
 from viewer.settings import FILTERS, Settings
 
@@ -49,7 +50,7 @@ def test_weighed_frame_agrees_with_twin(renderer_of, scale, unknown, seed):
             settings = Settings(lod=lod)
             frame = renderer.render(camera, settings, views=ALL)
             assert frame.facts["stations"] == "weighed"
-            assert_agrees(frame, twin_frame(scene, camera, settings))
+            assert_agrees(frame, reference_frame(scene, camera, settings))
 
 
 def test_scan_numbers_beyond_those_that_are_listed_are_unknown(renderer_of, seed):
@@ -60,7 +61,7 @@ def test_scan_numbers_beyond_those_that_are_listed_are_unknown(renderer_of, seed
     renderer = renderer_of(scene)
     for kind in ("compute", "points"):
         camera, settings = camera_in(scene, seed), Settings(raster=kind)
-        assert_agrees(renderer.render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+        assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
 
 
 @pytest.mark.parametrize("preset", list(FILTERS))
@@ -68,7 +69,7 @@ def test_scan_numbers_beyond_those_that_are_listed_are_unknown(renderer_of, seed
 def test_every_filter_and_odd_sizes_agree_with_twin(renderer_of, preset, size, seed):
     scene = scanned(seed, places=5)
     camera, settings = camera_in(scene, seed, size), Settings(filter=preset)
-    assert_agrees(renderer_of(scene).render(camera, settings, views=ALL), twin_frame(scene, camera, settings))
+    assert_agrees(renderer_of(scene).render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
 
 
 def test_one_renderer_draws_every_size_as_another_would(renderer_of, seed):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from clouds import room
 
-from model.light import TO_SRGB
+from model.common.linear_light import TO_SRGB
 from viewer.camera import from_fov, look_at
 from viewer.render import shader
 from viewer.render.renderer import Renderer

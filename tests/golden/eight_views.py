@@ -33,7 +33,7 @@ def cameras() -> dict[str, list]:
 
 
 def main(out: Path) -> None:
-    from viewer.cloud import open_scene
+    from viewer.grid.open_scene import open_scene
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
     from viewer.settings import VIEWS, Settings

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from model.blend_rows import CLOSED
 from model.engines import Runner
-from model.reconstruct import PACKED_IN, Reconstructor
+from model.network_layout import CLOSED, PACKED_IN
+from model.reconstruct import Reconstructor
 
 pytestmark = pytest.mark.gpu
 

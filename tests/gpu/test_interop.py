@@ -10,10 +10,12 @@ import torch
 from needs import absent
 
 from model.engines import Runner
-from model.reconstruct import PACKED_IN, PACKED_OUT, Reconstructor
+from model.network_layout import PACKED_IN, PACKED_OUT
+from model.reconstruct import Reconstructor
 from viewer.errors import DeviceError
 from viewer.render import neural
-from viewer.render.bridge import Bridge, ReadBackBridge, make_bridge, works
+from viewer.render.bridge import Bridge, ReadBackBridge, works
+from viewer.render.choose_bridge import make_bridge
 from viewer.render.cuda_bridge import MAPPERS, CudaBridge
 from viewer.render.shader import Programs
 

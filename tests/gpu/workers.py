@@ -34,8 +34,8 @@ def projected(plan: Plan, _work: Path) -> dict:
     """
     from statistics import median
 
+    from viewer.bench.bench_input import machine
     from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from viewer.bench.subject import machine
     from viewer.bench.views import named_views
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
@@ -69,7 +69,7 @@ def engines(plan: Plan, _work: Path) -> dict:
 
     Bridges first: a compiler may take all the time there is.  Each row is also in the log as soon as it is measured.
     """
-    from viewer.bench.subject import machine
+    from viewer.bench.bench_input import machine
 
     bridges = _bridges(plan)
     return {"machine": machine(), "network": _networks(plan), "bridge": bridges}
@@ -102,7 +102,8 @@ def _networks(plan: Plan) -> list[dict]:
     import torch
 
     from model.engines import ENGINES, Runner
-    from model.reconstruct import PACKED_IN, Reconstructor
+    from model.network_layout import PACKED_IN
+    from model.reconstruct import Reconstructor
     from model.unet import mac_per_pixel, make_network
     from model.weights import shipped, weights_name
 
@@ -150,7 +151,7 @@ class _Through:
         self.device = device
 
     def __call__(self, packed):
-        from model.reconstruct import PACKED_OUT
+        from model.network_layout import PACKED_OUT
 
         return packed[..., :PACKED_OUT]
 

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.bench.stress_frames import Stand, arrays_of, place_at
-from viewer.bench.stress_scenes import axis_camera, placed, view_inside
-from viewer.bench.stress_stations import lit, scene_of, standing
-from viewer.cloud import scene_from_arrays
+from viewer.bench.stability.frames import Stand, arrays_of, place_at
+from viewer.bench.stability.scenes import axis_camera, placed, view_inside
+from viewer.bench.stability.stations import lit, scene_of, standing
+from viewer.grid.open_scene import scene_from_arrays
 from viewer.settings import FILTERS, SOFT_Z, Settings
 
 FILE = Path(__file__).with_name("hashes.json")

@@ -6,7 +6,7 @@ import hashes
 import pytest
 from hashes import FILE, hashes_of
 
-from viewer.bench import stress_points as points
+from viewer.bench.stability import points
 from viewer.render.context import create_context, describe_device
 from viewer.settings import Settings
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from viewer.bench import stress_points as points
-from viewer.bench.stress_scenes import axis_camera, walls
-from viewer.cloud import open_scene, scene_from_arrays
+from viewer.bench.stability import points
+from viewer.bench.stability.scenes import axis_camera, walls
+from viewer.grid.open_scene import open_scene, scene_from_arrays
 from viewer.settings import Settings
 
 pytestmark = pytest.mark.gl

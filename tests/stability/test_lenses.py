@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
+from reference import reference_frame
 from test_frame import assert_agrees
-from twin import twin_frame
 
-from viewer.bench import stress_frames as frames
-from viewer.bench.stress_scenes import axis_camera, placed, view_inside, walls
+from viewer.bench.stability import frames
+from viewer.bench.stability.scenes import axis_camera, placed, view_inside, walls
 from viewer.camera import MAX_SIDE, Camera, from_fov
-from viewer.cloud import scene_from_arrays
 from viewer.errors import DeviceError, InputError
+from viewer.grid.open_scene import scene_from_arrays
 from viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
@@ -26,7 +26,7 @@ def test_extreme_lenses_agree_with_the_twin(stand, seed):
     with stand.renderer(scene) as renderer:
         for fov in (1.0, 170.0):
             camera = placed(view_inside(seed, (96, 64), fov), 1.0, origin)
-            assert_agrees(renderer.render(camera, Settings(), views=frames.VIEWS), twin_frame(scene, camera, Settings()))
+            assert_agrees(renderer.render(camera, Settings(), views=frames.VIEWS), reference_frame(scene, camera, Settings()))
 
 
 def test_cameras_in_a_cell_and_on_its_face_edge_and_corner(stand, seed, claims):
@@ -48,7 +48,7 @@ def test_the_cameras_plane_is_the_same_in_both_rasterisers_and_the_twin(stand, s
     with stand.renderer(scene) as renderer:
         for side in (-1, 1):
             camera = axis_camera((41, 29), (0.0, packed + side * (2.0**-power if power else 0.0), 0.0))
-            twin = twin_frame(scene, camera, Settings())
+            twin = reference_frame(scene, camera, Settings())
             for kind in ("compute", "points"):
                 frame = renderer.render(camera, Settings(raster=kind), views=frames.VIEWS)
                 assert np.array_equal(frame.depth(), twin.raster.depth.numpy())
@@ -65,7 +65,7 @@ def test_odd_and_prime_sizes_agree_with_the_twin(stand, seed):
     with stand.renderer(scene) as renderer:
         for size in [(4, 4), *(tuple(int(n) for n in rng.choice(PRIMES, 2)) for _ in range(6))]:
             camera = view_inside(seed, size, 70.0)
-            assert_agrees(renderer.render(camera, Settings(), views=frames.VIEWS), twin_frame(scene, camera, Settings()))
+            assert_agrees(renderer.render(camera, Settings(), views=frames.VIEWS), reference_frame(scene, camera, Settings()))
 
 
 def test_pictures_beyond_the_devices_textures_are_refused_and_the_next_is_drawn(stand, seed):

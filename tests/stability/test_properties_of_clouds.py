@@ -5,11 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from viewer.bench.stress_scenes import direction, walls
+from viewer.bench.stability.scenes import direction, walls
 from viewer.camera import Camera, look_at
-from viewer.cloud import scene_from_arrays, unpack
-from viewer.cloud.layers import layer_count, layer_sizes, morton_order
 from viewer.errors import InputError
+from viewer.grid.density_layers import layer_count, layer_sizes, morton_order
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.grid.scene import unpack
 from viewer.render.cull import Culler
 
 seeds = st.integers(0, 2**32 - 1)

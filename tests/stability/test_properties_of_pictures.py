@@ -6,13 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_properties_of_cameras import random_rotation
 
-from model.data.truth import MemoryPicture
+from model.data.dataset import MemoryPicture
 from model.depth_filter import LEVELS, keep_mask
 from model.evaluation.flicker import reprojection
+from model.hole_test import surrounded
 from model.project import depth_feature
 from model.pull_push import pull_push
 from model.pyramid import RING, bilinear, clamped, half, parents, quads, shifted
-from model.surrounded import surrounded
 
 seeds = st.integers(0, 2**32 - 1)
 sides = st.integers(1, 40)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from viewer.bench import stress_frames as frames
-from viewer.bench.stress_scenes import panels, walls
-from viewer.bench.stress_truth import depth_faults
-from viewer.cloud import scene_from_arrays
+from viewer.bench.stability import frames
+from viewer.bench.stability.exact import depth_faults
+from viewer.bench.stability.scenes import panels, walls
 from viewer.errors import InputError
+from viewer.grid.open_scene import scene_from_arrays
 
 pytestmark = pytest.mark.gl
 SIZE = (160, 120)

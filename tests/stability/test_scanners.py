@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from viewer.bench import stress_stations as stations
-from viewer.bench.stress_scenes import view_inside
+from viewer.bench.stability import stations
+from viewer.bench.stability.scenes import view_inside
 from viewer.settings import Settings
 
 pytestmark = pytest.mark.gl

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
-from viewer.bench import approximations, culling, errors, frames, room, scaling, views
-from viewer.bench.stress_stations import scanned
+from viewer.bench import approximations, culling, errors, frames, scaling, views
+from viewer.bench import memory_headroom as room
+from viewer.bench.stability.stations import scanned
 from viewer.errors import InputError
 from viewer.paths import cache_dir
 
@@ -213,7 +214,7 @@ def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
     """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the twin's picture with 1/4, and not
     that with the usual tolerance."""
     from model.project import SoftZ
-    from viewer.bench import twin64
+    from viewer.bench import float64_reference as twin64
     from viewer.render.context import create_context
 
     _, scene = small
@@ -225,10 +226,10 @@ def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
     patch = pytest.MonkeyPatch()
     patch.setattr("model.project.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
     try:
-        twin = twin64.twin_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
+        twin = twin64.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     finally:
         patch.undo()
-    usual = twin64.twin_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
+    usual = twin64.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     gap = {(a, b): (np.abs(made[..., :3] - truth) > 1).mean()  # more than rounding
            for a, made in (("1/4", other), ("usual", plain)) for b, truth in (("1/4", twin), ("usual", usual))}
     assert gap["1/4", "1/4"] < 0.01 and gap["usual", "usual"] < 0.01, gap

@@ -11,8 +11,8 @@ from bench_run import SIZE, four_rooms
 from viewer.bench import views
 from viewer.bench.procedural_scan import PITCH, ProceduralScan, procedural_scene
 from viewer.camera import from_fov, look_at
-from viewer.cloud import open_scene
-from viewer.cloud.scene import unpack
+from viewer.grid.open_scene import open_scene
+from viewer.grid.scene import unpack
 from viewer.paths import assets_dir
 from viewer.tools.camera_files import read_cameras
 
@@ -142,7 +142,7 @@ def test_the_path_is_smooth_and_fixed(small):
 
 
 def test_a_thing_in_a_void_is_walked_around():
-    from viewer.cloud import scene_from_arrays
+    from viewer.grid.open_scene import scene_from_arrays
 
     rng = np.random.default_rng(5)
     ball = rng.normal(size=(20_000, 3))

@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from model.blend_cpu import Blender
-from model.blend_rows import CLOSED, tanh
-from model.reconstruct import PACKED_IN, Reconstructor
+from model.blend_rows import tanh
+from model.network_layout import CLOSED, PACKED_IN
+from model.reconstruct import Reconstructor
 from model.unet import BLENDS, INPUT_CHANNELS, CompactUNet, Size
 
 

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from viewer.cloud.chunk_reader import ChunkReader
-from viewer.cloud.chunk_source import CHUNK, ChunkError, ChunkSource
 from viewer.errors import InputError
+from viewer.stream.chunk_reader import ChunkReader
+from viewer.stream.chunk_source import CHUNK, ChunkError, ChunkSource
 
 pytestmark = pytest.mark.timeout(90)  # threads that wait for each other would take all of the ten minutes
 

@@ -11,9 +11,9 @@ from PIL import Image
 
 import model.evaluation.methods as methods_module
 import model.evaluation.scene as scene_module
+from model.data.dataset import DataError
 from model.data.projected import Projected, project_scan
 from model.data.stations import load_scene, scan_stations
-from model.data.truth import DataError
 from model.depth_filter import keep_mask
 from model.evaluation import evaluate, format_table, save
 from model.evaluation.methods import WEIGHED, sight, thinned

@@ -11,8 +11,8 @@ import pytest
 from PIL import Image
 
 import model.evaluation.scene as scene_module
+from model.data.dataset import DataError
 from model.data.stations import load_scene
-from model.data.truth import DataError
 from model.evaluation import evaluate
 from model.evaluation.command import add_arguments, names_of, run
 from model.evaluation.open3d_points import Open3DError

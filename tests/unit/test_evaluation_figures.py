@@ -10,17 +10,17 @@ from evaluation_files import rgb_of
 from scipy.io import loadmat
 
 import model.evaluation.scene as scene_module
+from model.data.dataset import Scan
 from model.data.projected import Projected, project_scan
 from model.data.stations import ScanModel, load_scene, scan_stations
-from model.data.truth import Scan
 from model.evaluation import precision_table, true_visibility
 from model.evaluation.figures import Truth
 from model.evaluation.methods import TRUE, thinned
+from model.evaluation.metrics import gradient_energy, masked_error, masked_psnr, ssim
 from model.evaluation.precision import scaled_input
 from model.evaluation.scene import matched_colours
 from model.exposure import exposures_of, match_exposures
-from model.losses import SQUEEZE_FILES, SqueezeDistance
-from model.metrics import gradient_energy, masked_error, masked_psnr, ssim
+from model.perceptual import SQUEEZE_FILES, SqueezeDistance
 from model.unet import CompactUNet, Size
 from model.weights import WeightsError, weights_dir
 

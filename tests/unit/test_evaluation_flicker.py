@@ -8,8 +8,8 @@ import torch.nn.functional as F
 from evaluation_files import rgb_of
 
 import model.evaluation.scene as scene_module
+from model.data.dataset import MemoryPicture, Scan
 from model.data.projected import project_scan
-from model.data.truth import MemoryPicture, Scan
 from model.evaluation import evaluate
 from model.evaluation.flicker import measure_flicker, middle_stretch, reprojection
 

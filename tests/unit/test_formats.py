@@ -9,7 +9,7 @@ from cloud_files import E57Scan, surface, write_e57, write_las
 from format_files import FAR, Points, PtxScan, some, text_rows, write_ept, write_pcd, write_potree1, write_potree2, write_ptx
 
 from viewer.cli import main
-from viewer.cloud import open_scene
+from viewer.grid.open_scene import open_scene
 from viewer.readers.formats import FORMATS, entry_of, open_source
 
 NAMES = ("xyz", "rgb", "intensity", "classification")
@@ -370,7 +370,7 @@ def test_readers_know_no_grid():
 import importlib, pathlib, sys, viewer.readers
 for file in pathlib.Path(viewer.readers.__file__).parent.glob("*.py"):
     importlib.import_module(f"viewer.readers.{file.stem}")
-heavy = ("viewer.cloud", "viewer.render", "torch", "open3d", "laspy", "pye57", "brotli")
+heavy = ("viewer.grid", "viewer.render", "torch", "open3d", "laspy", "pye57", "brotli")
 print([name for name in heavy if name in sys.modules])
 """
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"

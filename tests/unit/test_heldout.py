@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from model.data.dataset import MemoryPicture, Scan
 from model.data.heldout import HELD_OUT, Targets, targets, visible
 from model.data.projected import project_scan
-from model.data.truth import MemoryPicture, Scan
 from model.evaluation.heldout import (
     LEAST_IN_GAPS,
     PointErrors,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_las
 
-from viewer.cloud import open_scene
 from viewer.errors import InputError
+from viewer.grid.open_scene import open_scene
 from viewer.readers.formats import open_source
 
 COUNT = 2000

@@ -9,7 +9,7 @@ import pytest
 COUNT = """
 import resource, sys
 import torch
-from model.memory import keep_freed_memory
+from model.common.memory import keep_freed_memory
 from model.unet import make_network
 
 if sys.argv[1] == "kept" and not keep_freed_memory():
@@ -27,7 +27,7 @@ print((resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before) // 8)
 HELD = """
 import os, sys
 from pathlib import Path
-from model.memory import give_back, keep_freed_memory
+from model.common.memory import give_back, keep_freed_memory
 
 def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -57,7 +57,7 @@ def test_a_network_has_its_memory_cleared_once_and_not_for_every_picture():
 
 
 def test_other_c_libraries_are_left_alone(monkeypatch):
-    from model import memory
+    from model.common import memory
 
     monkeypatch.setattr(memory.platform, "libc_ver", lambda: ("", ""))
     monkeypatch.setattr(memory.ctypes, "CDLL", None)

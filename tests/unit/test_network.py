@@ -9,11 +9,12 @@ from PIL import Image
 from rooms import make_room
 from safetensors.torch import save_file
 
+from model.data.dataset import DataError
 from model.data.stations import ScanModel, load_scene, scan_stations
-from model.data.truth import DataError
 from model.evaluation import evaluate, format_table
-from model.metrics import psnr, psnr_after_gain, ssim
-from model.reconstruct import CLOSED, FLIPS, PACKED_IN, VOID, Reconstructor, covered, fast_precision, fitting_weights
+from model.evaluation.metrics import psnr, psnr_after_gain, ssim
+from model.network_layout import CLOSED, PACKED_IN, VOID
+from model.reconstruct import FLIPS, Reconstructor, covered, fast_precision, fitting_weights
 from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network, without_mesh
 from model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
 

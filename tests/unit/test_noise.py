@@ -8,9 +8,9 @@ import pytest
 from model import noise as module
 from model.noise import KNOTS, LUMA, MOST_VOXELS, NoiseModel, estimate_noise
 from model.noise_kernels import EVERY, FAR, NEAR, residuals
-from viewer.cloud import scene_from_arrays
-from viewer.cloud.info import facts, format_text
-from viewer.cloud.noise_sample import runs
+from viewer.grid.info import facts, format_text
+from viewer.grid.noise_sample import runs
+from viewer.grid.open_scene import scene_from_arrays
 
 SIDE = 4.0  # metres
 

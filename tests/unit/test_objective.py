@@ -6,7 +6,7 @@ import torch
 from scipy.ndimage import map_coordinates
 
 from model.data.crops import Batch
-from model.objective import Objective, inside_flow, warp
+from model.train.objective import Objective, inside_flow, warp
 
 
 def test_warp_follows_a_known_motion():
@@ -66,7 +66,7 @@ def _plain_change(made: np.ndarray, beside: np.ndarray, flow: np.ndarray) -> flo
 @pytest.mark.parametrize("count", [1, 3])
 def test_the_objective_is_that_of_plain_sums(monkeypatch, seed, count, channels):
     distance = _Squares()
-    monkeypatch.setattr("model.objective.perceptual", lambda _path: (distance, "squares"))
+    monkeypatch.setattr("model.train.objective.perceptual", lambda _path: (distance, "squares"))
     batch = _random_batch(seed, count, 1)
     made, beside = torch.randn(count, channels, 11, 14) + 0.5, torch.rand(1, channels, 11, 14)
     loss, terms = Objective(None, 0.2, 0.3, 0.4)(made, beside, batch)

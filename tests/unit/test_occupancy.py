@@ -3,7 +3,7 @@
 import numpy as np
 
 from model.ray_march import NOTHING, START_WITHIN, TOUCHED, WITHIN, march
-from viewer.cloud import scene_from_arrays
+from viewer.grid.open_scene import scene_from_arrays
 from viewer.render.occupancy import INNER, LOOSE, codes_of, occupancy_of
 
 

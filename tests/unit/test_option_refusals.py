@@ -69,7 +69,8 @@ def test_what_trains_in_one_process_is_refused_in_several(way, tmp_path, capsys,
     (("room", "--steps", "5", "--start-from", "WEIGHTS", "--unfiltered"), ""),
 ])
 def test_training_says_which_options_it_has_no_use_for(options, said, tmp_path, capsys, monkeypatch):
-    from model import recipes, train_command
+    from model.train import command as train_command
+    from model.train import recipes
     from model.weights import weights_dir
     from viewer.tools.tuning import tune
 
@@ -77,7 +78,7 @@ def test_training_says_which_options_it_has_no_use_for(options, said, tmp_path, 
     monkeypatch.setattr(recipes, "follow", lambda *_, **__: done.append("recipe"))
     monkeypatch.setattr(tune, "tune", lambda *_, **__: done.append("tune"))
     monkeypatch.setattr(train_command, "_pairs", lambda *_: done.append("pairs") or [])
-    monkeypatch.setattr("model.train.train", lambda _config: "weights")
+    monkeypatch.setattr("model.train.trainer.train", lambda _config: "weights")
     options = [str(weights_dir() / "fast-filtered.safetensors") if o == "WEIGHTS" else o for o in options]
     assert main(["train", *options, "--out", str(tmp_path / "out")]) == 0 and len(done) == 1
     assert capsys.readouterr().err == (f"pointglass: {said}\n" if said else "")
@@ -176,7 +177,7 @@ def test_the_help_of_simulate_names_the_cameras_file(capsys):
 
 
 def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
-    from model.folders import made_folder
+    from model.common.folders import made_folder
 
     with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "a" / "b"):
         raise KeyboardInterrupt
@@ -276,10 +277,10 @@ def test_convert_of_a_torn_scan_leaves_no_folders(tmp_path, capsys):
 
 
 def test_render_without_weights_reads_no_scan_and_makes_no_folder(tmp_path, capsys, monkeypatch):
-    import viewer.cloud
+    import viewer.grid.open_scene
     from viewer.paths import assets_dir
 
-    monkeypatch.setattr(viewer.cloud, "open_scene", lambda *_, **__: pytest.fail("the scan was opened"))
+    monkeypatch.setattr(viewer.grid.open_scene, "open_scene", lambda *_, **__: pytest.fail("the scan was opened"))
     scan, cameras = assets_dir() / "demo.laz", assets_dir() / "demo_cameras.json"
     line = ("render", scan, "--cameras", cameras, "--out", tmp_path / "a" / "b", "--view", "neural")
     assert "no weights are shipped for quality 'paper'" in refused(capsys, *line, "--quality", "paper")

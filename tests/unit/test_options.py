@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from model.losses import SQUEEZE_FILES
+from model.perceptual import SQUEEZE_FILES
 from viewer import cli
 from viewer.cli import _parser, main
 from viewer.errors import InputError

@@ -11,11 +11,11 @@ import torch
 from scannetpp_files import write_scannetpp
 from walls import cast, look, rays_of, straight_view, wall_scan
 
+from model.data.dataset import DataError, MemoryPicture
 from model.data.lens import Lens
 from model.data.photo_place import PhotoPlace
-from model.data.truth import DataError, MemoryPicture
-from model.metrics import ssim
-from model.paper_table import NO_NETWORK, format_paper_table, known_ssim, paper_table, scaled
+from model.evaluation.metrics import ssim
+from model.evaluation.paper_table import NO_NETWORK, format_paper_table, known_ssim, paper_table, scaled
 from model.unet import make_network
 from model.weights import save_weights
 
@@ -134,7 +134,7 @@ def test_the_squeezenet_distance_stands_under_its_own_name(shared_data):
 
 
 def test_one_command_gives_the_papers_table(scannetpp, tmp_path, capsys, monkeypatch):
-    import model.paper_table as table
+    import model.evaluation.paper_table as table
     from viewer.cli import main
 
     (scannetpp / "splits" / "nvs_sem_val.txt").write_text("aa11bb22cc\n")

@@ -9,14 +9,14 @@ import torch
 from PIL import Image
 from walls import LENSES, SIZE, bend, cast, look, rays_of, straight_view, wall_scan
 
+from model.data.dataset import DataError, MemoryPicture, Scan
 from model.data.lens import Lens
 from model.data.pairs import place_pairs
 from model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
 from model.data.photos import Photograph
 from model.data.projected import project_scan, raster_of
-from model.data.truth import DataError, MemoryPicture, Scan
-from model.objective import inside_flow, warp
 from model.project import filled_input
+from model.train.objective import inside_flow, warp
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -8,7 +8,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from model.light import LEVELS, TO_LINEAR, TO_SRGB
+from model.common.linear_light import LEVELS, TO_LINEAR, TO_SRGB
 from model.project import NOISE_SCALE, SoftZ, depth_feature, frame, network_input, pixels, rasterise, unpack_points
 from model.pull_push import FIRST_LEVEL, background, pull_push
 

@@ -11,9 +11,10 @@ import pytest
 from cloud_files import write_ply
 
 import pointglass
-from viewer.cloud import open_scene, scene_from_arrays, unpack
-from viewer.cloud.convert import convert
-from viewer.cloud.info import facts
+from viewer.grid.convert import convert
+from viewer.grid.info import facts
+from viewer.grid.open_scene import open_scene, scene_from_arrays
+from viewer.grid.scene import unpack
 from viewer.settings import Memory, Settings
 from viewer.tools.demo import demo_scan
 

@@ -14,7 +14,7 @@ from viewer.bench import readme
 from viewer.bench.figures import FIGURES, command
 from viewer.bench.figures import main as run_figures
 from viewer.bench.readme import BLOCKS, filled, main
-from viewer.cloud import open_scene
+from viewer.grid.open_scene import open_scene
 from viewer.paths import assets_dir
 from viewer.window.controls import table_markdown
 

@@ -6,7 +6,7 @@ import shutil
 import pytest
 from rooms import make_room
 
-from model.recipes import RECIPES, Recipe, Stage, _Job, _make, follow
+from model.train.recipes import RECIPES, Recipe, Stage, _Job, _make, follow
 from model.weights import load_weights
 from viewer.cli import main
 

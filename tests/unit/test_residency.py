@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from viewer.cloud.residency import OVERVIEW, Residency, available_memory, byte_count, opening_chunks, overview_chunks
-from viewer.cloud.scene import CHUNK
 from viewer.errors import InputError
+from viewer.grid.scene import CHUNK
+from viewer.stream.residency import OVERVIEW, Residency, available_memory, byte_count, opening_chunks, overview_chunks
 
 SEEDS = st.integers(0, 2**32 - 1)
 

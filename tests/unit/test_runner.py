@@ -10,7 +10,7 @@ import torch
 from torch import nn
 
 from model.engines import ENGINES, Captured, Runner, fold_normalisation
-from model.reconstruct import PACKED_IN, PACKED_OUT
+from model.network_layout import PACKED_IN, PACKED_OUT
 from model.unet import SIZES, CompactUNet, PaperUNet
 from viewer.errors import InputError
 from viewer.render import neural

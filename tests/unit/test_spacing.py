@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from viewer.cloud import kernels, scene_from_arrays, spacing
+from viewer.grid import kernels, spacing
+from viewer.grid.open_scene import scene_from_arrays
 
 
 @pytest.mark.parametrize("density", [1.0, 100.0, 1e4])

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 import torch
 
+from model.common.scanner_positions import told_apart
+from model.data.dataset import MemoryPicture, Scan
 from model.data.projected import project_scan
-from model.data.truth import MemoryPicture, Scan
-from model.places import told_apart
 from model.project import SoftZ, network_input, rasterise
 from model.pull_push import pull_push
 from model.station_weights import FEW, HEAVIEST, TRUST_BLOCK, UNPLACED, station_weights, toned, trust
-from viewer.cloud import scene_from_arrays
+from viewer.grid.open_scene import scene_from_arrays
 
 
 def by_definition(xyz: np.ndarray, station: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from model import processors
-from model.light import to_linear, to_srgb
+from model.common import processors
+from model.common.linear_light import to_linear, to_srgb
 from model.synth import demo, shapes
 from model.synth.builder import frame_along
 from model.synth.place import Place, pixel_rays

@@ -13,15 +13,16 @@ import pytest
 import torch
 from rooms import make_room
 
-from model import recipes, train, training_log
+from model.common.interrupts import to_its_end
+from model.common.signals import STOPS
+from model.data.dataset import DataError
 from model.data.pairs import build
 from model.data.stations import load_scene
-from model.data.truth import DataError
-from model.interrupts import to_its_end
-from model.recipes import RECIPES, Recipe, Stage, follow
-from model.signals import STOPS
-from model.torchrun import Process
-from model.train import TrainConfig, Trainer
+from model.train import recipes, training_log
+from model.train import trainer as train
+from model.train.recipes import RECIPES, Recipe, Stage, follow
+from model.train.torchrun import Process
+from model.train.trainer import TrainConfig, Trainer
 from model.weights import load_weights
 from viewer.cli import main
 

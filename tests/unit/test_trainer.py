@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from model import train as train_module
 from model.data.crops import Batch, Crops
-from model.torchrun import Process
-from model.train import TrainConfig, Trainer, train
+from model.train import trainer as train_module
+from model.train.torchrun import Process
+from model.train.trainer import TrainConfig, Trainer, train
 from model.weights import load_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")

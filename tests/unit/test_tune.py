@@ -11,8 +11,8 @@ from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
 
 from model.data.projected import scan_spacing
 from model.weights import load_weights, weights_dir
-from viewer.cloud.colour import Colours
 from viewer.errors import InputError
+from viewer.preprocess.point_colour import Colours
 from viewer.readers.e57_images import read_photographs
 from viewer.readers.formats import open_source
 from viewer.tools.tuning import tune as tuning

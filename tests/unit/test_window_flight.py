@@ -5,9 +5,9 @@ import pytest
 from window_session import room
 
 from viewer.camera import look_at
-from viewer.cloud import scene_from_arrays
+from viewer.grid.open_scene import scene_from_arrays
 from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
-from viewer.window.start import overview, start_camera, survey
+from viewer.window.start_viewpoint import overview, start_camera, survey
 
 
 @pytest.mark.parametrize("steps", [2, 7, 60])

@@ -17,14 +17,14 @@ from viewer.settings import Settings
 from viewer.tools.background import composite
 from viewer.window import controls
 from viewer.window.capture import FrameTimes, save_png, stamped
-from viewer.window.keeping import Keeper
 from viewer.window.loading import Loaded
 from viewer.window.present import split_column
+from viewer.window.save_actions import Keeper
 from viewer.window.session import Session
-from viewer.window.start import survey
+from viewer.window.start_viewpoint import survey
 
 if TYPE_CHECKING:
-    from viewer.window.painter import Painter
+    from viewer.window.viewport import Painter
 
 
 def test_a_still_session_needs_one_picture():

@@ -10,8 +10,8 @@ import torch
 from PIL import Image
 
 import model.evaluation.scene as scene_module
+from model.data.dataset import DataError
 from model.data.stations import load_scene
-from model.data.truth import DataError
 from model.evaluation.figures import Figures, Truth
 from model.evaluation.flip import flip_judge
 from model.evaluation.worse import Case, Worst, error_ratio, ratio_of_room, said, summary

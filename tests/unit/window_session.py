@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from viewer.cloud import scene_from_arrays
+from viewer.grid.open_scene import scene_from_arrays
 from viewer.settings import Settings
 from viewer.window.loading import Loaded
 from viewer.window.session import Session
-from viewer.window.start import survey
+from viewer.window.start_viewpoint import survey
 
 
 def room(*, metre: float = 1.0, offset=(0.0, 0.0, 0.0), scans=None, points=40_000):

@@ -31,7 +31,7 @@ def check_headless(folder: Path) -> None:
     from viewer.render.renderer import Renderer
     from viewer.settings import Settings
     from viewer.tools.background import composite
-    from viewer.window.start import FIELD_OF_VIEW
+    from viewer.window.start_viewpoint import FIELD_OF_VIEW
 
     shot = np.load(folder / "shot.npz")
     context = create_context()

@@ -11,7 +11,7 @@ SIZE = (640, 400)
 
 def room(points: int = 50_000, seed: int = 5):
     """A box room of 8 x 6 x 3 m with a coloured checker on its walls, as a Scene."""
-    from viewer.cloud import scene_from_arrays
+    from viewer.grid.open_scene import scene_from_arrays
 
     rng = np.random.default_rng(seed)
     size = np.array([8.0, 6.0, 3.0])
@@ -41,7 +41,7 @@ class Driver:
         self.session.panel = False  # at this size it would cover half of the picture
 
     def _open(self, paths):
-        from viewer.cloud import open_scene
+        from viewer.grid.open_scene import open_scene
         from viewer.progress import progress
 
         name = paths[0].name

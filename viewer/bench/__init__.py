@@ -12,13 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from model.seeds import MOST_SEED
-from model.whole import passes_through
+from model.common.atomic_write import passes_through
+from model.common.seeds import MOST_SEED
 from viewer.errors import InputError
 from viewer.settings import CHOICES
 
 if TYPE_CHECKING:
-    from viewer.bench.subject import Subject
+    from viewer.bench.bench_input import Subject
     from viewer.settings import Settings
 
 PROCEDURAL = 25_000_000
@@ -86,8 +86,8 @@ def parse_sizes(texts: list[str] | None) -> list[tuple[int, int]]:
 
 def subject_of(options: argparse.Namespace) -> "Subject":
     """The scan a bench is to look at."""
+    from viewer.bench.bench_input import Subject
     from viewer.bench.procedural_scan import ProceduralScan
-    from viewer.bench.subject import Subject
     from viewer.tools.demo import demo_scan
 
     wanted = KINDS[options.kind].scan
@@ -142,7 +142,7 @@ def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
 
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     """Runs the bench that the command line names, prints a table, writes JSON and plot where asked."""
-    from viewer.bench.subject import described, machine
+    from viewer.bench.bench_input import described, machine
     from viewer.tools.files import write_json
 
     _check(options)
@@ -219,7 +219,7 @@ def _versus(options: argparse.Namespace, settings: "Settings", repeats: int) -> 
 
 
 def _stability(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench.stability import run_stability
+    from viewer.bench.stability.table import run_stability
 
     size = parse_sizes(options.size)[0] if options.size else (320, 240)
     return run_stability(size, options.seed, options.plot), _limit_rows, None

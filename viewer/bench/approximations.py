@@ -17,7 +17,7 @@ from viewer.settings import Settings
 
 if TYPE_CHECKING:
     from model.reconstruct import Reconstructor
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.neural import NeuralStage
 
 EXACT = Settings(view="filled", precision="fp32")
@@ -106,7 +106,7 @@ class BenchRenderer(Renderer):
         """(H, W, 8) half: what the network is given for a camera."""
         import torch
 
-        from model.reconstruct import PACKED_IN
+        from model.network_layout import PACKED_IN
 
         self.render(camera, settings, views=("neural",))
         assert self._neural is not None

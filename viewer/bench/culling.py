@@ -14,7 +14,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 CELLS = 1_000_000
 DETAIL = {"every point": None, "1 point a pixel": 1.0}

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.places import told_apart
+from model.common.scanner_positions import told_apart
 from viewer.bench.approximations import EXACT, Approximation, BenchRenderer, Whole, approximations, coarser
+from viewer.bench.bench_input import Subject
 from viewer.bench.plots import INK, MARKS, figure, label_points, save
-from viewer.bench.subject import Subject
 from viewer.bench.views import named_views
 from viewer.camera import Camera
 from viewer.errors import InputError
@@ -91,13 +91,13 @@ def _judged(squares: Sequence[float], largest: float, masks: Sequence[float]) ->
 
 def against_twin(exact: BenchRenderer, cameras: list[Camera], meter: Callable[[], object]) -> Cost:
     """The exact frame judged against the float64 twin of every point; the time is the frame's own."""
-    from viewer.bench.twin64 import twin_frame
+    from viewer.bench.float64_reference import reference_frame
 
     times, squares, largest, masks = [], [], 0.0, []
     for camera in cameras:
         _frame(exact, camera, EXACT, "filled")
         spent, picture, mask = _frame(exact, camera, EXACT, "filled")
-        truth, true_mask = twin_frame(exact.scene, camera, EXACT, exact.metre)
+        truth, true_mask = reference_frame(exact.scene, camera, EXACT, exact.metre)
         shown = picture[..., 3] > 0  # what is void is decided apart from any arithmetic on depth
         gap = np.where(shown[..., None], np.abs(picture[..., :3].astype(np.int16) - truth), 0)
         squares.append(float((gap.astype(np.float64) ** 2).mean()))

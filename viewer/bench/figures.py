@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.whole import write_whole
+from model.common.atomic_write import write_whole
 
 SCANS = Path("../shared/data/scans")
 ROOMS = Path("../shared/data/renders")

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from viewer.bench.bench_input import Subject
 from viewer.bench.plots import INK, figure, save
-from viewer.bench.subject import Subject
 from viewer.bench.views import camera_path, named_views
 from viewer.progress import progress
 from viewer.settings import VIEWS, Settings
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.renderer import Renderer
 
 

@@ -16,7 +16,7 @@ from viewer.progress import progress
 from viewer.settings import Settings
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.renderer import Renderer
 
 ROOMS = 20

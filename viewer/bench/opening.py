@@ -5,8 +5,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from viewer.bench.bench_input import Subject
 from viewer.bench.plots import INK, figure, save
-from viewer.bench.subject import Subject
 from viewer.bench.views import named_views
 from viewer.settings import Settings
 
@@ -21,7 +21,7 @@ def run_open(subject: Subject, size: tuple[int, int], settings: Settings) -> dic
     written and may still be in memory.
     """
     from viewer.bench.procedural_scan import procedural_scene
-    from viewer.cloud import open_scene
+    from viewer.grid.open_scene import open_scene
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
 

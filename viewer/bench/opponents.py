@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import torch
 
     from viewer.camera import Camera
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.cull import Culler, DrawList
 
 COUNTED = ("raster", "filter", "network")
@@ -196,7 +196,7 @@ class Open3DContender:
     name = f"Open3D, {POINT_SIZES[0]:g} px points, read back"
 
     def __init__(self, scene: "Scene"):
-        from viewer.cloud.scene import unpack
+        from viewer.grid.scene import unpack
 
         self.reason: str | None = None
         self._xyz = self._rgb = np.empty(0)

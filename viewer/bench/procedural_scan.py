@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
-from model.compiled import compiled
-from viewer.cloud.grid import processors
-from viewer.cloud.scene import Scene
+from model.common.jit import compiled
 from viewer.errors import InputError
+from viewer.grid.scene import Scene
+from viewer.grid.two_passes import processors
 from viewer.readers.source import Chunk, ScanInfo, Source
-from viewer.words import counted
+from viewer.text import counted
 
 POINTS_PER_ROOM = 5_000_000
 """Of two stations: still few.  The real rooms of such a size that we have hold 3 and 12 million."""
@@ -117,10 +117,10 @@ class ProceduralScan(Source):
 
 def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
     """The scan's grid: in memory (a nameless file where it is large), or written to ``folder`` and opened from there, where
-    ``viewer.cloud.open_scene`` finds it like any that ``convert`` made.  Raises InputError where the folder has no room."""
-    from viewer.cloud import cache
-    from viewer.cloud.build import in_memory
-    from viewer.cloud.grid import build_grid
+    ``viewer.grid.open_scene`` finds it like any that ``convert`` made.  Raises InputError where the folder has no room."""
+    from viewer.grid import cache
+    from viewer.grid.open_scene import in_memory
+    from viewer.grid.two_passes import build_grid
 
     def build(_files, allocate) -> Scene:
         meta = {

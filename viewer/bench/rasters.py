@@ -15,7 +15,7 @@ KINDS = ("compute", "points")
 def run_rasters(count: int, size: tuple[int, int], repeats: int, seed: int = 1) -> dict:
     """Milliseconds of both passes of each rasteriser for ``count`` points that all lie in the picture."""
     from viewer.camera import from_fov, look_at
-    from viewer.cloud import scene_from_arrays
+    from viewer.grid.open_scene import scene_from_arrays
     from viewer.progress import progress
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from model.whole import write_whole
+from model.common.atomic_write import write_whole
 
 SOFTWARE = ("llvmpipe", "softpipe", "swr")
 """In the names of OpenGL on the processor, for files that do not say which it was."""

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from model.whole import write_whole
+from model.common.atomic_write import write_whole
 from viewer.paths import assets_dir
 from viewer.settings import VIEWS, Settings
 
@@ -14,7 +14,7 @@ def main(path: Path | None = None, settings: Settings | None = None) -> Path:
     """Draws it into ``path`` (default: where the README looks for it) and returns that."""
     from PIL import Image
 
-    from viewer.cloud import open_scene
+    from viewer.grid.open_scene import open_scene
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
     from viewer.tools.background import composite

@@ -19,20 +19,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.bench.frames import summary
+from viewer.bench.memory_headroom import POINT_BYTES, POOL, available, problem, resident
 from viewer.bench.plots import INK, MARKS, figure, save
 from viewer.bench.procedural_scan import POINTS_PER_ROOM, STATIONS, ProceduralScan, procedural_scene
-from viewer.bench.room import POINT_BYTES, POOL, available, problem, resident
 from viewer.camera import Camera, from_fov, look_at
 from viewer.errors import InputError
 from viewer.paths import cache_dir
 from viewer.progress import progress
 from viewer.settings import Settings
-from viewer.words import counted
+from viewer.text import counted
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.renderer import Renderer
 
 LADDER = (1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000, 300_000_000, 1_000_000_000)
@@ -120,7 +120,7 @@ class Flight:
 
     def __init__(self, context: "moderngl.Context", scan: ProceduralScan, kept: Path | None, parent: Path,
                  size: tuple[int, int], settings: Settings):
-        from viewer.cloud import open_scene
+        from viewer.grid.open_scene import open_scene
         from viewer.render.occlusion import Occlusion
         from viewer.render.renderer import Renderer
 

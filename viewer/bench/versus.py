@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.evaluation.open3d_points import POINT_SIZES
+from viewer.bench.bench_input import Subject
 from viewer.bench.frames import summary
 from viewer.bench.matrix_rate import conv_rate, matmul_rate
 from viewer.bench.opponents import COUNTED, LEFT_OUT, Open3DContender, PaperNetwork, Published, fastest_precision
 from viewer.bench.plots import INK, figure, save
-from viewer.bench.subject import Subject
 from viewer.bench.views import camera_path
 from viewer.progress import progress
 from viewer.settings import Settings
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from viewer.camera import Camera
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.renderer import Renderer
 
 FAIR = 0.4

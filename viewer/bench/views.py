@@ -14,7 +14,7 @@ import numpy as np
 from viewer.camera import Camera, from_fov, look_at
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 PATH_FRAMES = 48
 FIELD_OF_VIEW = 60.0
@@ -30,7 +30,7 @@ def named_views(scene: "Scene", size: tuple[int, int]) -> list[Camera]:
     shipped = _shipped(scene, size)
     if shipped:
         return shipped
-    from viewer.window.start import overview, start_state, survey
+    from viewer.window.start_viewpoint import overview, start_state, survey
 
     seen = survey(scene)
     aspect = size[0] / size[1]
@@ -64,7 +64,7 @@ def camera_path(scene: "Scene", size: tuple[int, int], frames: int = PATH_FRAMES
     shipped = _shipped(scene, size)
     if shipped:
         return _curve(shipped, frames)
-    from viewer.window.start import survey
+    from viewer.window.start_viewpoint import survey
 
     seen = survey(scene)
     views = {view.name: view for view in named_views(scene, size)}

@@ -14,7 +14,7 @@ from viewer.errors import InputError
 from viewer.readers import crs
 from viewer.readers.e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, value_of
 from viewer.readers.source import Chunk, ScanInfo, Source, stretch
-from viewer.words import counted
+from viewer.text import counted
 
 _CHUNK = 1 << 19  # buffers are float64 for every field
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")

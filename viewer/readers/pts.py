@@ -13,7 +13,7 @@ from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.source import ScanInfo, told_beyond
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
 from viewer.readers.text_rows import ROWS, TextRows, quoted
-from viewer.words import counted
+from viewer.text import counted
 
 
 class PtsSource(ColumnSource):

@@ -8,7 +8,7 @@ the value, so it rounds as ``float`` does (a test compares them).  Up to 2**53 o
 
 import numpy as np
 
-from model.compiled import compiled
+from model.common.jit import compiled
 
 DIGITS = 19
 """Decimal digits that always fit 64 bits."""

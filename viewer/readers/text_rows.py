@@ -10,7 +10,7 @@ from typing import BinaryIO
 import numpy as np
 
 from viewer.errors import InputError
-from viewer.words import counted
+from viewer.text import counted
 
 _BLOCK = 1 << 24  # bytes of text read at a time
 _LONGEST_LINE = 1 << 16  # bytes; a longer one is no row of a scan

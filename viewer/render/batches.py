@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.compiled import compiled
+from model.common.jit import compiled
 
 if TYPE_CHECKING:
     from viewer.render.cull import DrawList

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from model.reconstruct import PACKED_IN, PACKED_OUT
+from model.network_layout import PACKED_IN, PACKED_OUT
 from viewer.errors import DeviceError
 from viewer.render.self_test import run_self_test
 
@@ -102,19 +102,6 @@ class ReadBackBridge:
     def release(self) -> None:
         self.input.release()
         self.output.release()
-
-
-def make_bridge(programs: "Programs", size: tuple[int, int], device: str) -> tuple[Bridge, str | None]:
-    """The bridge for a device, and why a better one is not used where one could have been."""
-    if device != "cuda":
-        return ReadBackBridge(programs.context, size), None
-    from viewer.render.cuda_bridge import CudaBridge
-
-    try:
-        mapped = CudaBridge(programs, size)
-    except DeviceError as error:
-        return ReadBackBridge(programs.context, size), str(error)
-    return mapped, mapped.problem
 
 
 def works(programs: "Programs", bridge: Bridge, device: str = "cpu") -> bool:

@@ -9,7 +9,7 @@ import contextlib
 import re
 from typing import TYPE_CHECKING, Protocol
 
-from model.reconstruct import PACKED_IN, PACKED_OUT
+from model.network_layout import PACKED_IN, PACKED_OUT
 from viewer.errors import DeviceError
 from viewer.render.bridge import Network, works
 from viewer.render.context import unshared

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.cloud.layers import part_extra
+from viewer.grid.density_layers import part_extra
 from viewer.render.cull_kernels import list_runs, visible_cells
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 BLOCK = 64
 """Cells in a block."""
@@ -27,7 +27,7 @@ _MARGIN = 1.0  # pixels: covers float32 rounding and the rounded pixel of the pu
 class DrawList:
     """first (R,) int64, count (R,) int64, slot (R,) int32: runs of points and the row of ``cell_view`` of their cell,
     by ascending first.  cell_view (V, 4) float32: view position of each visible cell's first step centre, w the
-    box of its points: six sixteenths (viewer.cloud.boxes), first x, y, z and last x, y, z, four bits each from the lowest.
+    box of its points: six sixteenths (viewer.grid.cell_boxes), first x, y, z and last x, y, z, four bits each from the lowest.
     axes (3, 3) float32: view rotation times the step.  cells: rows of the scene's cells (V,) int32, ascending.
     points: how many are drawn.  The arrays belong to the Culler and are valid until its next ``select``."""
 
@@ -102,7 +102,7 @@ class Culler:
         """The draw list of a camera.
 
         lod: points wanted per pixel that a cell's surfaces cover (its nearest corner decides); None draws all.  A cell gets the
-        fewest layers that hold that many, and of the last of them the fewest parts (viewer.cloud.layers).
+        fewest layers that hold that many, and of the last of them the fewest parts (viewer.grid.density_layers).
         """
         wanted = 0.0 if lod is None else float(lod)
         cells = self.visible(camera, wanted)

@@ -1,4 +1,4 @@
-"""The compiled loops of culling: blocks, cells, layers.  Serial and without the interpreter's lock, as in viewer.cloud.kernels.
+"""The compiled loops of culling: blocks, cells, layers.  Serial and without the interpreter's lock, as in viewer.grid.kernels.
 
 They write into arrays they are given, allocate nothing, and keep the order of every sum, so that NumPy with the same
 expressions gives the same bits.
@@ -6,9 +6,9 @@ expressions gives the same bits.
 
 import numpy as np
 
-from model.compiled import compiled
-from viewer.cloud.boxes import SHARE_BITS, SHARES, WHOLE
-from viewer.cloud.faces import SQUARES, UNKNOWN
+from model.common.jit import compiled
+from viewer.grid.cell_boxes import SHARE_BITS, SHARES, WHOLE
+from viewer.grid.projected_coverage import SQUARES, UNKNOWN
 
 SLACK = 1e-8
 """Of a block's reach, by which its test errs towards looking at its cells: above the 1e-9 that each cell is given."""
@@ -123,7 +123,8 @@ def list_runs(offsets, layers, total, cells, visible, lod, need, extra, held, ac
     """Runs of points of the visible cells, by ascending first: of each cell the fewest layers that hold ``need`` points.
 
     offsets: (layers * total + 1,) int64 as in Scene.  cells: rows of the scene's cells, the first ``visible`` count.
-    lod: 0 for all layers.  extra: viewer.cloud.layers.part_extra; of a cell's last layer as many parts as are needed.  held
+    lod: 0 for all layers.  extra: viewer.grid.density_layers.part_extra; of a cell's last layer as many parts as are needed.
+    held
     (int64), active (int32): scratch, one an entry of cells.  first, count (int64), slot (int32): written as far as there is
     room.  Returns (runs, points, room): all are written if the lists are ``room`` long.
     """

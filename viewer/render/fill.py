@@ -12,9 +12,9 @@ import moderngl
 from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from model.pull_push import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
 from viewer.render import shader
+from viewer.render.enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
 from viewer.render.filter import level_sizes
-from viewer.render.surround import Surround
-from viewer.render.void import CLOSED, SEALED, SIDE, Directions, closed_in_view
+from viewer.render.hole_test import Surround
 
 if TYPE_CHECKING:
     from viewer.camera import Camera

@@ -8,7 +8,7 @@ import numpy as np
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.render.stages import Times
+    from viewer.render.stage_times import Times
 
 
 @dataclass

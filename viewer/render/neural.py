@@ -9,7 +9,8 @@ from model.reconstruct import Reconstructor, cuda_problem
 from model.weights import WeightsError
 from viewer.errors import DeviceError, InputError
 from viewer.render import shader
-from viewer.render.bridge import Network, make_bridge
+from viewer.render.bridge import Network
+from viewer.render.choose_bridge import make_bridge
 from viewer.render.context import context_lost
 from viewer.render.cuda_bridge import device_failure
 

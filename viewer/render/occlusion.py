@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from viewer.cloud.boxes import SHARE_BITS
+from viewer.grid.cell_boxes import SHARE_BITS
 from viewer.render import shader
 from viewer.render.shader import BINDINGS
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.cull import DrawList
     from viewer.render.filter import DepthFilter
     from viewer.settings import Settings

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import ndimage
 
-from viewer.cloud import unpack
+from viewer.grid.scene import unpack
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 BLOCKS = 128
 """Along the longest side, at most: 2 MB of texture.  A street of 44 m has blocks of 0.35 m."""

@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.cloud.chunk_reader import READ_AHEAD, ChunkReader
-from viewer.cloud.chunk_source import POINT_BYTES, ChunkError, ChunkSource
-from viewer.cloud.residency import OVERVIEW, Residency, Round, available_memory, opening_chunks, overview_chunks
-from viewer.cloud.scene import CHUNK
 from viewer.errors import DeviceError, InputError
+from viewer.grid.scene import CHUNK
 from viewer.render.context import describe_device
 from viewer.render.shader import BATCH
-from viewer.words import bytes_text
+from viewer.stream.chunk_reader import READ_AHEAD, ChunkReader
+from viewer.stream.chunk_source import POINT_BYTES, ChunkError, ChunkSource
+from viewer.stream.residency import OVERVIEW, Residency, Round, available_memory, opening_chunks, overview_chunks
+from viewer.text import bytes_text
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 GPU_BUDGET = 4 << 30
 """Bytes of points on a GPU, unless told otherwise: how much memory one has only extensions of some drivers say."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.light import TO_LINEAR, TO_SRGB
+from model.common.linear_light import TO_LINEAR, TO_SRGB
 from model.project import MOST_AVERAGED
 from model.station_weights import HEAVIEST, UNPLACED
 from viewer.render import shader
@@ -29,9 +29,9 @@ if TYPE_CHECKING:
 
     from model.project import SoftZ
     from viewer.camera import Camera
-    from viewer.cloud.residency import Round
     from viewer.render.context import Device
     from viewer.render.points import PointPages
+    from viewer.stream.residency import Round
 
 _SUM_BYTES, _CARRY_BYTES = 8, 16  # a pixel, in common_sums.glsl
 _CARRY_HEAD = 16  # the command of the pass over what was carried

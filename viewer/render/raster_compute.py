@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from model.processors import usable_processors
+from model.common.processors import usable_processors
 from viewer.render import shader
 from viewer.render.batches import BatchTable
 from viewer.render.cull import DrawList
@@ -17,9 +17,9 @@ from viewer.render.raster import Rasteriser
 from viewer.render.shader import BATCH, BINDINGS, LANES, ROWS, STRETCH
 
 if TYPE_CHECKING:
-    from viewer.cloud.residency import Round
     from viewer.render.context import Device
     from viewer.render.points import PointPages
+    from viewer.stream.residency import Round
 
 
 class ComputeRasteriser(Rasteriser):

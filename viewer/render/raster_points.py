@@ -14,9 +14,9 @@ from viewer.render.cull import DrawList
 from viewer.render.raster import Rasteriser
 
 if TYPE_CHECKING:
-    from viewer.cloud.residency import Round
     from viewer.render.context import Device
     from viewer.render.points import PointPages
+    from viewer.stream.residency import Round
 
 
 class PointRasteriser(Rasteriser):

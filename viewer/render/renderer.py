@@ -8,11 +8,12 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
-from model.memory import give_back
+from model.common.memory import give_back
 from model.project import SoftZ
 from viewer.errors import DeviceError, InputError
 from viewer.render.context import describe_device
 from viewer.render.cull import Culler, DrawList
+from viewer.render.enclosed_directions import Surroundings
 from viewer.render.fill import Fill
 from viewer.render.filter import DepthFilter
 from viewer.render.frame import Frame
@@ -23,18 +24,17 @@ from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
 from viewer.render.raster_points import PointRasteriser
 from viewer.render.shader import Programs
-from viewer.render.stages import Stages
+from viewer.render.stage_times import Stages
 from viewer.render.stations import Places, Trust, weighs
-from viewer.render.void import Surroundings
 from viewer.settings import MEMORY, VIEWS, Memory, Settings
-from viewer.words import counted
+from viewer.text import counted
 
 if TYPE_CHECKING:
     import moderngl
     import numpy as np
 
     from viewer.camera import Camera
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.render.neural import NeuralStage
 
 RASTERISERS: dict[str, type[Rasteriser]] = {"compute": ComputeRasteriser, "points": PointRasteriser}

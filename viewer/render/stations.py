@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.places import told_apart
+from model.common.scanner_positions import told_apart
 from model.station_weights import FEW, HEAVIEST, TRUST_BLOCK
 from viewer.render import shader
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import moderngl
 
     from viewer.camera import Camera
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
     from viewer.settings import Settings
 
 MOST_STATIONS = 256

@@ -45,7 +45,7 @@ def contact_sheet(rows: list[list[np.ndarray]], scale: int = 2, gap: int = 4) ->
 
 def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     """Renders the shipped cameras in every view into ``out``, with one contact sheet.  Returns the files, it first."""
-    from viewer.cloud import open_scene
+    from viewer.grid.open_scene import open_scene
     from viewer.progress import progress
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer

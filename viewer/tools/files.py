@@ -1,4 +1,4 @@
-"""Pictures, arrays and JSON, and several files at once, written beside and renamed (model.whole)."""
+"""Pictures, arrays and JSON, and several files at once, written beside and renamed (model.common.atomic_write)."""
 
 import contextlib
 import json
@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from model.folders import made_folder
-from model.whole import write_whole
+from model.common.atomic_write import write_whole
+from model.common.folders import made_folder
 from viewer.errors import InputError
 
 

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.interrupts import to_its_end
+from model.common.interrupts import to_its_end
 from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
-from viewer.window.hands import Hands
-from viewer.window.keeping import Keeper
+from viewer.window.input import Hands
 from viewer.window.loading import Loaded, open_scene
-from viewer.window.painter import Painter
+from viewer.window.save_actions import Keeper
 from viewer.window.session import Session
+from viewer.window.viewport import Painter
 
 if TYPE_CHECKING:
     import moderngl

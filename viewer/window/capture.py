@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.whole import write_whole
+from model.common.atomic_write import write_whole
 from viewer.errors import InputError
 
 STAGES = ("cull", "raster", "filter", "fill", "network", "present")

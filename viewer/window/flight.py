@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from viewer.window.navigation import FlyState, Motion, changed_speed, step
-from viewer.window.start import Survey, overview
+from viewer.window.start_viewpoint import Survey, overview
 
 REST = 0.25
 """Seconds without a change of camera that count as rest."""

@@ -3,10 +3,10 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from viewer.text import counted
 from viewer.window import theme
 from viewer.window.session import Session
 from viewer.window.theme import Theme, fitted, packed, text_in
-from viewer.words import counted
 
 OVERLAY = (
     imgui.WindowFlags_.no_decoration

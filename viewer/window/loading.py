@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 from viewer.settings import Settings
 from viewer.window.notices import Notices
-from viewer.window.start import Survey, survey
+from viewer.window.start_viewpoint import Survey, survey
 from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ def network_key(settings: Settings) -> tuple:
 
 
 def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene":
-    """The scans as one scene.  cache, match, columns: as in viewer.cloud.open_scene."""
-    from viewer import cloud
+    """The scans as one scene.  cache, match, columns: as in viewer.grid.open_scene."""
+    from viewer.grid import open_scene as grid_scene
     from viewer.readers.formats import takes_columns
 
     columns = columns if any(map(takes_columns, paths)) else None  # not of what is dropped into the window later
-    return cloud.open_scene(paths, cache=cache, match=match, columns=columns)
+    return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns)
 
 
 def load_network(settings: Settings) -> None:

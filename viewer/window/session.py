@@ -20,15 +20,15 @@ from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
 from viewer.window import loading
 from viewer.window.capture import FrameTimes
-from viewer.window.choice import Choice
 from viewer.window.flight import Flight
 from viewer.window.navigation import looking
 from viewer.window.notices import Notices
-from viewer.window.picture import Picture, Plan
-from viewer.window.start import FIELD_OF_VIEW, start_state
+from viewer.window.picture_plan import Picture, Plan
+from viewer.window.start_viewpoint import FIELD_OF_VIEW, start_state
+from viewer.window.view_settings import Choice
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 _NOTE_SECONDS = 10.0
 _HIDDEN = "Interface hidden; F10 or Esc shows it"
@@ -42,7 +42,7 @@ class Session:
     size: of the framebuffer, pixels; (0, 0) while minimised.  scene: the one shown, None at first.
     help, interface, panel: which of them are open.  dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
-    start: where the first visit begins; None: where that makes sense (viewer.window.start).
+    start: where the first visit begins; None: where that makes sense (viewer.window.start_viewpoint).
     open_scene, load_network, clock, wake: what it depends on, replaceable in tests.
     """
 

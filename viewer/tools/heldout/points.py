@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.data.truth import Scan
+from model.data.dataset import Scan
 from viewer.errors import InputError
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 MOST_POINTS = 20_000_000
 """Points that are worked on, drawn at random from more: 27 bytes each, and as many again in a view that holds all of them."""
@@ -25,8 +25,7 @@ def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int 
 
     Raises InputError where they are too few, or coloured by height or intensity, which is nothing to judge a picture by.
     """
-    from viewer.cloud import unpack
-    from viewer.cloud.scene import CHUNK
+    from viewer.grid.scene import CHUNK, unpack
 
     source = (scene.meta.get("colour") or {}).get("source", "rgb")
     if source != "rgb":

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.data.truth import MemoryPicture, Scan
+from model.common.scanner_positions import told_apart
+from model.data.dataset import MemoryPicture, Scan
 from model.evaluation.heldout import Viewpoint
-from model.places import told_apart
 from viewer.camera import Camera, from_fov, look_at
 
 if TYPE_CHECKING:
-    from viewer.cloud.scene import Scene
+    from viewer.grid.scene import Scene
 
 STATIONS = 4
 """Scanner positions that are left out, each in its turn: those with the most points."""

@@ -12,19 +12,19 @@ import numpy as np
 import torch
 from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, gaussian_filter
 
+from model.common.linear_light import TO_LINEAR, TO_SRGB
+from model.common.scanner_positions import places_of
+from model.data.dataset import MemoryPicture, Scan
 from model.data.pairs import build
 from model.data.photo_place import PhotoPlace
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
-from model.data.truth import MemoryPicture, Scan
 from model.depth_filter import keep_mask
-from model.light import TO_LINEAR, TO_SRGB
 from model.noise import NoiseModel, estimate_noise
 from model.noise_level import seen_noise
-from model.places import places_of
 from model.project import network_input
-from viewer.cloud.colour import Colours
-from viewer.cloud.histogram import is_place
 from viewer.errors import InputError
+from viewer.grid.histogram import is_place
+from viewer.preprocess.point_colour import Colours
 from viewer.progress import progress
 from viewer.readers.e57_images import Photo, read_photographs
 from viewer.readers.formats import open_source

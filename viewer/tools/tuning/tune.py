@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from model.folders import made_folder
-from model.metrics import masked_psnr
-from model.train import TrainConfig, train
+from model.common.folders import made_folder
+from model.evaluation.metrics import masked_psnr
+from model.train.trainer import TrainConfig, train
 from model.weights import load_weights, save_weights, weights_dir, weights_name
 from viewer.errors import InputError
 from viewer.paths import weights_home

@@ -15,9 +15,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from model.data.dataset import Scan
 from model.data.heldout import HELD_OUT, Targets, targets
 from model.data.projected import Projected, project_scan
-from model.data.truth import Scan
 from model.evaluation.heldout import Viewpoint
 from model.evaluation.methods import OURS, Sight, sight, soft_z
 from model.noise import NoiseModel
@@ -146,7 +146,7 @@ def truth_bytes(colour: Tensor, known: Tensor) -> np.ndarray:
 
 def withheld_points(path: Path, seed: int) -> WithheldPoints:
     """Opens a scan to be tuned on.  Raises InputError where its points have no colours, or are too few."""
-    from viewer.cloud import open_scene
+    from viewer.grid.open_scene import open_scene
     from viewer.tools.heldout.points import points_of
     from viewer.tools.heldout.viewpoints import judged_viewpoints
 

@@ -1,0 +1,292 @@
+"""The paper's table (Vanherck et al. 2025, Table 1) over places of one's own: two sizes, all points and one in ten.
+
+Photographs and their intrinsics are scaled to 1920x1440 and 960x720 (cut to 4:3 where they are not).  Only the pixels that
+the scan covers count, as ``known()`` says: PSNR over them, SSIM over the windows that hold any, and for the perceptual
+distances the others are given the true colours.  LPIPS stands twice: as the published code has it, fed 0..1, and as it is
+defined, fed -1..1.  Frames a second are of the plain twin in torch, projection to network, not of the OpenGL renderer.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from time import perf_counter
+from types import SimpleNamespace
+
+import numpy as np
+import torch
+from PIL import Image
+from torch import Tensor, nn
+
+from model.data.dataset import DataError, MemoryPicture, Scan, TruePicture, TruePlace
+from model.data.photo_place import PhotoPlace
+from model.data.projected import Projected, project_scan, raster_of, scan_spacing
+from model.depth_filter import keep_mask
+from model.evaluation.metrics import WINDOW, masked_psnr, ssim
+from model.perceptual import SqueezeDistance
+from model.project import SoftZ, network_input, pixels, rasterise
+from model.reconstruct import PRECISIONS, fast_precision
+from model.unet import CompactUNet
+from model.weights import load_weights
+
+SIZES = ((1920, 1440), (960, 720))
+DENSITIES = (1.0, 0.1)
+NO_NETWORK = "pull-push"
+PUBLISHED = (  # PSNR, LPIPS as published, SSIM, frames/s on an RTX 4090; 55 scenes of ScanNet++ v2, all points
+    ("paper", 1920, 1440, 16.10, 0.34, 0.74, 13.63), ("paper", 960, 720, 16.29, 0.34, 0.71, 49.71),
+    ("Pointersect (paper)", 1920, 1440, 14.94, 0.49, 0.60, 0.006), ("Pointersect (paper)", 960, 720, 14.97, 0.48, 0.55, 0.021),
+)
+
+_Key = tuple[str, int, int, float]  # method, width, height, density
+
+
+def scaled(view: TruePicture, width: int, height: int) -> MemoryPicture:
+    """The view cut to the proportions asked for, about its middle, and resampled to that size, intrinsics with it.
+
+    A pixel is known where all it was made of is.
+    """
+    scale = max(width / view.width, height / view.height)
+    left, top = (view.width - width / scale) / 2, (view.height - height / scale) / 2
+    box = (left, top, left + width / scale, top + height / scale)
+    colour = Image.fromarray(view.rgb()).resize((width, height), Image.Resampling.LANCZOS, box=box)
+    known = view.known()
+    if known is not None:
+        share = Image.fromarray(known.astype(np.float32)).resize((width, height), Image.Resampling.BILINEAR, box=box)
+        known = np.asarray(share) > 0.999
+    centre = ((view.cx - left) * scale, (view.cy - top) * scale)
+    return MemoryPicture(np.array(colour), view.fl * scale, view.camera_to_world, trusted=known, centre=centre)
+
+
+def _from_lpips(backbone: str) -> nn.Module:
+    import lpips  # type: ignore[import-not-found]
+
+    return lpips.LPIPS(net=backbone, verbose=False)
+
+
+def _from_torchmetrics(backbone: str) -> nn.Module:
+    from torchmetrics.functional.image.lpips import _LPIPS  # type: ignore[import-not-found]
+
+    return _LPIPS(pretrained=True, net=backbone)
+
+
+@dataclass(frozen=True)
+class _Distances:
+    """LPIPS, or None where it or its weights are not at hand, and the SqueezeNet distance."""
+
+    lpips: nn.Module | None
+    squeeze: nn.Module | None
+    missing: str
+
+    @staticmethod
+    def open(path: Path | None, backbone: str, device: str) -> "_Distances":
+        squeeze = None if path is None else SqueezeDistance(path).eval().to(device)
+        reasons = []
+        for make in (_from_lpips, _from_torchmetrics):
+            try:
+                return _Distances(make(backbone).eval().to(device), squeeze, "")
+            except Exception as error:  # not installed, or its weights cannot be fetched: the table says which
+                reasons.append(str(error).splitlines()[0] if str(error) else type(error).__name__)
+        return _Distances(None, squeeze, "; ".join(reasons))
+
+    @torch.inference_mode()
+    def __call__(self, made: Tensor, truth: Tensor) -> dict[str, float]:
+        """(3, H, W) each, 0..1."""
+        a, b = made[None], truth[None]
+        nan = float("nan")
+        return {
+            "lpips_published": nan if self.lpips is None else float(self.lpips(a, b, normalize=False).mean()),
+            "lpips": nan if self.lpips is None else float(self.lpips(a, b, normalize=True).mean()),
+            "squeeze": nan if self.squeeze is None else float(self.squeeze(a, b)),
+        }
+
+
+def known_ssim(made: Tensor, truth: Tensor, known: Tensor) -> float:
+    """SSIM over the windows that hold a known pixel; the unknown ones show the truth.  known (H, W) bool.
+
+    Windows without a known pixel are equal, hence 1, and are taken out of the mean.
+    """
+    value = ssim(torch.where(known, made, truth), truth)
+    hold = torch.nn.functional.max_pool2d(known[None, None].float(), WINDOW, 1)
+    share = float(hold.mean())
+    return (value - (1 - share)) / share if share > 0 else float("nan")
+
+
+class _Method:
+    """A way from projected points to a picture; network None: hole filling alone."""
+
+    def __init__(self, name: str, path: Path | None, device: str, precision: str):
+        self.name, self.filtered, self.network, self.dtype = name, True, None, torch.float32
+        if path is not None:
+            network, header = load_weights(path)
+            self.filtered = header.get("input") != "unfiltered"
+            dtype = PRECISIONS[precision]
+            self.network = network.to(device, dtype, memory_format=torch.channels_last)  # type: ignore[call-overload]
+            self.dtype = torch.float32 if isinstance(network, CompactUNet) else dtype
+
+    @torch.inference_mode()
+    def reconstruct(self, made: Tensor) -> Tensor:
+        """(5, H, W) network input -> (3, H, W) in 0..1."""
+        if self.network is None:
+            return made[:3].clamp(0, 1)
+        x = made[None].to(self.dtype, memory_format=torch.channels_last)
+        return self.network(x)[0, :3].float().clamp(0, 1)
+
+    def mask(self, depth: Tensor) -> Tensor:
+        return keep_mask(depth, "auto" if self.filtered else "off")
+
+
+def paper_table(
+    places: Sequence[TruePlace], weights: dict[str, Path], *, sizes: Sequence[tuple[int, int]] = SIZES,
+    densities: Sequence[float] = DENSITIES, views: int | None = None, distance_path: Path | None = None,
+    backbone: str = "vgg", device: str = "cpu", precision: str | None = None, repeats: int = 5, seed: int = 11,
+) -> dict:
+    """The figures of every weights file (name -> file) and of hole filling without a network.
+
+    views: how many of each place, evenly chosen (None: all).  distance_path: folder of the SqueezeNet distance.  backbone:
+    of LPIPS.  device: cpu or cuda.  precision: of the networks (None: the fast one there).  repeats: of each timing.
+    seed: of the scans of places that have no real one.
+    Returns what :func:`format_paper_table` prints, JSON-able; not-a-number where a figure could not be had.
+    Raises DataError without places or views, WeightsError for weights that do not fit.
+    """
+    if not places or not all(place.views for place in places):
+        raise DataError("the paper's table needs places with at least one true picture each")
+    precision = precision or fast_precision(device)
+    methods = [_Method(name, path, device, precision) for name, path in {NO_NETWORK: None, **weights}.items()]
+    distances = _Distances.open(distance_path, backbone, device)
+    figures: dict[_Key, list[dict[str, float]]] = {}
+    seconds: dict[_Key, list[tuple[float, float]]] = {}
+    skipped, points = 0, []
+    for place in places:
+        scan = place.unspoiled() if isinstance(place, PhotoPlace) else place.scan(seed)  # real scans need no spoiling
+        scan = replace(scan, places=None)  # every point counts the same in the published pictures
+        points.append(len(scan.xyz))
+        spacing = scan_spacing(scan)
+        count = len(place.views) if views is None else min(views, len(place.views))
+        chosen = [place.views[i] for i in np.linspace(0, len(place.views) - 1, count).astype(int)]
+        for (number, view), size in product(enumerate(chosen), sizes):
+            shot = scaled(view, *size)
+            seen = project_scan(scan, shot, seed + number)
+            known = torch.ones(size[::-1], dtype=torch.bool) if shot.trusted is None else torch.from_numpy(shot.trusted)
+            if not known.any() or not len(seen.z):
+                skipped += 1
+                continue
+            truth = torch.from_numpy(shot.rgb()).permute(2, 0, 1).float() / 255
+            for density, method in product(densities, methods):
+                made = _picture(seen, seen.rank < density, spacing / density**0.5, method, device).cpu()
+                figures.setdefault((method.name, *size, density), []).append({
+                    "psnr": masked_psnr(made, truth, known), "ssim": known_ssim(made, truth, known),
+                    "known": float(known.float().mean()),
+                    **distances(torch.where(known, made, truth).to(device), truth.to(device)),
+                })
+        for size, density, method in product(sizes, densities, methods):
+            camera = scaled_camera(chosen[0], *size)
+            taken = _times(scan, camera, method, density, spacing, device, repeats)
+            seconds.setdefault((method.name, *size, density), []).append(taken)
+    rows = []
+    for key, values in figures.items():
+        name, width, height, density = key
+        means = {figure: float(np.mean([v[figure] for v in values])) for figure in values[0]}
+        whole, alone = np.mean(seconds[key], axis=0).tolist()
+        rows.append({"method": name, "width": width, "height": height, "density": density, "views": len(values), **means,
+                     "frame_s": whole, "network_s": alone})
+    return {
+        "places": [place.name for place in places], "points": points, "device": _device_name(device), "precision": precision,
+        "skipped": skipped, "lpips": f"LPIPS ({backbone})" if distances.lpips is not None else "not available",
+        "lpips_missing": distances.missing, "squeeze": distance_path is not None, "rows": rows,
+    }
+
+
+def _picture(seen: Projected, keep: Tensor, spacing: float, method: _Method, device: str) -> Tensor:
+    raster = raster_of(seen, keep, spacing)
+    made = network_input(raster, method.mask(raster.depth), seen.camera.fx, spacing)
+    return method.reconstruct(made.to(device))
+
+
+def scaled_camera(view: TruePicture, width: int, height: int) -> SimpleNamespace:
+    """The camera of :func:`scaled`, without making the picture."""
+    scale = max(width / view.width, height / view.height)
+    cx, cy = (view.cx - view.width / 2) * scale + width / 2, (view.cy - view.height / 2) * scale + height / 2
+    fl = view.fl * scale
+    return SimpleNamespace(width=width, height=height, fx=fl, fy=fl, cx=cx, cy=cy, camera_to_world=view.camera_to_world)
+
+
+@torch.inference_mode()
+def _times(scan: Scan, camera: SimpleNamespace, method: _Method, density: float, spacing: float, device: str,
+           repeats: int) -> tuple[float, float]:
+    """Median seconds of a whole frame, from points on the device to the picture, and of the network alone (0 without one)."""
+    chosen = np.random.default_rng(0).random(len(scan.xyz)) < density
+    origin = camera.camera_to_world[:3, 3]
+    xyz = torch.from_numpy((scan.xyz[chosen] - origin).astype(np.float32)).to(device)
+    rgb = torch.from_numpy(scan.rgb[chosen]).to(device)
+    turn = torch.from_numpy((camera.camera_to_world[:3, :3] * (1.0, -1.0, -1.0)).astype(np.float32)).to(device)
+    apart = spacing / density**0.5
+    soft = SoftZ.preset("auto", apart, 1.0)
+
+    def frame() -> Tensor:
+        x, y, z = (xyz @ turn).unbind(1)
+        index, inside = pixels(x, y, z, camera)
+        raster = rasterise(index, z[inside], rgb[inside], camera.width, camera.height, soft)
+        return network_input(raster, method.mask(raster.depth), camera.fx, apart)
+
+    made = frame()
+    whole = _median_seconds(lambda: method.reconstruct(frame()), device, repeats)
+    alone = 0.0 if method.network is None else _median_seconds(lambda: method.reconstruct(made), device, repeats)
+    return whole, alone
+
+
+def _median_seconds(work: Callable[[], Tensor], device: str, repeats: int) -> float:
+    taken = []
+    for number in range(repeats + 1):
+        begun = perf_counter()
+        work()
+        if device.startswith("cuda"):
+            torch.cuda.synchronize()
+        if number:  # the first warms up
+            taken.append(perf_counter() - begun)
+    return float(np.median(taken))
+
+
+def _device_name(device: str) -> str:
+    if device.startswith("cuda"):
+        return torch.cuda.get_device_name(device)
+    facts = Path("/proc/cpuinfo")
+    lines = facts.read_text().splitlines() if facts.is_file() else []
+    name = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "CPU")
+    return f"{name}, {torch.get_num_threads()} threads"
+
+
+def format_paper_table(result: dict) -> str:
+    """The figures as text, the published ones among them."""
+    def figure(value: float, digits: int) -> str:
+        return "-" if np.isnan(value) else f"{value:.{digits}f}"
+
+    points = ", ".join(f"{n / 1e6:.2f}M" for n in result["points"][:5]) + (", ..." if len(result["points"]) > 5 else "")
+    lines = [
+        f"{len(result['places'])} places ({points} points); only pixels the scan covers count (share in column known)",
+        f"frames/s: torch twin, projection to picture, and the network alone; {result['device']}, {result['precision']}",
+        f"LPIPS: {result['lpips']}" + (f" ({result['lpips_missing']})" if result["lpips_missing"] else "")
+        + "; [0,1] as in the published code, [-1,1] as defined",
+    ]
+    if result["skipped"]:
+        lines.append(f"{result['skipped']} pictures left out: the scan covers none of their pixels")
+    head = (f"{'method':24} {'size':>10} {'points':>7} {'PSNR':>6} {'LPIPS[0,1]':>13} {'LPIPS[-1,1]':>13} {'SqueezeNet':>13} "
+            f"{'SSIM':>6} {'frames/s':>9} {'network/s':>9} {'known':>6}")
+    lines.append(head)
+    no_lpips, no_squeeze = result["lpips"] == "not available", not result["squeeze"]
+
+    def distance(value: float, absent: bool) -> str:
+        return "not available" if absent else figure(value, 3)
+
+    for row in sorted(result["rows"], key=lambda r: (-r["width"], -r["density"], r["method"] != NO_NETWORK, r["method"])):
+        network = "-" if row["method"] == NO_NETWORK else f"{1 / row['network_s']:.2f}"
+        lines.append(
+            f"{row['method']:24} {row['width']:>5}x{row['height']:<4} {row['density']:>7.0%} {figure(row['psnr'], 2):>6} "
+            f"{distance(row['lpips_published'], no_lpips):>13} {distance(row['lpips'], no_lpips):>13} "
+            f"{distance(row['squeeze'], no_squeeze):>13} {figure(row['ssim'], 3):>6} {1 / row['frame_s']:>9.2f} {network:>9} "
+            f"{row['known']:>6.0%}"
+        )
+    for name, width, height, psnr, lpips, similar, rate in PUBLISHED:
+        lines.append(f"{name:24} {width:>5}x{height:<4} {'100%':>7} {psnr:>6.2f} {lpips:>13.2f} {'-':>13} {'-':>13} "
+                     f"{similar:>6.2f} {rate:>9.4g} {'-':>9} {'-':>6}")
+    lines.append("published rows: RTX 4090, 55 scenes of ScanNet++ v2 (other places than above unless those are given)")
+    return "\n".join(lines)

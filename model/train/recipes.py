@@ -1,0 +1,292 @@
+"""Whole trainings by one command: the most of one CUDA GPU in 25 minutes, or of two CPU cores in a night.
+
+A recipe makes procedural places (and pairs of the folders it is given) on all cores until its share of the time is spent,
+then trains one network after the other, each for its share, and last judges them on a validation scene.  No OpenGL is
+needed, and nothing but ``model/`` and the libraries it imports has to be carried to the machine: under 1 MB of code.
+Stopped at any moment, the same command goes on where it was: ``recipe.json`` says what was asked for, how much of its
+time the making of pairs has taken and, once that is over, which pairs there are; nothing is added to them later.
+"""
+
+import contextlib
+import json
+import time
+import zlib
+from collections.abc import Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from dataclasses import dataclass
+from pathlib import Path
+
+from model.common.folders import made_folder, replace_text
+from model.common.interrupts import leaving, workers
+from model.common.processors import usable_processors, use_threads
+from model.data.crops import PairFolder
+from model.data.dataset import LEAST_CROP, DataError
+from model.data.procedural import procedural_place
+from model.train.manifest import Facts, read_record, refuse_other, whereabouts
+from model.train.trainer import TrainConfig, train
+from model.weights import weights_name
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One network of a recipe.  share: of the recipe's time.  after: weights of an earlier stage to go on from."""
+
+    quality: str
+    filtered: bool
+    share: float
+    after: str | None = None
+    rate: float = 1e-3
+    batch: int = 8
+    crop: int = 192
+
+    @property
+    def name(self) -> str:
+        """Of its weights."""
+        return weights_name(self.quality, filtered=self.filtered)
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """minutes: in all.  data_share: of them, for making places and pairs; the stages' shares add up to the rest."""
+
+    minutes: float
+    data_share: float
+    stages: tuple[Stage, ...]
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Of input that its networks learn from: "filtered", "unfiltered"."""
+        return tuple(sorted({_kind(stage) for stage in self.stages}))
+
+
+def _kind(stage: Stage) -> str:
+    return "filtered" if stage.filtered else "unfiltered"
+
+
+RECIPES = {
+    # The 31M network first: what can be learned from this data at all is the scale for the small ones.
+    "gpu": Recipe(25.0, 0.20, (
+        Stage("paper", True, 0.22, batch=16, crop=256, rate=5e-4),
+        Stage("balanced", True, 0.34, batch=32, crop=256),
+        Stage("fast", True, 0.13, batch=32, crop=256),
+        Stage("balanced", False, 0.07, after="balanced-filtered", batch=32, crop=256, rate=5e-4),
+        Stage("fast", False, 0.04, after="fast-filtered", batch=32, crop=256, rate=5e-4),
+    )),
+    "night": Recipe(600.0, 0.15, (
+        Stage("balanced", True, 0.50),
+        Stage("fast", True, 0.20),
+        Stage("balanced", False, 0.10, after="balanced-filtered", rate=5e-4),
+        Stage("fast", False, 0.05, after="fast-filtered", rate=5e-4),
+    )),
+}
+
+
+def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float, perceptual: Path | None,
+           validation: Path | None = None, seed: int = 1, device: str = "auto", most_places: int = 4096,
+           textures: Path | None = None) -> list[Path]:
+    """Follows a recipe into ``out``; returns the weights, in the order of its stages.
+
+    folders: data to learn from besides the procedural places.  minutes: in all.  most_places: procedural ones.  textures:
+    folder of sheets to paint them with.
+    Raises DataError where a folder cannot be used, or ``out`` holds something else, before anything is made.
+    """
+    name = next((name for name, known in RECIPES.items() if known == recipe), "of its own")
+    facts: Facts = {"recipe": name, **whereabouts(out, folders), "seed": seed, "perceptual": "given" if perceptual else "none",
+                    "textures": None if textures is None else textures.resolve().name}
+    sources = (*facts["folders"], "procedural places")
+    pairs = make_pairs(recipe, folders, out, facts, minutes * 60 * recipe.data_share, most_places, textures)
+    made: dict[str, Path] = {}
+    for stage in recipe.stages:
+        mine = pairs[_kind(stage)]
+        print(f"{stage.name}: {minutes * stage.share:.1f} minutes on {len(mine)} folders of pairs", flush=True)
+        made[stage.name] = train(TrainConfig(
+            pairs=tuple(map(str, mine)), out=str(out), quality=stage.quality, filtered=stage.filtered,
+            steps=10**9, minutes=minutes * stage.share, batch=stage.batch, neighbours=stage.batch // 4, crop=_crop(stage, mine),
+            rate=stage.rate, seed=seed, device=device, start_from=str(made[stage.after]) if stage.after else None,
+            perceptual_path=str(perceptual) if perceptual else None, sources=sources,
+        ))
+    if validation is not None:
+        _judge(validation, made, out, perceptual)
+    return list(made.values())
+
+
+def _crop(stage: Stage, pairs: Sequence[Path]) -> int:
+    """Side of the stage's crops: those of the recipe, or smaller ones where pictures hold no more."""
+    sides = [min(PairFolder(folder).measured.shape[2:]) for folder in pairs]
+    return min(stage.crop, max(LEAST_CROP, min(sides) // 16 * 16))
+
+
+@dataclass(frozen=True)
+class _Job:
+    """Pairs to be made by one process.  name: of their folders.  group: which of the picture sizes in ``folder``; without
+    a folder, ``number`` is that of a procedural place."""
+
+    name: str
+    folder: str = ""
+    group: int = 0
+    number: int = 0
+
+    @property
+    def kind(self) -> str:
+        """Of place, for how long it takes."""
+        return self.name if self.folder else procedural_place(self.number).kind
+
+    def seed(self, seed: int) -> int:
+        """Of its pairs.  With one seed for all, every place had the same densities, patches and stations left out."""
+        return seed * 100_000 + zlib.crc32(self.name.encode()) % 100_000
+
+    def targets(self, out: Path, kinds: Sequence[str]) -> list[tuple[str, int, Path]]:
+        """(kind, reduction, folder of pairs) of all that is to be made."""
+        return [(kind, reduce, out / "pairs" / kind / f"{self.name}-{reduce}")
+                for kind in kinds for reduce in ((1, 2) if kind == "filtered" else (1,))]
+
+    def done(self, out: Path, kinds: Sequence[str]) -> bool:
+        return all(folder.is_dir() for *_, folder in self.targets(out, kinds))
+
+
+def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts, seconds: float,
+               most_places: int, textures: Path | None = None) -> dict[str, list[Path]]:
+    """Pairs of the given folders and of as many procedural places as the time allows, on all cores.
+
+    facts: what the recipe makes everything from.  Returns the folders of pairs for each kind of input.  What an earlier call
+    made is kept; the time that it took counts, and once it came to its end nothing is added.
+    """
+    record = out / "recipe.json"
+    kept = read_record(record, "pairs", "seconds", "made_from")
+    if kept is not None and (kept["pairs"] or _made(out, recipe)):  # else there is nothing yet that was made from it
+        refuse_other(out, "its pairs were", kept["made_from"], facts)
+    else:
+        _refuse_others(out, recipe)
+        kept = {"pairs": None, "seconds": 0.0, "made_from": facts}
+    progress = _Progress(record, kept)
+    if not kept["pairs"]:
+        jobs = _folder_jobs(folders)  # refused now, not after the places are made
+        with contextlib.ExitStack() as stack:
+            for kind in recipe.kinds:
+                stack.enter_context(made_folder(out / "pairs" / kind))
+            try:
+                progress.keep()
+                _make_all(jobs, out, recipe, facts["seed"], progress, seconds, most_places,
+                          None if textures is None else str(textures))
+            finally:
+                if _made(out, recipe):
+                    progress.keep()
+                else:
+                    record.unlink(missing_ok=True)
+            kept["pairs"] = _listed(out, recipe)
+    progress.keep()
+    return {kind: [out / "pairs" / kind / name for name in names] for kind, names in kept["pairs"].items()}
+
+
+def _refuse_others(out: Path, recipe: Recipe) -> None:
+    """Raises DataError where a folder without a record holds something already."""
+    if any(out.glob("pairs-*filtered.*")):
+        raise DataError(f"{out}: holds a training without --recipe; choose another --out")
+    checkpoints = (folder / "checkpoint.pt" for folder in (out, *(out / stage.name for stage in recipe.stages)))
+    for made in (*_made(out, recipe), *checkpoints):
+        if made.exists():
+            raise DataError(f"{made}: was not begun by this recipe; choose another --out")
+
+
+class _Progress:
+    """The seconds that making pairs has taken, in all calls together, of each kind of place the most; and their record."""
+
+    def __init__(self, path: Path, kept: Facts):
+        self.path, self.kept = path, kept
+        self.start = time.monotonic() - kept["seconds"]
+        self.most: dict[str, float] = kept.setdefault("most", {})
+
+    def spent(self) -> float:
+        return time.monotonic() - self.start
+
+    def done(self, kind: str, begun: float) -> None:
+        """A place of a kind is done that was begun when so many seconds were spent."""
+        self.most[kind] = round(max(self.most.get(kind, 0.0), self.spent() - begun), 1)
+
+    def in_time(self, kind: str, seconds: float) -> bool:
+        """Whether a place begun now will be done when ``seconds`` are spent: as far as can be told, of a kind that is new."""
+        return self.spent() + self.most.get(kind, seconds / 2) <= seconds
+
+    def keep(self) -> None:
+        """Writes the record; once there are pairs to list, the time stands still."""
+        if not self.kept["pairs"]:
+            self.kept["seconds"] = round(self.spent(), 1)
+        replace_text(self.path, json.dumps(self.kept, indent=1))
+
+
+def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: _Progress, seconds: float,
+              most_places: int, textures: str | None) -> None:
+    """Does the jobs and what an earlier call began, then procedural places in turn, as many as will be done in time."""
+    begun = {path.name.rsplit("-", 1)[0] for path in _made(out, recipe)}
+    places = [_Job(f"place-{number}", number=number) for number in range(most_places)]
+    ready = [job for job in (*jobs, *(place for place in places if place.name in begun)) if not job.done(out, recipe.kinds)]
+    # What is not in time now never will be: those that are passed over need not be asked again.
+    new = (place for place in places if place.name not in begun and progress.in_time(place.kind, seconds))
+    count, waiting = usable_processors(), dict[Future[str], tuple[str, float]]()
+    with workers(count) as pool:
+        while True:
+            while len(waiting) < count and (job := ready.pop(0) if ready else next(new, None)) is not None:
+                spent = progress.spent()
+                waiting[pool.submit(leaving, _make, job, str(out), recipe.kinds, seed, textures)] = job.kind, spent
+            if not waiting:
+                return
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                progress.done(*waiting.pop(future))
+                print(f"pairs: {future.result()}", flush=True)
+            progress.keep()
+
+
+def _made(out: Path, recipe: Recipe) -> list[Path]:
+    """All folders of pairs that are there."""
+    return sorted(path for kind in recipe.kinds for path in (out / "pairs" / kind).glob("*[0-9]") if path.is_dir())
+
+
+def _listed(out: Path, recipe: Recipe) -> dict[str, list[str]]:
+    return {kind: [path.name for path in _made(out, recipe) if path.parent.name == kind] for kind in recipe.kinds}
+
+
+def _folder_jobs(folders: Sequence[Path]) -> list[_Job]:
+    """One for every folder and every size of pictures in it.  Raises DataError where a folder cannot be used."""
+    from model.data.pairs import by_size
+    from model.data.sources import open_places
+
+    jobs: list[_Job] = []
+    for index, folder in enumerate(folders):
+        for group in range(len(by_size(open_places([folder])))):
+            name = folder.name or folder.resolve().name
+            taken = group > 0 or any(job.name == f"folder-{name}" for job in jobs)
+            jobs.append(_Job(f"folder{index}.{group}-{name}" if taken else f"folder-{name}", str(folder), group))
+    return jobs
+
+
+def _make(job: _Job, out: str, kinds: Sequence[str], seed: int, textures: str | None) -> str:
+    """The pairs of a job, in a process of its own.  Returns its name."""
+    import torch
+
+    from model.data.cutout import with_cut_outs
+    from model.data.painting import load_textures
+    from model.data.pairs import build, by_size
+    from model.data.sources import open_places
+
+    torch.set_num_threads(1)
+    use_threads(1)
+    if job.folder:
+        places = by_size(open_places([Path(job.folder)]))[job.group]
+    else:
+        places = [procedural_place(seed * 100_000 + job.number)]
+    paint = load_textures(Path(textures)) if textures is not None else []
+    for kind, reduce, folder in job.targets(Path(out), kinds):
+        if not folder.is_dir():
+            filtered = kind == "filtered"
+            build(with_cut_outs(places, seed) if reduce == 1 else places, folder, seed=job.seed(seed), scans=2,
+                  variants=2 if filtered else 1, preset="auto" if filtered else "off", reduce=reduce, neighbours=reduce == 2,
+                  textures=paint)
+    return job.name
+
+
+def _judge(validation: Path, made: dict[str, Path], out: Path, perceptual: Path | None) -> None:
+    from model.evaluation import evaluate, format_table
+
+    result = evaluate(validation, weights=made, distance_path=perceptual)
+    print(format_table(result), flush=True)
+    (out / "validation.json").write_text(json.dumps(result, indent=1))

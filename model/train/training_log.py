@@ -1,0 +1,91 @@
+"""What a training run says while it runs: a line on the terminal, ``log.jsonl`` always, TensorBoard where it is installed."""
+
+import json
+from collections import defaultdict
+from pathlib import Path
+
+import torch
+from torch import Tensor, nn
+
+from model.common.folders import replace_text
+
+EVERY = 50  # steps between lines
+PICTURES_EVERY = 500
+
+
+class TrainingLog:
+    """Means of the loss's terms over EVERY steps.  shown: False in all processes but the first.
+
+    step: done so far.  What an earlier call told of later ones, which its checkpoint does not hold, is cut off.
+    """
+
+    def __init__(self, out: Path, step: int, *, shown: bool):
+        self.shown, self.count, self.last = shown, 0, 0.0
+        self.sums: defaultdict[str, float | Tensor] = defaultdict(float)
+        if shown:
+            _cut(out / "log.jsonl", step)
+        self.file = (out / "log.jsonl").open("a") if shown else None
+        self.board = None
+        if shown:
+            try:
+                from torch.utils.tensorboard import SummaryWriter
+
+                self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)  # the first to go
+            except ImportError:
+                print("no tensorboard: scalars go to log.jsonl only (pip install tensorboard)", flush=True)
+
+    def __enter__(self) -> "TrainingLog":
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self.file is not None:
+            self.file.close()
+        if self.board is not None:
+            self.board.close()
+
+    def step(self, step: int, terms: dict[str, Tensor], rate: float, spent: float) -> None:
+        """Takes note of a step; spent: seconds of training so far, earlier calls included."""
+        if self.file is None:
+            return
+        for name, value in terms.items():
+            self.sums[name] = self.sums[name] + value.double()  # where it was made: to ask for a number is to wait for a GPU
+        self.count += 1
+        if step % EVERY:
+            return
+        means = {name: float(value) / self.count for name, value in self.sums.items()}
+        pace = (spent - self.last) / self.count if self.last else spent / step
+        self.file.write(json.dumps({"step": step, "seconds": round(spent, 1), "rate": rate, **means}) + "\n")
+        self.file.flush()
+        if self.board is not None:
+            for name, value in {**means, "rate": rate}.items():
+                self.board.add_scalar(name, value, step)
+        print(f"step {step}  {'  '.join(f'{k} {v:.4f}' for k, v in means.items())}  {pace:.2f} s a step", flush=True)
+        self.sums.clear()
+        self.count, self.last = 0, spent
+
+    def pictures(self, step: int, network: nn.Module, batch) -> None:
+        """Now and then, the first crops as filled, as made and as they should be, side by side."""
+        if self.board is None or step % PICTURES_EVERY:
+            return
+        with torch.no_grad():
+            made = network(batch.x[:4])[:, :3].float().clamp(0, 1)
+        rows = torch.cat([batch.x[:4, :3], made, batch.colour[:4]], 3)
+        self.board.add_image("filled, made, true", torch.cat(list(rows.cpu()), 1), step)
+
+
+def _cut(path: Path, step: int) -> None:
+    """Leaves of a log the lines up to a step; one that was torn goes, too."""
+    if not path.is_file():
+        return
+    text = path.read_text("utf-8", errors="replace")
+    kept = "".join(line for line in text.splitlines(keepends=True) if line.endswith("\n") and _step_of(line) <= step)
+    if kept != text:
+        replace_text(path, kept)
+
+
+def _step_of(line: str) -> float:
+    try:
+        step = json.loads(line)["step"]
+    except (ValueError, KeyError, TypeError):
+        step = None
+    return step if isinstance(step, int) else float("inf")

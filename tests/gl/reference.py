@@ -1,0 +1,73 @@
+"""The torch twin run on the very points and draw list the renderer used, for comparison pixel by pixel."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from model.depth_filter import keep_mask
+from model.hole_test import coverage
+from model.noise_level import pixel_noise
+from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
+from model.ray_march import march, rays_of, sparse_depth
+from model.station_weights import station_weights
+from viewer.render.cull import Culler
+from viewer.render.enclosed_directions import OPEN, Directions, Surroundings, cell_of
+from viewer.render.stations import Places, weighs
+
+
+@dataclass
+class TwinFrame:
+    raster: Raster
+    mask: np.ndarray
+    filled: np.ndarray
+    alpha: np.ndarray
+    met: torch.Tensor | None
+
+
+def looked_up(closed: np.ndarray, camera) -> np.ndarray:
+    """(H, W): what ``closed``, by cell of the directions, has for each pixel's."""
+    i, j = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1)
+    return closed.ravel()[cell_of((view @ camera.view_rotation).reshape(-1, 3))].reshape(camera.height, camera.width)
+
+
+def rays_met(around: Directions, camera) -> torch.Tensor | None:
+    """What the rays of a picture met, by the reference implementation; None in a room."""
+    occupancy = around.occupancy
+    if occupancy is None:
+        return None
+    rays, sizes = rays_of(camera, camera.view_rotation.T)
+    sparse = sparse_depth(camera, occupancy.spacing) / occupancy.side
+    return torch.from_numpy(march(occupancy.codes, (camera.position - occupancy.origin) / occupancy.side, rays, sizes, sparse))
+
+
+def directions(scene, camera) -> np.ndarray:
+    """(H, W) int8: what the direction of each pixel is, OPEN, CLOSED or SEALED."""
+    return looked_up(Surroundings(scene).closed(camera.position), camera)
+
+
+def reference_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
+    """Renders with ``model.project`` in float32.  All points of the draw list, in any order."""
+    draw = Culler(scene).select(camera, settings.lod)
+    take = np.repeat(draw.first - np.concatenate([[0], np.cumsum(draw.count)[:-1]]), draw.count) + np.arange(draw.points)
+    cells = torch.from_numpy(np.repeat(draw.slot, draw.count))
+    steps, rgb, station = unpack_points(torch.from_numpy(np.asarray(scene.points[take], np.int64)))
+    x, y, z = view_points(steps, cells, torch.from_numpy(draw.cell_view), torch.from_numpy(draw.axes))
+    soft = SoftZ.preset(settings.soft_z, scene.spacing, metre, unlit=scene.unlit)
+    index, inside = pixels(x, y, z, camera, rounded=soft.rounded)
+    weight, places = None, Places(scene)
+    if weighs(settings, places):
+        seen = places.seen_from(camera)
+        where = torch.from_numpy(np.where(seen[:, 3:] > 0, seen[:, :3], np.nan))
+        weight = station_weights(x[inside], y[inside], z[inside], station[inside], where)
+    raster = rasterise(index, z[inside], rgb[inside], camera.width, camera.height, soft, weight)
+    mask = keep_mask(
+        raster.depth, settings.filter, strength=settings.filter_strength, levels=settings.filter_levels, metre=metre
+    ) & (raster.count > 0)
+    noise = pixel_noise(scene.noise, raster, camera, camera.view_rotation.T, camera.position)
+    packed = network_input(raster, mask, camera.fx, scene.spacing, noise)
+    around = Surroundings(scene).around(camera.position)
+    met = rays_met(around, camera)
+    alpha = np.where(looked_up(around.closed, camera) != OPEN, 1.0, coverage(mask, met).numpy()) * bool(mask.any())
+    return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha, met)

@@ -1,0 +1,152 @@
+"""The window's painter on a GPU that works on its own: what a moving picture cost is told with the next one, and is its own."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from viewer.bench.procedural_scan import EYE, ProceduralScan, procedural_scene
+from viewer.camera import from_fov, look_at
+from viewer.render import renderer as module
+from viewer.render.occlusion import HiddenCells
+from viewer.settings import Memory, Settings
+from viewer.tools.background import COLOURS, composite
+from viewer.window.picture_plan import Plan
+from viewer.window.viewport import Painter
+
+pytestmark = pytest.mark.gl
+
+SIZES = [(128, 96)] * 4 + [(96, 64)] * 3 + [(128, 96)] * 3
+
+
+@pytest.fixture(scope="module")
+def floor():
+    scan = ProceduralScan(1_000_000, 9, seed=1)
+    return scan, procedural_scene(scan)
+
+
+class Told:
+    """A session's part in it.  heard: ("shown" or "cost", what)."""
+
+    def __init__(self, scan):
+        self.choice = SimpleNamespace(settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",),
+                                      background="plain")
+        self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
+        self.flight = SimpleNamespace(moving=True)
+        self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
+        self.size, self.full_plan = SIZES[0], Plan(("filled",), None)
+
+    def accept(self, _):
+        pass
+
+    def failed(self, text):
+        pytest.fail(text)
+
+    def go_on(self, *, moving: bool = True) -> None:
+        self.number += 1
+        angle = 0.3 + 0.1 * self.number
+        ahead = self.eye + (np.cos(angle), np.sin(angle), -0.1)
+        self.camera = from_fov(*SIZES[self.number % len(SIZES)], 60.0, look_at(self.eye, ahead))
+        self.plan = Plan(("filled",), 64.0 + self.number, hides=moving, moving=moving)
+
+    def shown(self, plan, *, hides, approximations):
+        self.heard.append(("shown", plan.level, hides))
+
+    def learn(self, plan, stats):
+        names = ("points_drawn", "occlusion", "cells_drawn")
+        self.heard.append(("cost", plan.level, *(stats.get(name) for name in names)))
+
+    def drew(self, plan, stats):
+        self.shown(plan, hides="occlusion" in stats, approximations=())
+        self.learn(plan, stats)
+
+
+def flown(context, floor, monkeypatch, *, software: bool) -> list[tuple]:
+    known = module.describe_device
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "describe_device", lambda c: replace(known(c), software=software))
+        told = Told(floor[0])
+        painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+        try:
+            assert painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+            painter.renderer.pages.load_all()  # type: ignore[union-attr]
+            for _ in SIZES:
+                told.go_on()
+                painter.paint()
+            told.go_on(moving=False)
+            painter.paint()
+            assert painter.full_picture() is not None
+        finally:
+            painter.release()
+    return told.heard
+
+
+def test_costs_are_those_of_their_own_picture_and_come_with_the_next(context, floor, monkeypatch):
+    at_once, later = (flown(context, floor, monkeypatch, software=software) for software in (True, False))
+    costs = [[entry for entry in heard if entry[0] == "cost"] for heard in (at_once, later)]
+    assert costs[0] == costs[1] and sum(entry[3] is not None for entry in costs[0]) > len(SIZES) // 2
+    assert [entry for entry in at_once if entry[0] == "shown"] == [entry for entry in later if entry[0] == "shown"]
+    kinds = [entry[0] for entry in later]
+    assert kinds[:5] == ["shown", "cost", "shown", "cost", "shown"], "one picture behind"
+    assert kinds.count("shown") == kinds.count("cost") == len(SIZES) + 2, "at rest nothing is left untold"
+
+
+def test_while_something_moves_no_picture_waits_for_its_own_times(context, floor, monkeypatch):
+    """Of the frame under way neither a query nor the tally is read."""
+    known, under_way = module.describe_device, []
+    monkeypatch.setattr(module, "describe_device", lambda c: replace(known(c), software=False))
+    tally = HiddenCells.tally
+    monkeypatch.setattr(HiddenCells, "tally", lambda self, n: under_way.append(n == self.serial) or tally(self, n))
+    told = Told(floor[0])
+    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    try:
+        painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        painter.renderer.pages.load_all()  # type: ignore[union-attr]
+        for _ in range(4):
+            told.go_on()
+            painter.paint()
+            assert painter._frame.times._milliseconds is None  # type: ignore[union-attr]
+        assert len(under_way) == 3 and not any(under_way)
+    finally:
+        painter.release()
+
+
+def test_the_last_picture_of_a_movement_is_told_at_rest_and_once(context, floor, monkeypatch):
+    known = module.describe_device
+    monkeypatch.setattr(module, "describe_device", lambda c: replace(known(c), software=False))
+    told = Told(floor[0])
+    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    try:
+        painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        for _ in range(3):
+            told.go_on()
+            painter.paint()
+        for _ in range(2):
+            painter.settle()
+        assert [entry[0] for entry in told.heard].count("cost") == 3
+        assert [entry[1] for entry in told.heard if entry[0] == "cost"] == [64.0, 65.0, 66.0]
+    finally:
+        painter.release()
+
+
+def test_the_background_chosen_is_behind_what_is_shown_and_what_is_saved(context, floor):
+    """At once: no picture is made again for it."""
+    told = Told(floor[0])
+    told.choice.settings, told.choice.sides = Settings(view="raw", raster="compute", lod=1.0), ("raw",)
+    told.go_on(moving=False)
+    told.plan = told.full_plan = Plan(("raw",), 1.0)
+    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    try:
+        assert painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        saved = painter.full_picture()
+        assert saved is not None and painter._frame is not None
+        image = painter._frame.image("raw")
+        assert (image[..., 3] == 0).any() and np.array_equal(saved, composite(image, "plain"))
+        for background in COLOURS:
+            told.choice.background = background
+            assert np.array_equal(painter.show().read(), composite(image, background))
+            assert np.array_equal(painter.full_picture(), composite(image, background))  # type: ignore[arg-type]
+    finally:
+        context.detect_framebuffer(0).use()  # the canvas must not stay bound
+        painter.release()

@@ -1,0 +1,80 @@
+"""The dark rim of what a scanner did not see is no colour; what is merely dark is."""
+
+import numpy as np
+import pytest
+from cloud_files import SCANS, write_las, write_ply
+from scipy.spatial.transform import Rotation
+
+from viewer.grid.info import facts, format_text
+from viewer.grid.open_scene import open_scene
+from viewer.grid.scene import unpack
+from viewer.preprocess.black_border import DARK, rim_share
+
+
+def floor(seed: int, hole: float = 0.6, count: int = 60_000) -> tuple[np.ndarray, np.ndarray]:
+    """xyz (n, 3) and rgb (n, 3) of a bright floor of 4 x 4 around a round hole, its points a little rough."""
+    random = np.random.default_rng(seed)
+    xyz = np.column_stack([random.uniform(-2, 2, (count, 2)), random.normal(0, 0.001, count)])
+    xyz = xyz[np.hypot(xyz[:, 0], xyz[:, 1]) > hole]
+    return xyz, random.integers(90, 200, (len(xyz), 3), dtype=np.uint8)
+
+
+def ring(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The floor with a dark rim around its hole, and which points are of the rim."""
+    xyz, rgb = floor(seed)
+    rim = np.hypot(xyz[:, 0], xyz[:, 1]) < 0.615
+    rgb[rim] = np.random.default_rng(seed).integers(1, DARK, (int(rim.sum()), 3))
+    return xyz, rgb, rim
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
+def test_a_dark_rim_around_a_hole_is_known_at_any_scale_and_from_any_side(scale):
+    for seed in range(4):
+        xyz, rgb, rim = ring(seed)
+        turn = Rotation.from_euler("xyz", np.random.default_rng(seed).uniform(0, 360, 3), degrees=True)
+        assert rim_share(scale * (turn.apply(xyz) + [30.0, -7.0, 2.0]), rgb) == rim.mean() > 0.0
+
+
+def test_what_is_merely_dark_stays_a_colour():
+    random = np.random.default_rng(3)
+    xyz, rgb = floor(3)
+    shadow = rgb.copy()
+    shadow[np.hypot(xyz[:, 0] - 1.2, xyz[:, 1]) < 0.15] //= 40
+    assert (shadow.max(axis=1) < DARK).sum() > 100 and rim_share(xyz, shadow) == 0.0, "bright floor goes on to all sides of it"
+
+    cable = np.column_stack([random.uniform(-2, 2, 400), random.normal(1, 0.003, 400), random.normal(0.08, 0.003, 400)])
+    both = np.concatenate([xyz, cable]), np.concatenate([rgb, random.integers(0, DARK, (400, 3), dtype=np.uint8)])
+    assert rim_share(*both) == 0.0, "a cable stands off the wall"
+
+    dim = (rgb // 5).astype(np.uint8)
+    dim[np.hypot(xyz[:, 0], xyz[:, 1]) < 0.615] = 3
+    assert rim_share(xyz, dim) == 0.0, "where all is dim, so is the edge"
+
+    wide = rgb.copy()
+    wide[np.hypot(xyz[:, 0], xyz[:, 1]) < 0.75] = 3
+    assert rim_share(xyz, wide) == 0.0, "a rim is thin"
+    assert rim_share(xyz, rgb) == 0.0 and rim_share(xyz[:50], rgb[:50]) == 0.0
+
+
+def test_the_rim_is_filled_in_from_around_in_the_file_that_has_one(tmp_path):
+    xyz, rgb, rim = ring(7)
+    other, dark = floor(8)
+    dark[np.hypot(other[:, 0] - 1.2, other[:, 1]) < 0.15] = 5
+    blind = write_las(tmp_path / "blind.laz", xyz, rgb.astype(np.uint16) * 257)
+    files = [blind, write_ply(tmp_path / "dark.ply", other + [9.0, 0, 0], dark)]
+    scene = open_scene(files, cache=False)
+    points, colours, _, _ = unpack(scene)
+    lost = ~colours.any(axis=1)
+    assert scene.unlit and lost.sum() == rim.sum() and (points[lost, 0] < 3).all()
+    said = f"blind.laz: {100 * rim.mean():.1g}% of the points, at the dark rim of what the scanner did not see, have no colour"
+    assert said in format_text(facts(scene))
+    assert "dark.ply" not in "".join(scene.meta["warnings"])
+    plain = open_scene(files, cache=False, match=False)
+    assert not plain.unlit and unpack(plain)[1].any(axis=1).all(), "as scanned means as scanned"
+
+
+@pytest.mark.skipif(not (SCANS / "plant_room.laz").is_file(), reason="real scans are on some machines only")
+@pytest.mark.parametrize(("name", "has"), [("plant_room.laz", True), ("lion_takanawa.copc.laz", False), ("pumpA.e57", False)])
+def test_of_real_scans_the_plant_room_has_such_a_rim(name, has):
+    told = [text for text in open_scene([SCANS / name], cache=False).meta["warnings"] if "at the dark rim" in text]
+    assert bool(told) == has

@@ -1,0 +1,384 @@
+"""The grid: every point once, where it was, in a layer drawn fairly, the same as a plain NumPy twin makes it."""
+
+import itertools
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from cloud_files import surface
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from viewer.errors import InputError
+from viewer.grid import density_layers as layers
+from viewer.grid import histogram as histogram_module
+from viewer.grid import kernels
+from viewer.grid import scatter as scatter_module
+from viewer.grid import two_passes as grid_module
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.grid.scene import unpack
+from viewer.readers import arrays as arrays_module
+from viewer.readers.source import Chunk
+
+PARTS = [int(f"{number:06b}"[::-1], 2) for number in range(64)]
+"""Of each 64 points of a layer and cell, the one that goes into the first part, the second, ..."""
+SLOW = settings(deadline=None, max_examples=15, suppress_health_check=list(HealthCheck))
+
+
+def trailing_zeros(count):
+    z = np.arange(count, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(0x706F696E74676C61)
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z ^= z >> np.uint64(31)
+    bits = (z[:, None] >> np.arange(15, dtype=np.uint64)) & np.uint64(1)
+    return np.where(bits.any(axis=1), bits.argmax(axis=1), 15)
+
+
+def test_cells_are_counted_up_to_a_limit(seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(60):
+        xyz = rng.normal(size=(int(rng.integers(1, 4000)), 3)) * 10.0 ** rng.uniform(-3, 3) + 10.0 ** rng.uniform(-3, 19)
+        size, limit = 2.0 ** rng.integers(-8, 12), int(rng.integers(1, 5000))
+        room = np.empty((2 << limit.bit_length(), 3))
+        cells = len(np.unique(np.floor(xyz / size), axis=0))
+        assert kernels.occupied(xyz, 1 / size, limit, room) == min(cells, limit + 1)
+
+
+def test_quantiles_are_numpys():
+    rng = np.random.default_rng()
+    for _ in range(200):
+        points = np.round(rng.normal(0, 10, (int(rng.integers(1, 300)), 3)), int(rng.integers(0, 5)))
+        shares = (0.0, 0.02, 0.5, 0.98, 1.0)
+        expected = np.quantile(points, shares, axis=0, method="nearest")
+        assert np.array_equal(histogram_module._quantiles(points, shares), expected)
+
+
+def morton(cell):
+    return sum((int(v) >> bit & 1) << (3 * bit + axis) for axis, v in enumerate(cell) for bit in range(32))
+
+
+def twin(xyz, rgb, intensity, scan):
+    """The whole build in plain NumPy, for clouds small enough to hold every intermediate."""
+    n = len(xyz)
+    middle = np.sort(xyz, axis=0)[[int(0.02 * n), int(0.98 * n)]]
+    size = 2.0 ** np.floor(np.log2((middle[1] - middle[0]).max() / 4096))
+    while True:
+        cells, inverse, counts = np.unique(np.floor(xyz / size), axis=0, return_inverse=True, return_counts=True)
+        fullest = np.sort(counts)[::-1].cumsum()
+        if 0.95 * n / (np.searchsorted(fullest, 0.95 * n) + 1) >= min(4096, 0.95 * n / 8):
+            break
+        size *= 2
+    base = cells.min(axis=0)
+    order = sorted(range(len(cells)), key=lambda i: morton(cells[i] - base))
+    rank = np.empty(len(cells), int)
+    rank[order] = np.arange(len(cells))
+    depth = int(np.clip(1 + np.ceil(np.log2(n / 2**15) / 3), 1, 6))
+    bucket = np.maximum(depth - 1 - trailing_zeros(n) // 3, 0) * len(cells) + rank[inverse.reshape(-1)]
+    offsets = np.concatenate([[0], np.bincount(bucket, minlength=depth * len(cells)).cumsum()])
+    unit = xyz / size
+    q = np.minimum(np.floor((unit - np.floor(unit)) * 65536), 65535).astype(np.uint32)
+    c = rgb.astype(np.uint32)
+    words = np.stack([
+        q[:, 0] | q[:, 1] << 16, q[:, 2] | intensity.astype(np.uint32) << 16,
+        c[:, 0] | c[:, 1] << 8 | c[:, 2] << 16 | scan.astype(np.uint32) << 24,
+    ], axis=1)  # fmt: skip
+    words = words[np.argsort(bucket, kind="stable")]
+    for start, stop in itertools.pairwise(offsets):
+        words[start:stop] = np.concatenate([words[start:stop][first::64] for first in PARTS])
+    return words, (cells[order] - base), offsets, base * size, size
+
+
+def attributes(n, seed=0):
+    random = np.random.default_rng(seed)
+    return random.integers(0, 65536, n).astype(np.uint16), random.integers(0, 256, n).astype(np.uint8)
+
+
+@SLOW
+# a subnormal origin is left out: -5e-324 divided by a cell of 2 is no longer negative, here and in the twin
+@given(n=st.integers(200, 90_000), exponent=st.floats(-3, 6), origin=st.floats(-1e7, 1e7, allow_subnormal=False),
+       seed=st.integers(0, 1000))
+def test_the_grid_equals_its_numpy_twin_bit_for_bit(n, exponent, origin, seed):
+    xyz, rgb = surface(n, seed)
+    xyz = xyz * 10**exponent + origin * np.array([1, -0.7, 0.01])
+    intensity, scan = attributes(n, seed)
+    scene = scene_from_arrays(xyz, rgb, intensity=intensity, scan=scan)
+    points, cells, offsets, base, size = twin(xyz, rgb, intensity, scan)
+    assert scene.cell_size == size
+    np.testing.assert_array_equal(scene.origin, base)
+    np.testing.assert_array_equal(scene.cell_coords, cells)
+    np.testing.assert_array_equal(scene.offsets, offsets)
+    np.testing.assert_array_equal(scene.points, points)
+
+
+@SLOW
+@given(n=st.integers(1, 3000), exponent=st.integers(-12, 20), seed=st.integers(0, 1000))
+def test_unpacking_gives_points_back_to_half_a_step(n, exponent, seed):
+    xyz, rgb = surface(n, seed)
+    xyz = (xyz - 2.0) * 1.7**exponent
+    intensity, scan = attributes(n, seed)
+    scene = scene_from_arrays(xyz, rgb, intensity=intensity, scan=scan)
+    back, colours, levels, scans = unpack(scene)
+    # the order changed: match points by what else they carry, where that is different for all
+    key = np.lexsort((levels, scans, *colours.T))
+    want = np.lexsort((intensity, scan, *rgb.T))
+    np.testing.assert_array_equal(colours[key], rgb[want])
+    np.testing.assert_array_equal(levels[key], intensity[want])
+    distinct = len(np.unique(np.column_stack([rgb, intensity, scan]), axis=0)) == n
+    if distinct:
+        assert np.abs(back[key] - xyz[want]).max() <= scene.step * 0.5 * (1 + 1e-9) + np.abs(xyz).max() * 1e-15
+    assert scene.count == n == len(back)
+    assert [s["count"] for s in scene.meta["scans"]] == np.bincount(scan).tolist()
+
+
+def test_every_layer_has_seven_eighths_of_it_and_all_before_and_every_point_appears_once():
+    n = 400_000
+    xyz, _ = surface(n)
+    number = np.arange(n)
+    rgb = np.stack([number & 255, number >> 8 & 255, number >> 16], axis=1).astype(np.uint8)
+    scene = scene_from_arrays(xyz, rgb)
+    cells = len(scene.cell_coords)
+    ends = scene.offsets[cells::cells]
+    assert scene.layers == 3 and ends[-1] == n
+    for k, end in enumerate(ends):
+        assert abs(end / n - 8.0 ** (k + 1 - scene.layers)) < 0.01 * 8.0 ** (k + 1 - scene.layers) + 0.002
+    _, colours, _, _ = unpack(scene)
+    found = colours[:, 0].astype(int) | colours[:, 1].astype(int) << 8 | colours[:, 2].astype(int) << 16
+    np.testing.assert_array_equal(np.sort(found), number)
+    first = found[: ends[0]]  # the coarsest layer: uniform over the file's order and over space
+    assert abs(first.mean() / n - 0.5) < 0.01
+    quarters = np.histogram2d(xyz[first, 0], xyz[first, 1], bins=4)[0]
+    assert quarters.min() > 0.8 * quarters.mean()
+
+
+def test_the_first_parts_of_a_layer_and_cell_are_spread_over_the_files_order():
+    n = 100_000
+    xyz, _ = surface(n)
+    number = np.arange(n)
+    rgb = np.stack([number & 255, number >> 8 & 255, number >> 16], axis=1).astype(np.uint8)
+    scene = scene_from_arrays(xyz, rgb)
+    assert scene.parts == 64
+    c = unpack(scene)[1].astype(int)
+    found = c[:, 0] | c[:, 1] << 8 | c[:, 2] << 16
+    for start, stop in itertools.pairwise(scene.offsets):
+        run, size = found[start:stop], stop - start
+        rank = np.empty(size, int)
+        rank[np.argsort(run)] = np.arange(size)  # in the file's order
+        for parts in range(1, 65):
+            taken = size // 64 * parts + layers.PART_EXTRA[size % 64, parts]
+            assert taken >= size * parts / 64 - 1e-9 and taken - size * parts / 64 < 3
+            gaps = np.diff(np.sort(rank[:taken]), prepend=-1, append=size)
+            assert gaps.max() <= 64 >> (parts.bit_length() - 1)
+
+
+@pytest.mark.parametrize("exponent", [-20, -3, 1, 12, 30])
+def test_scaling_by_a_power_of_two_changes_no_bit(exponent):
+    xyz, rgb = surface(60_000, origin=(1000.25, -3.0, 7.0))
+    one, other = scene_from_arrays(xyz, rgb), scene_from_arrays(xyz * 2.0**exponent, rgb)
+    np.testing.assert_array_equal(one.points, other.points)
+    np.testing.assert_array_equal(one.cell_coords, other.cell_coords)
+    np.testing.assert_array_equal(one.offsets, other.offsets)
+    assert other.cell_size == one.cell_size * 2.0**exponent
+    assert other.spacing == one.spacing * 2.0**exponent
+    np.testing.assert_array_equal(other.origin, one.origin * 2.0**exponent)
+
+
+@pytest.mark.parametrize("cells", [(1, 0, 0), (-3, 5, 1), (1_000_000, -2_000_000, 77)])
+def test_shifting_by_whole_cells_changes_no_bit(cells):
+    xyz, rgb = surface(60_000)
+    one = scene_from_arrays(xyz, rgb)
+    shift = np.array(cells) * one.cell_size
+    other = scene_from_arrays(xyz + shift, rgb)  # exact: coordinates are multiples of 1/4096
+    np.testing.assert_array_equal(one.points, other.points)
+    np.testing.assert_array_equal(one.cell_coords, other.cell_coords)
+    np.testing.assert_array_equal(one.offsets, other.offsets)
+    np.testing.assert_array_equal(one.origin + shift, other.origin)
+
+
+def test_the_grid_depends_neither_on_chunks_nor_on_processors(monkeypatch):
+    xyz, rgb = surface(150_000)
+    one = scene_from_arrays(xyz, rgb)
+    for chunk, block, processors in ((10_007, 1000, 5), (60_000, 77_777, 1)):
+        monkeypatch.setattr(arrays_module, "CHUNK", chunk)
+        monkeypatch.setattr(scatter_module, "BLOCK", block)
+        monkeypatch.setattr(grid_module, "processors", lambda processors=processors: processors)
+        other = scene_from_arrays(xyz, rgb)
+        np.testing.assert_array_equal(one.points, other.points)
+        np.testing.assert_array_equal(one.offsets, other.offsets)
+        np.testing.assert_array_equal(one.boxes, other.boxes)
+
+
+@pytest.mark.parametrize("processors", [1, 2, 5])
+def test_nothing_is_written_by_two_threads_at_a_time(monkeypatch, processors):
+    """Blocks are packed while others are, and placed: some late, each in arrays that nobody else has at the time."""
+    pack, place, calls = kernels.pack_points, kernels.place_points, itertools.count()
+    busy, shared, lock = {}, [], threading.Lock()
+
+    def alone(work, own, *arguments):
+        names = [arguments[k].ctypes.data for k in own]
+        with lock:
+            shared.extend(name for name in names if name in busy)
+            busy.update(dict.fromkeys(names))
+            late = next(calls) % 7 == 0
+        if late:
+            time.sleep(0.01)
+        done = work(*arguments)
+        with lock:
+            for name in names:
+                busy.pop(name, None)
+        return done
+
+    monkeypatch.setattr(scatter_module, "BLOCK", 2_000)
+    monkeypatch.setattr(grid_module, "processors", lambda: processors)
+    monkeypatch.setattr(kernels, "pack_points", lambda *a: alone(pack, (-3, -2, -1), *a))  # buckets, words, marks
+    monkeypatch.setattr(kernels, "place_points", lambda *a: alone(place, (), *a))
+    xyz, rgb = surface(60_000)
+    made = scene_from_arrays(xyz, rgb)
+    assert next(calls) > 60 and not shared
+    monkeypatch.undo()
+    plain = scene_from_arrays(xyz, rgb)
+    np.testing.assert_array_equal(made.points, plain.points)
+    np.testing.assert_array_equal(made.boxes, plain.boxes)
+
+
+def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):
+    """Full tables, while either thread is a chunk further than the other."""
+    random = np.random.default_rng(4)
+    xyz = random.normal(0, 0.01, (200_000, 3))
+    xyz[20_000:] = np.cumsum(random.normal(0, 1, (180_000, 3)), axis=0)  # ever further: cells are merged again and again
+    rgb = random.integers(0, 256, (len(xyz), 3), dtype=np.uint8)
+    monkeypatch.setattr(arrays_module, "CHUNK", 20_000)
+    count, room, merged = kernels.count_points, histogram_module.Histogram._make_room, []
+    monkeypatch.setattr(histogram_module.Histogram, "_make_room", lambda self: (merged.append(1), room(self)))
+    scenes = []
+    for slow in (None, 0, 1):
+
+        def counted(rows, start, *rest, slow=slow):
+            if slow == (start > 0):
+                time.sleep(0.02)
+            return count(rows, start, *rest)
+
+        monkeypatch.setattr(kernels, "count_points", counted)
+        scenes.append(scene_from_arrays(xyz, rgb))
+    assert len(merged) >= 3 * 2
+    for other in scenes[1:]:
+        assert other.cell_size == scenes[0].cell_size
+        np.testing.assert_array_equal(other.points, scenes[0].points)
+        np.testing.assert_array_equal(other.offsets, scenes[0].offsets)
+
+
+def test_points_unpack_alike_however_they_are_asked_for():
+    scene = scene_from_arrays(*surface(5_000))
+    for part in (slice(3, 4_000), slice(3, 4_000, 7), slice(None, None, 11), slice(None, None, -1), slice(7, 7)):
+        for one, other in zip(unpack(scene, part), unpack(scene, np.arange(5_000)[part]), strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
+def test_one_point_and_equal_points_make_a_scene():
+    for xyz in ([[1.5, 2.5, -3.5]], [[0.0, 0.0, 0.0]], [[4.1e6, 5.2e6, 100.0]] * 1000):
+        scene = scene_from_arrays(np.array(xyz), np.full((len(xyz), 3), 9, np.uint8))
+        assert scene.count == len(xyz) and scene.spacing > 0 and scene.cell_size > 0
+        np.testing.assert_allclose(unpack(scene)[0], xyz, rtol=0, atol=scene.step)
+
+
+def test_points_that_are_not_finite_are_dropped_and_counted():
+    xyz, rgb = surface(10_000)
+    bad = xyz.copy()
+    bad[::100, 1] = np.nan
+    bad[50::100, 2] = np.inf
+    scene = scene_from_arrays(bad, rgb)
+    assert scene.count == 9800 and scene.meta["dropped"] == {"nan": 200, "invalid": 0, "stray": 0}
+    assert np.isfinite(unpack(scene)[0]).all() and np.isfinite(scene.bounds).all()
+    with pytest.raises(InputError, match="none of its 10,000 points is valid"):
+        scene_from_arrays(np.full_like(xyz, np.nan), rgb)
+
+
+def test_points_beyond_all_places_are_not_called_invalid():
+    xyz, rgb = surface(1000)
+    with pytest.raises(InputError, match=r"all of its 1,000 points are too far from zero \(beyond 1e\+20\)") as caught:
+        scene_from_arrays(xyz + 1e30, rgb)
+    assert "not finite" not in str(caught.value)
+    with pytest.raises(InputError, match=r"none of its 1,000 points is valid .*too far from zero"):
+        scene_from_arrays(np.where(np.arange(1000)[:, None] % 2, xyz + 1e30, np.nan), rgb)
+
+
+def test_a_stray_point_far_away_costs_nothing():
+    xyz, rgb = surface(50_000)
+    one = scene_from_arrays(xyz, rgb)
+    far = xyz.copy()
+    far[40_000] = (1e5, -1e5, 3e4)
+    scene = scene_from_arrays(far, rgb)
+    assert scene.cell_size == one.cell_size and len(scene.cell_coords) <= len(one.cell_coords) + 1
+    far[40_000] = 1e30
+    scene = scene_from_arrays(far, rgb)
+    assert scene.count == 49_999 and scene.meta["dropped"]["stray"] == 1 and scene.bounds.max() < 10
+    assert "1 stray point absurdly far from the rest left out" in scene.meta["warnings"]
+
+
+@pytest.mark.parametrize("far", [90, 300, 3000, 10_000])
+def test_a_scan_that_goes_on_far_from_where_it_began_is_kept_whole(monkeypatch, far):
+    """A hundredth of a chunk, and less, is taken for strays."""
+    monkeypatch.setattr(arrays_module, "CHUNK", 10_000)
+    a, rgb = surface(10_000, size=1e-3)
+    b, _ = surface(10_000, size=1e-3, seed=1)
+    b[-far:] = surface(far, origin=(1e8, 0, 0))[0]
+    scene = scene_from_arrays(np.concatenate([a, b]), np.concatenate([rgb, rgb]))
+    strays = far if far <= 100 else 0
+    assert scene.count == 20_000 - strays and scene.meta["dropped"]["stray"] == strays
+
+
+def test_tight_clusters_far_apart_stay_resolved():
+    random = np.random.default_rng(3)
+    middles = random.random((40, 3)) * 5000
+    xyz = (middles[:, None] + random.random((40, 500, 3)) * [0.1, 0.1, 0.0]).reshape(-1, 3)
+    scene = scene_from_arrays(xyz, np.zeros((len(xyz), 3), np.uint8))
+    assert scene.step <= scene.spacing / 4
+    assert 0.5 < scene.spacing / np.sqrt(0.01 / 500) < 2
+
+
+def test_unpack_takes_any_index():
+    xyz, rgb = surface(70_000)
+    scene = scene_from_arrays(xyz, rgb)
+    whole = unpack(scene)[0]
+    cells = scene.cell_of_points()
+    assert cells.dtype == np.int32 and len(cells) == scene.count
+    some = np.array([5, 69_999, 0, 33])
+    np.testing.assert_array_equal(unpack(scene, some)[0], whole[some])
+    np.testing.assert_array_equal(unpack(scene, slice(10, 500))[0], whole[10:500])
+    np.testing.assert_array_equal(unpack(scene, slice(None, None, 7))[0], whole[::7])
+    np.testing.assert_array_equal(unpack(scene, slice(9, 9))[0], whole[:0])
+    np.testing.assert_array_equal(unpack(scene, 12)[0], whole[12:13])
+
+
+def test_scans_are_numbered_through_all_files_and_share_the_last_number():
+    files = [SimpleNamespace(scans=[None] * count, turns=np.zeros(0, np.int64)) for count in (200, 100)]
+    numbers = [scatter_module._scan_numbers(files, file, Chunk(np.zeros((3, 3)), scan=scan), 7).tolist()  # type: ignore[arg-type]
+               for file, scan in ((0, 0), (0, 199), (1, 0), (1, 54), (1, 55), (1, 99))]  # fmt: skip
+    assert numbers == [[n] * 3 for n in (0, 199, 200, 254, 255, 255)]
+    files[1] = SimpleNamespace(scans=[None] * 3, turns=np.array([2, 5]))  # stations told by the order of points
+    turned = scatter_module._scan_numbers(files, 1, Chunk(np.zeros((6, 3))), 1)  # type: ignore[arg-type]
+    assert turned.tolist() == [200, 201, 201, 201, 202, 202]
+
+
+def test_arrays_that_do_not_fit_are_named():
+    xyz, rgb = surface(10)
+    with pytest.raises(InputError, match="rgb: expected"):
+        scene_from_arrays(xyz, rgb[:5])
+    with pytest.raises(InputError, match="rgb: expected"):
+        scene_from_arrays(xyz, rgb.astype(np.uint16))
+    with pytest.raises(InputError, match="xyz: expected"):
+        scene_from_arrays(xyz[:, :2], rgb)
+    with pytest.raises(InputError, match="holds no points"):
+        scene_from_arrays(xyz[:0], rgb[:0])
+
+
+def test_a_scan_too_large_for_memory_is_built_in_a_nameless_file(monkeypatch):
+    from viewer.grid import open_scene as build
+
+    xyz, rgb = surface(5000)
+    one = scene_from_arrays(xyz, rgb)
+    monkeypatch.setattr(build, "_IN_MEMORY", 4999)
+    other = scene_from_arrays(xyz, rgb)
+    assert isinstance(other.points, np.memmap)
+    np.testing.assert_array_equal(one.points, other.points)

@@ -1,0 +1,154 @@
+"""Runs of points photographed apart: their gains undone at any scale and in any format, and nothing else touched."""
+
+import numpy as np
+import pytest
+from cloud_files import write_las, write_ply
+
+from model.scan_runs import BLOCKS, ITERATIONS, LIFT, SETTLE, STAY, TOLERANCE, _alternate, _apply, solve_passes
+from viewer.grid.info import facts, format_text
+from viewer.grid.open_scene import open_scene
+from viewer.grid.scene import unpack
+
+
+def _swept(rng, *, runs=40, length=3_000, apart=1.2, spread=0.25, noise=1.5):
+    """A printed floor swept by runs, each over its own patch with its own gains: xyz, true colours, colours, run."""
+    xyz, run = [], np.repeat(np.arange(runs), length)
+    for _ in range(runs):
+        low = rng.uniform(0, apart, 2)
+        flat = low + rng.uniform(0, 0.8, (length, 2))
+        xyz.append(np.column_stack([flat[np.argsort(flat[:, 0])], 0.0005 * rng.normal(size=length)]))
+    xyz = np.concatenate(xyz)
+    checks = np.where((np.floor(xyz[:, :2] / 0.1).sum(1) % 2 == 0)[:, None], 35, -35)
+    true = 120 + 40 * np.sin(5 * xyz[:, :1]) * (1, 0.5, -0.5) + checks
+    gains = np.exp(rng.uniform(-spread, spread, (runs, 3)))
+    rgb = np.clip(np.rint(true * gains[run] + noise * rng.normal(size=true.shape)), 1, 255).astype(np.uint8)
+    return xyz, true, rgb, run
+
+
+def _between(rgb, true):
+    """How far colours are from a multiple of the true ones, as a root mean square of log ratios."""
+    ratio = np.log(rgb.astype(float) + LIFT) - np.log(true + LIFT)
+    return float(np.sqrt(((ratio - ratio.mean(0)) ** 2).mean()))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e5])
+def test_gains_of_runs_are_undone_and_print_stays_sharp(seed, scale):
+    rng = np.random.default_rng(seed)
+    xyz, true, rgb, run = _swept(rng)
+    found = solve_passes(xyz * scale + 100 * scale, rgb, np.arange(len(xyz)))
+    assert found.worth
+    matched = found.apply(rgb, 0)
+    assert _between(matched, true) < 0.4 * _between(rgb, true)
+    steps = np.abs(np.log(true[:, 0]) - np.log(true[:, 0]).mean())
+    assert np.corrcoef(np.log(matched[:, 0].astype(float)), np.log(true[:, 0]))[0, 1] > 0.95 and steps.max() > 0.2
+    inner = np.flatnonzero(np.diff(run) == 0)
+    contrast = [np.std(np.log(c[inner, 1].astype(float))) for c in (matched, true)]
+    assert contrast[0] == pytest.approx(contrast[1], rel=0.08), "the checks are as strong as they were"
+
+
+def test_blocks_are_as_long_as_the_runs_allow(seed):
+    """Short ones would follow the print: what whole stations differ by is told by long ones."""
+    rng = np.random.default_rng(seed)
+    lengths = []
+    for runs, length in ((3, 60_000), (60, 3_000), (1500, 120)):
+        xyz, true, rgb, _ = _swept(rng, runs=runs, length=length, apart=0.2)  # all runs meet
+        found = solve_passes(xyz, rgb, np.arange(len(xyz)))
+        assert found.worth
+        lengths.append(len(xyz) / len(found.at))
+        assert _between(found.apply(rgb, 0), true) < 0.6 * _between(rgb, true)
+    assert lengths[0] > 1000 and lengths[0] >= lengths[1] > lengths[2]
+
+
+def test_one_run_equal_runs_and_no_order_keep_every_colour(seed):
+    rng = np.random.default_rng(seed)
+    xyz, _, alike, run = _swept(rng, spread=0.0)
+    _, _, rgb, _ = _swept(np.random.default_rng(seed))
+    order = rng.permutation(len(xyz))
+    for points, colours in ((xyz, alike), (xyz[run == 0], alike[run == 0]), (xyz[order], rgb[order])):
+        found = solve_passes(points, colours, np.arange(len(points)))
+        assert not found.worth and np.all(found.factors == 1)
+    flat = np.full((5_000, 3), 90, np.uint8)
+    assert not solve_passes(xyz[:5_000], flat, np.arange(5_000)).worth
+    stripes = np.where(np.floor(xyz[:, :1] / 0.02) % 2 == 0, 200, 40).astype(np.uint8).repeat(3, 1)
+    assert not solve_passes(xyz, stripes, np.arange(len(xyz))).worth, "print along the lines of a scan is print"
+
+
+@pytest.mark.parametrize("count", [0, 1, BLOCKS[-1], BLOCKS[-1] + 1, 500])
+def test_few_points_in_one_place(count):
+    found = solve_passes(np.zeros((count, 3)), np.full((count, 3), 7, np.uint8), np.arange(count))
+    assert not found.worth
+
+
+def test_solver_agrees_with_its_plain_twin(seed):
+    rng = np.random.default_rng(seed)
+    count, voxels, blocks = 3_000, 150, 40
+    log = rng.normal(4, 0.2, (count, 3)).astype(np.float32)
+    voxel, block = rng.integers(voxels, size=count), np.sort(rng.integers(blocks, size=count))
+    gains = np.zeros((blocks, 3))
+    before, after = _alternate(log, voxel, block, voxels, gains, ITERATIONS)
+    twin, weight, variances = np.zeros((blocks, 3)), np.ones(count), []
+    shared = np.array([len(np.unique(block[voxel == v])) > 1 for v in range(voxels)])[voxel]
+    for iteration in range(-SETTLE, ITERATIONS + 1):
+        rest = log - twin[block]
+        mean = np.stack([np.bincount(voxel, weight * rest[:, c], voxels) for c in range(3)], 1)
+        rest = (rest - (mean / np.bincount(voxel, weight, voxels)[:, None])[voxel])[shared]
+        weight[shared] = np.minimum(TOLERANCE / np.abs(rest).mean(1), 1)
+        variances.append((weight[shared] * (rest**2).sum(1)).sum())
+        if 0 <= iteration < ITERATIONS:
+            change = np.stack([np.bincount(block[shared], weight[shared] * rest[:, c], blocks) for c in range(3)], 1)
+            twin += change / (np.bincount(block[shared], weight[shared], blocks) + STAY)[:, None]
+    assert np.abs(gains - twin).max() < 1e-4
+    assert (before, after) == pytest.approx((variances[SETTLE], variances[-1]), rel=1e-4)
+
+
+def test_applying_agrees_with_interpolation(seed):
+    rng = np.random.default_rng(seed)
+    at, factors = np.sort(rng.uniform(0, 5_000, 60)), rng.uniform(0.5, 2, (60, 3))
+    rgb = rng.integers(0, 256, (4_000, 3), dtype=np.uint8)
+    rgb[::50] = 0
+    for first in (0, 900, 4_990):
+        made = np.empty_like(rgb)
+        _apply(rgb, first, at, factors, made)
+        factor = np.stack([np.interp(first + np.arange(len(rgb)), at, factors[:, c]) for c in range(3)], 1)
+        plain = np.clip((rgb + LIFT) * factor - LIFT, 1, 255)
+        plain[~rgb.any(1)] = 0
+        assert np.abs(made - plain).max() <= 0.5 + 1e-6 and not made[~rgb.any(1)].any() and made[rgb.any(1)].min() >= 1
+
+
+@pytest.mark.parametrize("kind", ["laz", "laz 16-bit", "ply", "two plys"])
+def test_a_merged_scan_is_matched_on_opening_and_left_alone_when_asked(tmp_path, seed, kind):
+    xyz, true, rgb, _ = _swept(np.random.default_rng(seed), length=2_000)
+    xyz = np.round(xyz * 65536) / 65536
+    if kind.startswith("laz"):
+        files = [write_las(tmp_path / "a.laz", xyz, rgb.astype(np.uint16) * (257 if "16" in kind else 1), scale=1 / 65536)]
+    elif kind == "ply":
+        files = [write_ply(tmp_path / "a.ply", xyz, rgb)]
+    else:
+        half = len(xyz) // 2
+        files = [write_ply(tmp_path / f"{n}.ply", xyz[s], rgb[s]) for n, s in (("a", slice(half)), ("b", slice(half, None)))]
+    matched, plain = (open_scene(files, cache=False, match=match) for match in (True, False))
+    assert facts(matched)["passes"]["applied"] and "photographed apart" in format_text(facts(matched))
+    assert facts(plain).get("passes") is None and "photographed apart" not in format_text(facts(plain))
+    # both scenes hold the same points in the same order: the true colours are those of the nearest given point
+    from scipy.spatial import KDTree
+
+    points, colours, _, _ = unpack(matched)
+    near = KDTree(xyz).query(points)[1]
+    assert _between(colours, true[near]) < 0.5 * _between(unpack(plain)[1], true[near])
+
+
+def test_materials_written_one_after_the_other_keep_their_colours(seed):
+    """Leaves and bark mixed in one surface, by class: runs explain nearly all that differs, but not as exposures do."""
+    rng = np.random.default_rng(seed)
+    xyz = rng.random((60_000, 3)) * (2.0, 2.0, 0.01)
+    colour = np.repeat([[60, 150, 40], [150, 70, 60]], len(xyz) // 2, axis=0)
+    rgb = np.clip(colour + rng.normal(0, 4, xyz.shape), 1, 255).astype(np.uint8)
+    assert not solve_passes(xyz, rgb, np.arange(len(xyz))).worth
+
+
+def test_a_handful_of_points_tells_nothing(seed):
+    rng = np.random.default_rng(seed)
+    xyz = rng.random((150, 3)) * 0.1
+    rgb = np.repeat([[90, 90, 90], [180, 180, 180]], 75, axis=0).astype(np.uint8)
+    found = solve_passes(xyz, rgb, np.arange(len(xyz)))
+    assert not found.worth and np.array_equal(found.apply(rgb, 0), rgb)

@@ -1,0 +1,101 @@
+"""What a bench looks at: a scan from files or a procedural one, and the facts every figure made with it must carry."""
+
+import os
+import platform
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from model.common.processors import usable_processors
+
+if TYPE_CHECKING:
+    from viewer.bench.procedural_scan import ProceduralScan
+    from viewer.grid.scene import Scene
+    from viewer.render.context import Device
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """One of ``scans`` (files or folders) and ``procedural``.  ``scene()`` opens or makes it."""
+
+    scans: tuple[Path, ...] = ()
+    procedural: "ProceduralScan | None" = None
+
+    def scene(self) -> "Scene":
+        """The scan's grid: from files through the cache, a procedural one anew."""
+        if self.procedural is not None:
+            from viewer.bench.procedural_scan import procedural_scene
+
+            return procedural_scene(self.procedural)
+        from viewer.grid.open_scene import open_scene
+
+        return open_scene(list(self.scans))
+
+    @property
+    def names(self) -> list[str]:
+        """Files, or what was made up."""
+        return [self.procedural.label] if self.procedural is not None else [str(scan) for scan in self.scans]
+
+    def facts(self, scene: "Scene", device: "Device") -> dict:
+        """For the JSON: scans, bytes where all are files, points, OpenGL renderer, its driver's version, whether it runs on the
+        processor."""
+        files = [scan for scan in self.scans if scan.is_file()]
+        size = sum(scan.stat().st_size for scan in files) if files and len(files) == len(self.scans) else None
+        return {"scans": self.names, "file_bytes": size, "points": scene.count, "opengl": device.renderer,
+                "driver": device.version, "software": device.software}
+
+
+def machine() -> dict:
+    """What a figure must be read with: processor, cores this process may use, load (processes that ran at once over the
+    last minute, this one among them), system, GPU and its driver, versions of what does the work."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    processor = platform.processor() or platform.machine()
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        processor = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        pass
+    versions: dict[str, str | None] = {"python": platform.python_version()}
+    for name in ("pointglass", "torch", "moderngl", "numpy", "numba"):
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            versions[name] = None
+    cores = usable_processors()
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {"processor": processor, "cores": cores, "load": load, "system": platform.platform(), "gpu": _gpu(),
+            "versions": versions}
+
+
+def _gpu() -> dict | None:
+    """The CUDA device, where torch is loaded and sees one."""
+    torch = sys.modules.get("torch")
+    if torch is None or not torch.cuda.is_available():
+        return None
+    try:
+        driver = Path("/proc/driver/nvidia/version").read_text().splitlines()[0]
+    except (OSError, IndexError):
+        driver = None
+    return {"name": torch.cuda.get_device_name(), "driver": driver, "cuda": torch.version.cuda,
+            "memory": torch.cuda.get_device_properties(0).total_memory}
+
+
+def described(result: dict) -> str:
+    """Machine, driver, versions, scan and size of a result, in one or two lines: under every plot and table."""
+    where = result["machine"]
+    parts = [f"{where['processor']}, {where['cores']} cores"]
+    if (where.get("load") or 0) > 1.5 * (os.cpu_count() or 1):
+        parts.append(f"BUSY with other work (load {where['load']:.1f})")
+    if gpu := where.get("gpu"):
+        parts.append(f"{gpu['name']}, CUDA {gpu['cuda']}")
+    if "opengl" in result:
+        parts.append(f"{result['opengl']} ({result.get('driver', 'driver unknown')})")
+    parts.append(", ".join(f"{name} {v}" for name, v in where["versions"].items() if v))
+    first = "; ".join(parts)
+    second = "; ".join([Path(scan).name if "/" in scan else scan for scan in result.get("scans", [])])
+    sizes = result.get("sizes") or ([result["size"]] if "size" in result else [])
+    if sizes:
+        second += ("; " if second else "") + ", ".join(f"{w}x{h}" for w, h in sizes)
+    return first + (f"\n{second}" if second else "")

@@ -1,0 +1,290 @@
+"""Built grids on disk: a folder of plain .npy files and a meta.json, memory-mapped when opened.
+
+A grid is written into a sibling folder and renamed in one step, so that it is there whole or not at all.  What is torn,
+stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.  Whether
+the points are still those written is checked chunk by chunk as they are read (viewer.stream.chunk_source); the other arrays,
+tens of bytes a cell, are read and checked on opening.
+"""
+
+import errno
+import hashlib
+import json
+import os
+import zlib
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from model.noise import KNOTS, MOST_VOXELS, NoiseModel
+from viewer.errors import InputError
+from viewer.grid.checksum import checksum
+from viewer.grid.density_layers import EARLIER_PARTS, PARTS
+from viewer.grid.scene import CHUNK, Scene
+from viewer.grid.scratch_folder import move, reserve, scratch
+from viewer.grid_folder import MAGIC, is_grid
+from viewer.grid_folder import META as _META
+from viewer.paths import cache_dir
+from viewer.progress import progress
+from viewer.readers.formats import KNOWN
+
+VERSION = 4
+# How colours are made; how points are ordered and their spacing is measured; how noise is estimated: a grid in the cache
+# made otherwise is made anew, a folder of convert stays as it is.
+COLOURS, ORDER, NOISE = 3, 5, 1
+_ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
+           "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4")}
+_CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
+"""What file managers leave in folders, and nobody's loss."""
+_LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
+_OPTIONAL = {*_LATER, "noise"}
+_CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
+_OUT_REMEDY = "free space or give --out a writable folder"
+_DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError)
+"""What reading a folder that is not whole raises."""
+_JOB = 16  # chunks a thread sums at a time
+
+
+class CacheError(InputError):
+    """The cache folder cannot be used; the scan itself may be fine."""
+
+
+def folder_of(files: list[Path], match: bool = True, columns: str | None = None) -> Path:
+    """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures.
+    columns: of text files."""
+    key = json.dumps([VERSION, COLOURS, ORDER, NOISE, _identity(files), match, *([columns] if columns else [])]).encode()
+    return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
+
+
+def _identity(files: list[Path]) -> list:
+    facts = []
+    for file in files:
+        stat = file.stat()
+        facts.append([str(file.absolute()), stat.st_size, stat.st_mtime_ns])
+    return facts
+
+
+def load(folder: Path, files: list[Path]) -> Scene | None:
+    """The grid of ``files`` kept in ``folder``, or None where there is none that can be trusted."""
+    try:
+        return _read(folder, _identity(files))
+    except _DAMAGE:
+        return None
+
+
+def stranger(folder: Path) -> str | None:
+    """The name of something in ``folder`` that is no part of a grid, None where it could be replaced by one."""
+    names = sorted(path.name for path in folder.iterdir())
+    ours = {_META, *(f"{name}.npy" for name in _ARRAYS)} if is_grid(folder) else set()
+    return next((name for name in names if name not in ours | _CLUTTER), None)
+
+
+def load_folder(folder: Path) -> Scene:
+    """The grid in a folder made by ``convert``.  Raises InputError where it is not one, or torn."""
+    if not is_grid(folder):
+        raise InputError(f"{folder}: is a folder, but not one made by convert; give a {KNOWN}")
+    try:
+        return _read(folder, None)
+    except _DAMAGE as error:
+        raise InputError(f"{folder}: damaged grid ({_first_line(error)}); convert the scan again") from None
+
+
+def _read(folder: Path, identity: list | None) -> Scene:
+    head = _head(folder)
+    if head["magic"] != MAGIC or head["version"] != VERSION:
+        raise ValueError(f"version {head['version']!r} where {VERSION} is expected")
+    if head.pop("sum", None) not in (None, _sum(head)):  # earlier versions kept none
+        raise ValueError(f"{_META} does not match its checksum")
+    if identity is not None and head["identity"] != identity:
+        raise ValueError("made from other files")
+    arrays, sums = {}, head.get("sums")  # earlier versions kept no sums
+    for name, dtype in _ARRAYS.items():
+        if name in _OPTIONAL and name not in head["shapes"]:
+            continue
+        arrays[name] = _mapped(folder / f"{name}.npy")
+        if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
+            raise ValueError(f"{name}.npy is not what meta.json says")
+        if name == "points":
+            continue
+        arrays[name] = np.array(arrays[name])  # what is checked is what is used, whatever becomes of the file
+        if sums is not None and zlib.crc32(arrays[name].data) != sums[name]:
+            raise ValueError(f"{name}.npy does not match its checksum")
+    points, cells, offsets = arrays["points"], arrays["cell_coords"], arrays["offsets"]
+    layers, count = int(head["layers"]), int(head["count"])
+    fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
+    fits = fits and arrays["checksums"].shape == (-(-count // CHUNK),)
+    parts = int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1))
+    if parts not in (1, EARLIER_PARTS, PARTS):
+        raise ValueError(f"its points lie in {parts} parts")
+    later = {name: arrays[name] for name in _LATER if name in arrays}
+    fits = fits and all(array.shape == (len(cells), _LATER[name]) for name, array in later.items())
+    if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
+        raise ValueError("its arrays do not fit together")
+    origin, bounds = np.array(head["origin"], np.float64), np.array(head["bounds"], np.float64)
+    numbers = [head["cell_size"], head["spacing"], *origin, *bounds.reshape(-1)]
+    if origin.shape != (3,) or bounds.shape != (2, 3) or not np.isfinite(numbers).all() or not min(numbers[:2]) > 0:
+        raise ValueError("its numbers are not usable")
+    if not isinstance(head["meta"], dict):
+        raise ValueError("meta.json does not say what it was made from")
+    size, spacing = float(head["cell_size"]), float(head["spacing"])
+    return Scene(
+        points, cells, offsets, origin, size, layers, count, spacing, bounds, head["meta"],
+        arrays["checksums"], parts, noise=_noise(head, arrays.get("noise")), **later,
+    )  # fmt: skip
+
+
+def _noise(head: dict, sigma: np.ndarray | None) -> NoiseModel | None:
+    """The noise kept with the points, None where an earlier version kept none.  Raises one of _DAMAGE where it is damaged."""
+    if sigma is None:
+        return None
+    kept = head["noise"]
+    origin, curve = np.array(kept["origin"], np.float64), np.array(kept["curve"], np.float32)
+    numbers = np.concatenate([origin, curve, [kept["voxel"], kept["overall"]], sigma.reshape(-1)])
+    usable = origin.shape == (3,) and curve.shape == (KNOTS,) and sigma.ndim == 3 and min(sigma.shape) > 0
+    usable = usable and max(sigma.shape) <= MOST_VOXELS and np.isfinite(numbers).all() and numbers[3:].min() >= 0
+    if not (usable and kept["voxel"] > 0):
+        raise ValueError("its noise is not usable")
+    return NoiseModel(origin, float(kept["voxel"]), sigma, curve, float(kept["overall"]), int(kept["neighbourhoods"]))
+
+
+def _head(folder: Path) -> dict:
+    if not (folder / _META).is_file():
+        raise ValueError(f"{_META} is no file")
+    return json.loads((folder / _META).read_text("utf-8"))
+
+
+def _sum(head: dict) -> int:
+    """The checksum of what meta.json says, whatever its spaces."""
+    return zlib.crc32(json.dumps(head).encode())
+
+
+def _mapped(path: Path) -> np.ndarray:
+    """The array in an .npy file, memory-mapped, in C order.  Raises ValueError naming the file where it holds none."""
+    if not path.is_file():  # of a pipe, opening would wait
+        raise ValueError(f"{path.name} is no file")
+    try:
+        array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load takes no zip and no pickle for an array
+    except Exception as error:  # of what NumPy raises, much is not of one kind: torn headers are parsed as Python
+        raise ValueError(f"{path.name}: {_first_line(error)}") from None
+    if not array.flags.c_contiguous:
+        raise ValueError(f"{path.name}: its rows lie in another order")
+    return array
+
+
+def distrust(folder: Path) -> str:
+    """The points of a grid turned out damaged: one in the cache is not used again.  Returns what a person is to do."""
+    if folder.parent.absolute() != cache_dir().absolute():
+        return "convert the scan again"
+    try:
+        (folder / _META).unlink(missing_ok=True)
+    except OSError:
+        return f"delete {folder} and open the scan again"
+    return "open the scan again, which builds it anew"
+
+
+def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, keep_old: bool) -> Scene:
+    """Builds the grid of ``files`` into ``folder`` and opens it from there.
+
+    build: called with the files and a function that gives room for n packed points (see grid.Allocate).
+    keep_old: refuse to replace a folder that is there.  Raises CacheError where the folder cannot be written.
+    Nothing is left behind on failure or cancellation.
+    """
+    identity = _identity(files)
+    with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY) as work:
+        # the points go straight to their file: pages are written back as the system sees fit, memory stays bounded
+        scene = build(files, lambda count: _points_file(work, count))
+        _write(work, scene, identity)
+        if identity != _identity(files):
+            raise InputError(f"{files[0]}: changed while it was read; try again")
+        _release(scene.points)
+        del scene
+        if keep_old and folder.exists() and (name := stranger(folder)):
+            raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
+        move(work, folder)
+    return _read(folder, identity)
+
+
+def _points_file(work: Path, count: int) -> np.ndarray:
+    file = work / "points.npy"
+    points = np.lib.format.open_memmap(file, "w+", _ARRAYS["points"], (count, 3))
+    with file.open("r+b") as opened:
+        reserve(opened.fileno(), file.stat().st_size, work)
+    return points
+
+
+def _write(work: Path, scene: Scene, identity: list) -> None:
+    known = {name: getattr(scene, name) for name in _LATER if getattr(scene, name) is not None}
+    if scene.noise is not None:
+        known["noise"] = scene.noise.sigma
+    known |= {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
+    arrays = {name: np.ascontiguousarray(array, _ARRAYS[name]) for name, array in known.items()}
+    for name, array in arrays.items():
+        np.save(work / f"{name}.npy", array, allow_pickle=False)
+    head = {
+        "magic": MAGIC,
+        "version": VERSION,
+        "identity": identity,
+        "shapes": {name: list(array.shape) for name, array in {"points": scene.points, **arrays}.items()},
+        "sums": {name: zlib.crc32(array.data) for name, array in arrays.items()},
+        "origin": scene.origin.tolist(),
+        "cell_size": float(scene.cell_size),
+        "layers": scene.layers,
+        "count": scene.count,
+        "spacing": float(scene.spacing),
+        "bounds": scene.bounds.tolist(),
+        "parts": scene.parts,
+        "meta": scene.meta,
+    }
+    if (noise := scene.noise) is not None:
+        head["noise"] = {
+            "origin": noise.origin.tolist(), "voxel": noise.voxel, "curve": noise.curve.tolist(), "overall": noise.overall,
+            "neighbourhoods": noise.neighbourhoods,
+        }  # fmt: skip
+    head["sum"] = _sum(head)
+    (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")
+
+
+def checksums(points: np.ndarray) -> np.ndarray:
+    """(ceil(N / CHUNK),) uint32: the checksum of each chunk of points (N, 3) uint32, by as many threads as build grids."""
+    from viewer.grid.two_passes import processors
+
+    sums = np.zeros(-(-len(points) // CHUNK), np.uint32)
+
+    def run(start: int) -> int:
+        stop = min(start + _JOB, len(sums))
+        for chunk in range(start, stop):
+            sums[chunk] = checksum(points[chunk * CHUNK : (chunk + 1) * CHUNK])
+        return stop - start
+
+    pool = ThreadPoolExecutor(processors(), "checksum")
+    try:
+        with progress(len(sums), "checking the grid", " chunks") as meter:
+            for done in pool.map(run, range(0, len(sums), _JOB)):
+                meter.update(done)
+    finally:
+        pool.shutdown(cancel_futures=True)
+    return sums
+
+
+def _release(points: np.ndarray) -> None:
+    if isinstance(points, np.memmap):
+        points.flush()
+
+
+@contextmanager
+def _written(folder: Path, remedy: str) -> Iterator[Path]:
+    """A fresh folder beside ``folder``, removed at the end whatever happens; failures to write become CacheError."""
+    try:
+        with scratch(folder) as work:
+            yield work
+    except OSError as error:
+        why = error.strerror or str(error)
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            why = "no space left" + why.removeprefix(os.strerror(error.errno)).removeprefix("no space left")
+        raise CacheError(f"{folder.parent}: cannot be written ({why}); {remedy}") from None
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).splitlines() or [type(error).__name__])[0][:120]

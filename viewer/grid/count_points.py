@@ -1,0 +1,110 @@
+"""Pass 1 over all sources: a survey of where the points lie, and the walk over chunks that both passes share.
+
+Frame: file coordinates.  Memory: three chunks (two worked on, one being read) and the histogram.
+"""
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.grid.histogram import Histogram, OutOfReach
+from viewer.progress import progress
+from viewer.readers.source import Chunk, Source
+
+
+@dataclass
+class Survey:
+    """What pass 1 found.  cells (C, 3) int32 relative to ``base`` (3,) whole numbers; counts (C, GEOMETRIC) int64.
+    kept: points by (source, scan).  dropped: not finite, out of reach, marked invalid by the file."""
+
+    cells: np.ndarray
+    counts: np.ndarray
+    base: np.ndarray
+    cell_size: float
+    reach: np.ndarray
+    bounds: np.ndarray
+    kept: dict[tuple[int, int], int]
+    dropped: tuple[int, int, int]
+
+    @property
+    def count(self) -> int:
+        return int(self.counts.sum())
+
+
+class Watcher(Protocol):
+    """Takes note of every chunk of pass 1."""
+
+    def forget(self) -> None:
+        """Pass 1 begins anew."""
+
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """A chunk of source number ``source``.  first: the running number of its first point, over all sources."""
+
+
+def survey_points(sources: list[Source], watchers: Sequence[Watcher] = (), cell_size: float | None = None) -> Survey:
+    """Counts all points; each watcher sees every chunk.  cell_size: to begin with; None looks at the first chunk.
+
+    Starts again with larger cells where the scan turns out far wider than its beginning.
+    """
+    while True:
+        for watcher in watchers:
+            watcher.forget()
+        try:
+            return _survey(sources, watchers, cell_size)
+        except OutOfReach as wider:
+            cell_size = wider.cell_size
+
+
+def _survey(sources: list[Source], watchers: Sequence[Watcher], cell_size: float | None) -> Survey:
+    expected = sum(source.count or 0 for source in sources)
+    invalid, first = 0, 0
+    with ExitStack() as opened:
+        histogram = None
+        for number, chunk in numbered_chunks(sources, "reading"):
+            invalid += chunk.invalid
+            if len(chunk.xyz) == 0:
+                continue
+            if histogram is None:
+                histogram = opened.enter_context(Histogram(chunk.xyz, expected, cell_size))
+            key = None if isinstance(chunk.scan, np.ndarray) else (number, chunk.scan)
+            histogram.add(np.ascontiguousarray(chunk.xyz, np.float64), key)
+            for watcher in watchers:
+                watcher.add(number, first, chunk)
+            first += len(chunk.xyz)
+        if histogram is None:
+            histogram = opened.enter_context(Histogram(np.zeros((1, 3)), 0))
+        cells, counts = histogram.result()
+        nan, stray = histogram.dropped.tolist()
+        return Survey(
+            cells, counts, histogram.base, histogram.cell_size, histogram.reach, histogram.bounds, histogram.kept,
+            (nan, stray, invalid),
+        )  # fmt: skip
+
+
+def numbered_chunks(sources: list[Source], label: str) -> Iterator[tuple[int, Chunk]]:
+    """(number of the source, chunk) over all sources, with progress under ``label``."""
+    counts = [source.count for source in sources]
+    total = sum(c for c in counts if c is not None) if None not in counts else 0
+    with progress(total, label, unit=" points") as meter:
+        for number, source in enumerate(sources):
+            for chunk in _ahead(source):
+                yield number, chunk
+                meter.update(len(chunk.xyz) + chunk.invalid)
+
+
+def _ahead(source: Source) -> Iterator[Chunk]:
+    """The source's chunks, each read on a thread while the one before it is worked on."""
+    chunks = source.chunks()
+    with ThreadPoolExecutor(1, "read") as reader:
+        coming = reader.submit(next, chunks, None)
+        try:
+            while (chunk := coming.result()) is not None:
+                coming = reader.submit(next, chunks, None)
+                yield chunk
+        except OSError as error:
+            raise InputError(f"{source.path}: cannot be read: {error.strerror or error}") from None

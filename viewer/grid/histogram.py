@@ -1,0 +1,263 @@
+"""Pass 1: which cells are occupied, and by how many points of each geometric value; bounds; what was dropped.
+
+Cells start small and are merged two by two along each axis whenever too many are occupied.  Cells are aligned to
+multiples of their size, so merging is exact, and memory is bounded whatever the number of points.  Frame: file
+coordinates.
+"""
+
+from collections.abc import Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from viewer.grid import kernels
+
+SLICES = 2
+"""Tables filled side by side, each on a thread of its own.  Fixed, not the number of processors, so that every machine builds
+the same grid: when a table is full, and cells are merged, depends on its own points alone."""
+MAX_CELLS = 1 << 18
+_REACH = 1 << 30  # cells either side of the middle of the scan
+FARTHEST = 1e20  # file units from zero; beyond it a number is no position: a light year has 1e16 m, GPU floats end at 3e38
+_DENSE = 1 << 24  # cells of a box looked up without searching
+_LOST = 0.01  # share of a chunk out of reach that is taken for a part of the scan and not for stray points
+
+
+class OutOfReach(Exception):
+    """The scan is wider than its beginning suggested: count again from the start with ``cell_size``."""
+
+    def __init__(self, cell_size: float):
+        super().__init__(cell_size)
+        self.cell_size = cell_size
+
+
+def power_of_two(value: float) -> float:
+    """The largest power of two that is at most ``value`` (> 0, finite)."""
+    mantissa, exponent = np.frexp(value)
+    return float(np.ldexp(1.0, exponent - 1)) if mantissa else 1.0
+
+
+@dataclass
+class _Part:
+    """What one table takes of a chunk: its points from ``done`` to ``stop``.  lost: those dropped, by cause."""
+
+    slice: int
+    done: int
+    stop: int
+    job: Future | None = None
+    lost: np.ndarray = field(default_factory=lambda: np.zeros(2, np.int64))
+
+
+@dataclass
+class _Counted:
+    """A chunk being counted.  first: running number of its first point."""
+
+    xyz: np.ndarray
+    first: int
+    key: tuple[int, int] | None
+    parts: list[_Part]
+
+
+class Histogram:
+    """Occupied cells of ``cell_size`` file units (a power of two, growing as needed) and their point counts.
+
+    Begin with the first chunk's points, (n, 3) float64, to learn where the scan lies; then ``add`` every chunk; then
+    ``result``; in a ``with`` block, since it owns threads.
+    expected: number of points to come, as far as known; more cells are kept the more points.  cell_size: to begin
+    with, if it is known.
+    reach: (2, 3) float64 file coordinates; points outside are stray: dropped and counted.  dropped: not finite, and out of
+    reach.  kept: points counted, by the key that came with their chunk.
+    """
+
+    def __init__(self, sample: np.ndarray, expected: int, cell_size: float | None = None):
+        wanted = int(np.clip(expected // 1024, 8192, MAX_CELLS // 4))
+        sample = np.ascontiguousarray(sample[:: max(1, len(sample) // (8 * wanted))])
+        sample = sample[is_place(sample)]
+        if len(sample) == 0:
+            sample = np.zeros((1, 3))
+        low, middle, high = _quantiles(sample, (0.02, 0.5, 0.98))
+        self.cell_size = cell_size or _first_cell_size(sample, low, high, wanted)
+        self.base = np.floor(middle / self.cell_size)
+        reach = np.stack([self.base - _REACH, self.base + _REACH]) * self.cell_size
+        self.reach = np.clip(reach, -FARTHEST, FARTHEST)
+        self.bounds = np.array([[np.inf] * 3, [-np.inf] * 3])
+        self.seen = 0
+        self.dropped = np.zeros(2, np.int64)
+        self.kept: dict[tuple[int, int], int] = {}
+        self._limit = MAX_CELLS if cell_size else 4 * wanted
+        self._tables = [_table(self._limit) for _ in range(SLICES)]
+        self._counts = [np.zeros((self._limit, kernels.GEOMETRIC), np.int64) for _ in range(SLICES)]
+        self._tallies = [np.zeros(3, np.int64) for _ in range(SLICES)]
+        self._bounds = [self.bounds.copy() for _ in range(SLICES)]
+        self._threads = [ThreadPoolExecutor(1, "count") for _ in range(SLICES)]
+        self._running: list[_Counted] = []
+
+    def __enter__(self) -> "Histogram":
+        return self
+
+    def __exit__(self, *_) -> None:
+        for thread in self._threads:
+            thread.shutdown(cancel_futures=True)
+
+    def add(self, xyz: np.ndarray, key: tuple[int, int] | None = None) -> None:
+        """Counts a chunk, (n, 3) float64, while the next is being read.  key: under which its points are counted in ``kept``.
+
+        Raises OutOfReach where more than stray points of it, or of the chunk before it, are out of reach.
+        """
+        edges = [len(xyz) * i // SLICES for i in range(SLICES + 1)]
+        chunk = _Counted(xyz, self.seen, key, [_Part(i, edges[i], edges[i + 1]) for i in range(SLICES)])
+        for part in chunk.parts:
+            self._go_on(chunk, part)
+        self._running.append(chunk)
+        self.seen += len(xyz)
+        while len(self._running) > 1:
+            self._settle()
+
+    def _go_on(self, chunk: _Counted, part: _Part) -> None:
+        part.job = self._threads[part.slice].submit(self._count, chunk, part)
+
+    def _count(self, chunk: _Counted, part: _Part) -> None:
+        i = part.slice
+        tally = self._tallies[i]
+        before = tally[1:].copy()
+        part.done = kernels.count_points(
+            chunk.xyz[: part.stop], part.done, chunk.first, 1 / self.cell_size, self.base, self.reach, self._tables[i],
+            self._counts[i], self._limit, tally, self._bounds[i],
+        )  # fmt: skip
+        part.lost += tally[1:] - before
+
+    def _settle(self) -> None:
+        """Waits for the first chunk that is being counted, merging cells where a table is full."""
+        chunk = self._running[0]
+        _wait(chunk.parts)
+        while any(part.done < part.stop for part in chunk.parts):
+            everything = [(c, part) for c in self._running for part in c.parts]
+            _wait(part for _, part in everything)
+            self._make_room()
+            for c, part in everything:
+                if part.done < part.stop:
+                    self._go_on(c, part)
+            _wait(chunk.parts)
+        self._running.pop(0)
+        nan, stray = lost = np.sum([part.lost for part in chunk.parts], axis=0)
+        self.dropped += lost
+        if chunk.key is not None:
+            self.kept[chunk.key] = self.kept.get(chunk.key, 0) + len(chunk.xyz) - int(nan + stray)
+        if stray > _LOST * len(chunk.xyz):
+            wider = self._wide_enough(chunk.xyz)
+            if wider > self.cell_size:  # else no size would do: what is out of reach is no position
+                raise OutOfReach(wider)
+
+    def _wide_enough(self, xyz: np.ndarray) -> float:
+        near = xyz[is_place(xyz)]
+        if len(near) == 0:
+            return 0.0
+        # the furthest tolerated share stays stray
+        distance = np.quantile(np.abs(near - self.reach.mean(axis=0)).max(axis=1), 1 - _LOST, method="higher")
+        return 4 * power_of_two(float(distance) / _REACH)
+
+    def _make_room(self) -> None:
+        """Cells twice as large."""
+        base = np.floor(self.base / 2)
+        for i in range(SLICES):
+            cells = np.floor((self._cells(i) + self.base) / 2) - base
+            cells, counts = merge(cells.astype(np.int32), self._used_counts(i))
+            self._tables[i][:, 3] = -1
+            kernels.fill_table(self._tables[i], cells)
+            self._counts[i][: len(cells)] = counts
+            self._counts[i][len(cells) :] = 0
+            self._tallies[i][0] = len(cells)
+        self.base, self.cell_size = base, 2 * self.cell_size
+
+    def _cells(self, i: int) -> np.ndarray:
+        taken = self._tables[i][self._tables[i][:, 3] >= 0]
+        cells = np.empty((len(taken), 3), np.int32)
+        cells[taken[:, 3]] = taken[:, :3]
+        return cells
+
+    def _used_counts(self, i: int) -> np.ndarray:
+        return self._counts[i][: self._tallies[i][0]]
+
+    def result(self) -> tuple[np.ndarray, np.ndarray]:
+        """(C, 3) int32 cells relative to ``base`` and (C, GEOMETRIC) int64 counts; sets ``bounds``.  Raises as ``add`` does."""
+        while self._running:
+            self._settle()
+        lows, highs = zip(*self._bounds, strict=True)
+        self.bounds = np.stack([np.min(lows, axis=0), np.max(highs, axis=0)])
+        cells = np.concatenate([self._cells(i) for i in range(SLICES)])
+        return merge(cells, np.concatenate([self._used_counts(i) for i in range(SLICES)]))
+
+
+def _wait(parts: Iterable[_Part]) -> None:
+    for part in parts:
+        if part.job is not None:
+            part.job.result()
+
+
+def is_place(xyz: np.ndarray) -> np.ndarray:
+    """(n,) bool: points that are positions, and no NaN, infinity or number beyond any place."""
+    x, y, z = np.abs(xyz).T  # a comparison with NaN is false
+    return (x <= FARTHEST) & (y <= FARTHEST) & (z <= FARTHEST)
+
+
+def _quantiles(sample: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
+    """(len(shares), 3): of each coordinate of (n, 3) the values nearest to these shares.  As np.quantile's "nearest", which
+    takes five times as long as sorting the columns."""
+    columns = np.sort(np.ascontiguousarray(sample.T), axis=1)
+    return columns[:, np.rint((len(sample) - 1) * np.array(shares)).astype(int)].T
+
+
+def _first_cell_size(sample: np.ndarray, low: np.ndarray, high: np.ndarray, wanted: int) -> float:
+    """The smallest cells of which the sample, (n, 3) finite, occupies no more than ``wanted``.  low, high: of its bulk.
+
+    Cells much finer than the final ones would cost time, coarser ones the choice; never finer than float64 can tell.
+    """
+    extent = float((high - low).max()) or float(np.ptp(sample, axis=0).max())
+    # 2**16 positions of at least 2**-52 of the coordinate itself; of the bulk's, or one stray would decide for all
+    finest = float(max(np.abs(low).max(), np.abs(high).max())) * 2.0**-36
+    if not extent > 0:
+        return power_of_two(max(1.0, finest))
+    size = power_of_two(max(extent / 4096, 2 * finest))
+    sample, seen = np.ascontiguousarray(sample, np.float64), np.empty((2 << wanted.bit_length(), 3))
+    while kernels.occupied(sample, 1 / size, wanted, seen) > wanted:
+        size *= 2
+    return size
+
+
+def _table(limit: int) -> np.ndarray:
+    table = np.empty((4 * (1 << (limit - 1).bit_length()), 4), np.int32)
+    table[:, 3] = -1
+    return table
+
+
+def merge(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Adds up the counts of equal cells: (n, 3) int32, (n, G) int64 -> (C, 3) int32, (C, G) int64."""
+    low = cells.min(axis=0, initial=0).astype(np.int64)
+    x, y, z = (cells - low).T
+    if len(cells) and max(x.max(), y.max(), z.max()) < 1 << 21:
+        order = np.argsort(x << 42 | y << 21 | z, kind="stable")
+    else:
+        order = np.lexsort((z, y, x))
+    cells = cells[order]
+    new = np.ones(len(cells), bool)
+    new[1:] = (cells[1:] != cells[:-1]).any(axis=1)
+    sums = np.zeros((np.count_nonzero(new), counts.shape[1]), counts.dtype)
+    kernels.add_rows(counts, order, np.cumsum(new) - 1, sums)
+    return cells[new], sums
+
+
+def table_of(cells: np.ndarray) -> np.ndarray:
+    """A look-up table for cells (C, 3) int32 that gives each its row number."""
+    table = _table(max(len(cells), 1))
+    kernels.fill_table(table, cells)
+    return table
+
+
+def dense_table_of(cells: np.ndarray) -> np.ndarray:
+    """(X, Y, Z) int32 row numbers of cells (C, 3) int32 from 0; empty where their box is too large for memory."""
+    sides = cells.max(axis=0).astype(np.int64) + 1
+    if np.prod(sides.astype(np.float64)) > _DENSE:
+        return np.empty((0, 0, 0), np.int32)
+    dense = np.full(sides, -1, np.int32)
+    dense[tuple(cells.T)] = np.arange(len(cells))
+    return dense

@@ -1,0 +1,126 @@
+"""What a person asks about a scan before opening it: ``pointglass info``.  All lengths in file units."""
+
+from pathlib import Path
+
+from model.common.scanner_positions import told_apart
+from viewer.grid.cache import CacheError
+from viewer.grid.open_scene import open_scene
+from viewer.grid.scene import Scene
+from viewer.text import counted
+
+
+def describe(paths: list[Path], full: bool = False, *, cache: bool = True, columns: str | None = None) -> dict:
+    """Facts about a scan, ready for JSON.  full: the grid too.  cache, columns: as for open_scene.
+
+    The points are counted and their spacing measured, so the scan is read and its grid built, and kept in the cache
+    where that can be written.  Raises InputError as open_scene does.
+    """
+    try:
+        scene = open_scene(paths, cache=cache, columns=columns)
+    except CacheError:
+        scene = open_scene(paths, cache=False, columns=columns)
+    return facts(scene, full)
+
+
+def facts(scene: Scene, full: bool = False) -> dict:
+    """The same for a scene already open."""
+    meta = scene.meta
+    low, high = scene.bounds.tolist()
+    out = {
+        "sources": meta.get("sources", []),
+        "format": meta.get("format"),
+        "points": scene.count,
+        "stations": "weighed" if told_apart(scene.station_places) else "equal",
+        "bounds": {"min": low, "max": high},
+        "size": [b - a for a, b in zip(low, high, strict=True)],
+        "spacing": scene.spacing,
+        "units": meta.get("units", "unknown"),
+        "metres_per_unit": meta.get("metres_per_unit"),
+        "crs": meta.get("crs"),
+        "colour": meta.get("colour"),
+        "exposures": meta.get("exposures"),
+        "passes": meta.get("passes"),
+        "noise": _noise_facts(scene),
+        "scans": meta.get("scans", []),
+        "dropped": meta.get("dropped", {}),
+        "warnings": meta.get("warnings", []),
+    }
+    if full:
+        ends = scene.offsets[:: len(scene.cell_coords)]
+        out["grid"] = {
+            "cell_size": scene.cell_size,
+            "step": scene.step,
+            "cells": len(scene.cell_coords),
+            "layers": (ends[1:] - ends[:-1]).tolist(),
+            "bytes": scene.count * 12,
+        }
+    return out
+
+
+def format_text(info: dict) -> str:
+    """``describe``'s answer as lines for a terminal."""
+    unit = {"metre": "m", "foot": "ft", "US survey foot": "ft (US survey)"}.get(info["units"], info["units"])
+    unit = "units" if unit == "unknown" else unit
+    metres = info["metres_per_unit"]
+    lengths = f"1 unit = {metres:.10g} m" if metres else "length not given by the file"
+    rows = [
+        ("file", ", ".join(info["sources"]) or "-"),
+        ("format", info["format"]),
+        ("points", f"{info['points']:,}"),
+        ("from", _vector(info["bounds"]["min"])),
+        ("to", _vector(info["bounds"]["max"])),
+        ("size", " x ".join(f"{side:.4g}" for side in info["size"]) + f" {unit}"),
+        ("spacing", f"{info['spacing']:.3g} {unit}"),
+        ("units", f"{info['units']} ({lengths})"),
+        ("CRS", info["crs"] or "not given"),
+        ("colour", (info["colour"] or {}).get("note", "-")),
+    ]
+    rows.append(("noise", _noise(info["noise"])))
+    if exposures := info.get("exposures"):
+        rows.append(("exposure", _exposures(exposures)))
+    if (passes := info.get("passes")) and passes["applied"]:
+        gone = f"{1 - passes['variance_left']:.0%} of the variance between neighbours is gone"
+        rows.append(("passes", f"runs of points photographed apart were matched, {gone} (--exposures as-scanned leaves them)"))
+    for scan in info["scans"]:
+        place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
+        how = ", told by the order of the points" if scan.get("inferred") else ""
+        rows.append(("scan", f"{scan['name']}: {counted(scan['count'], 'point')}, {place}{how}"))
+    if info["stations"] == "weighed":
+        rows.append(("stations", "colours come from those that looked the way the eye looks (--stations equal averages them)"))
+    if grid := info.get("grid"):
+        rows.append(("grid", f"{grid['cells']:,} cells of {grid['cell_size']:g}, {len(grid['layers'])} layers"))
+        rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
+    rows += [("warning", text) for text in info["warnings"]]
+    return "\n".join(f"{name:<8} {value}" for name, value in rows)
+
+
+def _noise_facts(scene: Scene) -> dict | None:
+    """What --json says about noise: the standard deviation of a point's luma, 0..1, over the scan, by place and by luma."""
+    if (noise := scene.noise) is None:
+        return None
+    return {"sigma": noise.overall, "lowest": float(noise.sigma.min()), "highest": float(noise.sigma.max()),
+            "curve": [round(float(factor), 4) for factor in noise.curve], "neighbourhoods": noise.neighbourhoods}  # fmt: skip
+
+
+def _noise(found: dict | None) -> str:
+    if found is None:
+        return "unknown: the folder was made by an earlier version; convert the scan again"
+    if not found["neighbourhoods"]:
+        return "unknown: too few points lie close together to tell it"
+    return (f"{found['sigma']:.3f} of full brightness a point ({found['sigma']:.1%}), {found['lowest']:.3f} to "
+            f"{found['highest']:.3f} by place, from {counted(found['neighbourhoods'], 'neighbourhood')}")  # fmt: skip
+
+
+def _exposures(found: dict) -> str:
+    if not found["matched"]:
+        return f"as scanned: {found['stations']} stations, too little in common to match them"
+    if not found["applied"]:
+        return f"{found['stations']} stations, already alike"
+    return (
+        f"{found['matched']} of {found['stations']} stations matched, gains {found['smallest_gain']:.2f} to "
+        f"{found['largest_gain']:.2f} (--exposures as-scanned leaves them)"
+    )
+
+
+def _vector(values) -> str:
+    return "(" + ", ".join(f"{value:.12g}" for value in values) + ")"

@@ -1,0 +1,99 @@
+"""Pass 2 keeps whole small neighbourhoods of points, from which the noise of the scan's colours is told (model.noise).
+
+Colours are those shown, after exposure compensation.  Points are compared within their run or station: a scan of an E57, a
+point source of a LAS or LAZ file, a station told by the order of points, and a stretch of consecutive points.  In a file
+whose order tells nothing (shuffled), or puts all points of a place side by side (octree, voxel grid), exposures mixed point
+by point count as noise: nothing can tell them apart.  Frame: file coordinates.  Memory: twice model.noise.BUDGET points.
+"""
+
+import numpy as np
+
+from model.noise import NoiseModel, Sampler, no_noise
+from viewer.grid.count_points import Survey
+from viewer.readers.source import Chunk, Source
+
+RUN_SHARE, LEAST_RUN = 0.01, 4096
+"""A gap in the file order between two runs, as a share of the file and in points.  Neighbours on successive lines of one
+station are up to 26,000 of 3.2 million points apart in studio.laz and 20,000 of 11.6 million in plant_room.laz (12 and 12
+neighbourhoods looked at), those of two stations 50,000 and more and 90,000 and more."""
+ORDERED = 0.05
+"""Median gap in the file order between points of a neighbourhood, as a share of what it is in a shuffled file."""
+_LEAST_POINTS = 12  # of a neighbourhood that tells whether a file is ordered
+
+
+class NoiseSample:
+    """Takes the points of pass 2 (``add``), then tells their noise (``solve``)."""
+
+    def __init__(self, sources: list[Source], survey: Survey, seed: int = 0):
+        self._survey, self._seed, self._sources = survey, seed, len(sources)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins pass 2 anew."""
+        survey = self._survey
+        places = (survey.cells + survey.base + 0.5) * survey.cell_size
+        self._sampler = Sampler(places, survey.counts.sum(axis=1).astype(np.float64), self._seed)
+        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._held = 0
+        self._points = np.zeros(self._sources, np.int64)
+
+    def add(self, source: int, chunk: Chunk, xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, first: int) -> None:
+        """Keeps the points of a chunk that lie in sampled neighbourhoods.
+
+        xyz: (n, 3) float64.  rgb: (n, 3) uint8, as shown.  scan: (n,) uint8 scan numbers.  first: running number of its first
+        point.
+        """
+        self._points[source] += len(xyz)
+        rows, boxes = self._sampler.pick(xyz)
+        group = scan[rows].astype(np.int64)
+        if chunk.station is not None:
+            group |= np.asarray(chunk.station)[rows].astype(np.int64) << 8
+        self._parts.append((xyz[rows], rgb[rows], boxes, group, np.full(len(rows), source, np.int64), first + rows))
+        self._held += len(rows)
+        while self._held > self._sampler.most:  # more points lie in the boxes than their sizes promised
+            limit = np.uint64(self._sampler.fewer())
+            self._parts = [tuple(a[part[2] < limit] for a in part) for part in self._parts]
+            self._held = sum(len(part[0]) for part in self._parts)
+
+    def solve(self) -> NoiseModel:
+        """The noise of the points added.  Ends their keeping."""
+        parts, self._parts = self._parts, []
+        if not parts:
+            return no_noise()
+        xyz, rgb, boxes, group, source, at = (np.concatenate([part[k] for part in parts]) for k in range(6))
+        return self._sampler.noise(xyz, rgb, boxes, runs(boxes, group, source, at, self._points))
+
+
+def runs(boxes: np.ndarray, group: np.ndarray, source: np.ndarray, at: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(n,) int64 numbers of the runs of points: alike where neighbourhood, source, group and stretch of the file are.
+
+    boxes (n,) uint64, group (n,), source (n,), at (n,): each point's neighbourhood, station, source and running number.
+    points: (S,) how many points each source has.
+    """
+    order = np.lexsort((at, group, source, boxes))
+    boxes, group, source, at = boxes[order], group[order], source[order], at[order]
+    new = np.ones(len(at), bool)
+    new[1:] = (boxes[1:] != boxes[:-1]) | (source[1:] != source[:-1]) | (group[1:] != group[:-1])
+    gap = np.diff(at, prepend=at[:1])
+    for file, count in enumerate(points):
+        if _is_ordered(new, gap, source == file, int(count)):
+            new |= (source == file) & (gap > max(RUN_SHARE * count, LEAST_RUN))
+    number = np.empty(len(at), np.int64)
+    number[order] = np.cumsum(new) - 1
+    return number
+
+
+def _is_ordered(new: np.ndarray, gap: np.ndarray, mine: np.ndarray, count: int) -> bool:
+    """Whether a file of ``count`` points keeps neighbours together.  new, gap, mine: (n,) of points by neighbourhood and then
+    place in the file: where a neighbourhood begins, the gap to the point before, and whether a point is the file's."""
+    segment = np.cumsum(new) - 1
+    sizes = np.bincount(segment, minlength=1)
+    usable = mine & ~new & (sizes >= _LEAST_POINTS)[segment]
+    if not usable.any():
+        return False
+    number, gaps = segment[usable], gap[usable]
+    ranked = gaps[np.lexsort((gaps, number))]
+    first = np.flatnonzero(np.diff(number, prepend=-1))
+    here = sizes[number[first]]
+    middle = ranked[first + (np.diff(first, append=len(number)) - 1) // 2]
+    return bool(np.median(middle * here) < ORDERED * count * np.log(2))

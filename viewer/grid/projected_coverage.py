@@ -1,0 +1,65 @@
+"""How much of a cell its surfaces fill, looked at along each axis: what a picture can need of its points.
+
+A cell is a box, and most hold a piece of a wall or floor, which shows its face to some eyes and its edge to others.  The faces
+of each cell are divided into 8 x 8 squares; a share is how many of them hold a point, looked at along x, y or z.  Surfaces
+are taken to be opaque from there: what they cover of a picture is, seen along (x, y, z), at most the sum of the three faces'
+shares, each by how squarely the eye looks at it (Cauchy's projections; exact for a wall along an axis).
+"""
+
+import itertools
+from concurrent.futures import Executor
+
+import numpy as np
+
+from model.common.jit import compiled
+
+SQUARES = 64
+"""Of a face; a share counts them."""
+UNKNOWN = 255
+"""Share of a cell with too few points to tell."""
+LEAST, ENOUGH = 256, 512
+"""Points of a cell below which its shares are not known, and at which enough have been looked at, the coarse layers' first."""
+
+
+@compiled(nogil=True, inline="always")
+def _bits(word):
+    """How many bits of a uint64 are set."""
+    word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
+    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return (word * np.uint64(0x0101010101010101)) >> np.uint64(56)
+
+
+@compiled(nogil=True)
+def _cover(points, offsets, layers, cells, first, last, faces):
+    """Rows ``first`` to ``last`` of faces (C, 3) uint8; points, offsets, layers as in Scene, cells: C."""
+    for cell in range(first, last):
+        x, y, z, seen = np.uint64(0), np.uint64(0), np.uint64(0), 0
+        for layer in range(layers):
+            start, stop = offsets[layer * cells + cell], offsets[layer * cells + cell + 1]
+            stop = min(stop, start + ENOUGH - seen)
+            for i in range(start, stop):
+                w0, w1 = points[i, 0], points[i, 1]
+                px, py, pz = np.uint64((w0 >> 13) & 7), np.uint64(w0 >> 29), np.uint64((w1 >> 13) & 7)
+                x |= np.uint64(1) << (py << np.uint64(3) | pz)
+                y |= np.uint64(1) << (px << np.uint64(3) | pz)
+                z |= np.uint64(1) << (px << np.uint64(3) | py)
+            seen += stop - start
+            if seen >= ENOUGH:
+                break
+        if seen >= LEAST:
+            faces[cell, 0], faces[cell, 1], faces[cell, 2] = _bits(x), _bits(y), _bits(z)
+
+
+def cover_of_faces(points, offsets, layers: int, pool: Executor, jobs: int = 8) -> np.ndarray:
+    """(C, 3) uint8 shares of the cells' faces across x, y and z, 0..SQUARES or UNKNOWN.
+
+    points: (N, 3) uint32 packed points; offsets: (layers * C + 1,) int64, as in Scene.
+    """
+    cells = (len(offsets) - 1) // layers
+    faces = np.full((cells, 3), UNKNOWN, np.uint8)
+    edges = [cells * i // jobs for i in range(jobs + 1)]
+    work = [pool.submit(_cover, points, offsets, layers, cells, a, b, faces) for a, b in itertools.pairwise(edges)]
+    for job in work:
+        job.result()
+    return faces

@@ -1,0 +1,124 @@
+"""Pass 2 of a grid: every point packed, and put in its place.
+
+Blocks of points are packed on all processors, then placed, one half of the runs beside the other.  While a block is placed
+the next one is packed, so that a processor that is done sooner has something to do.  Neither order nor result depends on the
+number of processors.
+"""
+
+import itertools
+from concurrent.futures import Executor, Future
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.grid import kernels
+from viewer.grid.cell_boxes import boxes_of
+from viewer.grid.count_points import Survey, numbered_chunks
+from viewer.grid.histogram import dense_table_of, table_of
+from viewer.grid.layout import Layout
+from viewer.grid.noise_sample import NoiseSample
+from viewer.preprocess.point_colour import Colours
+from viewer.readers.source import Chunk, Source
+
+BLOCK = 1 << 18
+"""Points packed before they are placed: packed words and bucket numbers of two blocks stay in the processor's cache."""
+
+
+def scatter(sources: list[Source], colours: Colours | None, survey: Survey, layout: Layout, points: np.ndarray, pool: Executor,
+            processors: int, sample: NoiseSample | None = None) -> np.ndarray:
+    """Reads the sources again and fills ``points`` (N, 3) uint32 as in Scene.  Returns the cells' boxes, (C, 6) uint8.
+
+    colours: as in build_grid, having decided.  processors: pieces of a block that are packed side by side.
+    sample: is given all points anew, for their noise.
+    Raises InputError where a file is no longer what the survey saw.
+    """
+    blocks = _Blocks(survey, layout, points, pool, processors)
+    first, begun = 0, dict[int, int]()
+    if sample is not None:
+        sample.forget()
+    for number, chunk in numbered_chunks(sources, "building the grid"):
+        xyz = np.ascontiguousarray(chunk.xyz, np.float64)
+        rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
+        begun.setdefault(number, first)
+        scan = _scan_numbers(sources, number, chunk, first - begun[number])
+        if sample is not None:
+            sample.add(number, chunk, xyz, rgb, scan, first)
+        for start in range(0, len(xyz), BLOCK):
+            rows = slice(start, start + BLOCK)
+            intensity = None if chunk.intensity is None else chunk.intensity[rows]
+            blocks.add(xyz[rows], rgb[rows], intensity, scan[rows], first + start)
+        first += len(xyz)
+    runs, boxes = blocks.finish()
+    if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
+        raise InputError(f"{sources[0].path}: changed while it was read; try again")
+    return boxes
+
+
+class _Blocks:
+    """Two blocks in turn: one being packed, the one before it being placed."""
+
+    def __init__(self, survey: Survey, layout: Layout, points: np.ndarray, pool: Executor, processors: int):
+        cells = layout.cells
+        self._pool, self._points, self._parts = pool, points, processors
+        self._runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
+        dense = dense_table_of(cells)
+        table = table_of(cells[:1] if dense.size else cells)
+        self._grid = 1 / layout.cell_size, layout.base, survey.reach, dense, table, len(cells), layout.layers
+        # Two blocks are on their way at a time: nothing that packing writes may be the other's.
+        self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 3), np.uint32), np.zeros((processors, len(cells)), np.int64))
+                      for _ in range(2)]
+        self._no_intensity = np.zeros(BLOCK, np.uint16)
+        self._packing: tuple[list[Future], list[int], np.ndarray, np.ndarray] | None = None
+        self._placing: list[Future] = []
+
+    def add(self, xyz: np.ndarray, rgb: np.ndarray, intensity: np.ndarray | None, scan: np.ndarray, first: int) -> None:
+        """Has a block packed, at most BLOCK points, and the one before it placed.  first: running number of its first point."""
+        self._wait()  # for the block that was packed into the same room
+        intensity = self._no_intensity if intensity is None else intensity
+        edges = [len(xyz) * i // self._parts for i in range(self._parts + 1)]
+        self._room.reverse()
+        buckets, words, marks = self._room[0]
+        jobs = [
+            self._pool.submit(kernels.pack_points, xyz[a:b], rgb[a:b], intensity[a:b], scan[a:b], first + a, *self._grid,
+                              buckets[a:b], words[a:b], marked)
+            for marked, (a, b) in zip(marks, itertools.pairwise(edges), strict=True)
+        ]
+        self._place_packed()
+        self._packing = jobs, edges, buckets, words
+
+    def finish(self) -> tuple[np.ndarray, np.ndarray]:
+        """(buckets + 1, 2) int64, where each run begins and how many points it was given; the cells' boxes."""
+        self._wait()
+        self._place_packed()
+        self._wait()
+        return self._runs, boxes_of(np.concatenate([marks for *_, marks in self._room]))
+
+    def _place_packed(self) -> None:
+        if self._packing is None:
+            return
+        jobs, edges, *block = self._packing
+        filled = [job.result() for job in jobs]
+        fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
+        backs = [(b - 1, b - 1 - back, -1) for b, (_, back) in zip(edges[1:], filled, strict=True)]
+        self._placing = [self._pool.submit(self._place, pieces, *block) for pieces in (fronts, backs)]
+        self._packing = None
+
+    def _place(self, pieces: list[tuple[int, int, int]], buckets: np.ndarray, words: np.ndarray) -> None:
+        for start, stop, stride in pieces:
+            kernels.place_points(buckets, words, start, stop, stride, self._runs, self._points)
+
+    def _wait(self) -> None:
+        for job in self._placing:
+            job.result()
+        self._placing = []
+
+
+def _scan_numbers(sources: list[Source], number: int, chunk: Chunk, first: int) -> np.ndarray:
+    """(n,) uint8 scan numbers of a chunk's points.  first: the running number in the source of its first."""
+    if isinstance(chunk.scan, np.ndarray):
+        return chunk.scan
+    before = sum(len(source.scans) for source in sources[:number])
+    if len(turns := sources[number].turns) == 0:
+        return np.full(len(chunk.xyz), min(before + chunk.scan, 255), np.uint8)
+    station = np.searchsorted(turns, np.arange(first, first + len(chunk.xyz)), side="right")
+    return np.minimum(before + station, 255).astype(np.uint8)

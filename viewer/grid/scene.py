@@ -1,0 +1,150 @@
+"""A scan as the renderer sees it: packed points in a uniform grid, in density layers.
+
+Frame: file coordinates (float64) are ``origin + cell_coords * cell_size`` for a cell's lower corner, plus 16-bit
+fractions of the cell for a point.  The cell size is a power of two, so every one of these products is exact.
+
+Packed point, 12 bytes: word 0 = qx | qy << 16;  word 1 = qz | intensity << 16;
+word 2 = r | g << 8 | b << 16 | scan << 24.
+A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most half a step from where it was measured.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from model.common.scanner_positions import places_of
+from model.noise import NoiseModel
+
+STEPS = 65536
+"""Positions a coordinate can take inside a cell."""
+CHUNK = 65536
+"""Points in a chunk: what is read, checked and kept on the GPU as one piece (768 KiB)."""
+STATION_REACH = 20.0
+"""A statue is scanned from a few of its heights away; a pose of zeros beside map coordinates is thousands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Points by density layer, then by cell.
+
+    points: (N, 3) uint32 packed points, C-contiguous, possibly a memory map.
+    cell_coords: (C, 3) int32, cells in Morton order, relative to ``origin``.
+    offsets: (L*C + 1,) int64; layer k of cell c is ``points[offsets[k*C + c]:offsets[k*C + c + 1]]``.  Layer 0 is the
+        coarsest.  The layers 0..k together are a uniform random subsample for every k.
+    origin: (3,) float64 file coordinates, a whole multiple of ``cell_size``.
+    cell_size: 2**n file units.
+    layers: L.  count: N.
+    spacing: file units, 1/sqrt(points per surface area), the median over the scan.
+    bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
+    meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, dropped, warnings.
+    checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
+    parts: how many parts the points of each layer and cell lie in (viewer.grid.density_layers), so that the first few are
+    spread as
+        evenly as all; 1: in no order.
+    faces: (C, 3) uint8, how much of each cell its points cover, seen along x, y and z (viewer.grid.projected_coverage); None
+    where an
+        earlier version did not look.
+    boxes: (C, 6) uint8, the sixteenths of each cell that its points lie in (viewer.grid.cell_boxes); None likewise.
+    noise: the noise of a single point's colour by place and brightness, in file coordinates as ``origin``, ``bounds`` and the
+        points of ``unpack``; where coordinates are counted from another place, take it away from ``noise.origin`` too.  None
+        in a folder of an earlier version, where it is unknown.
+    """
+
+    points: np.ndarray
+    cell_coords: np.ndarray
+    offsets: np.ndarray
+    origin: np.ndarray
+    cell_size: float
+    layers: int
+    count: int
+    spacing: float
+    bounds: np.ndarray
+    meta: dict = field(default_factory=dict)
+    checksums: np.ndarray | None = None
+    parts: int = 1
+    faces: np.ndarray | None = None
+    boxes: np.ndarray | None = None
+    noise: NoiseModel | None = None
+
+    @property
+    def step(self) -> float:
+        """File units between two neighbouring positions of a packed coordinate."""
+        return self.cell_size / STEPS
+
+    @property
+    def station_places(self) -> np.ndarray:
+        """(S, 3) float64 file coordinates: where the scanner of each scan number stood, NaN where the files do not say, or say
+        what cannot be: farther outside the measured points than STATION_REACH times their extent.  S is at most 255: later
+        scans share a number."""
+        places = places_of(scan.get("position") for scan in self.meta.get("scans") or [])
+        reach = STATION_REACH * np.ptp(self.bounds, axis=0).max()
+        with np.errstate(invalid="ignore"):
+            away = (places < self.bounds[0] - reach) | (places > self.bounds[1] + reach)
+        return np.where(away.any(axis=1)[:, None], np.nan, places)
+
+    @property
+    def unlit(self) -> bool:
+        """Whether black points have no colour (see viewer.preprocess.point_colour)."""
+        return bool((self.meta.get("colour") or {}).get("uncoloured"))
+
+    @property
+    def matched(self) -> bool:
+        """Whether colours are others than in the files: exposures or passes were matched, or black was taken for no colour."""
+        return self.unlit or any((self.meta.get(key) or {}).get("applied") for key in ("exposures", "passes"))
+
+    @property
+    def cell_min(self) -> np.ndarray:
+        """(C, 3) float64 file coordinates of each cell's lower corner."""
+        return self.origin + self.cell_coords * self.cell_size
+
+    def cell_of_points(self, start: int = 0, stop: int | None = None) -> np.ndarray:
+        """(stop - start,) int32: the cell each point of the run lies in (all points by default)."""
+        edges = np.clip(self.offsets, start, self.count if stop is None else stop)
+        cells = np.tile(np.arange(len(self.cell_coords), dtype=np.int32), self.layers)
+        return np.repeat(cells, np.diff(edges))
+
+
+def unpack(scene: Scene, index=slice(None)) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Points as numbers.  ``index``: anything that indexes a one-dimensional array of N points.
+
+    Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8.
+    """
+    words = packed(scene, index)
+    return positions(scene, words, index), colours(words), (words[:, 1] >> 16).astype(np.uint16), scan_numbers(words)
+
+
+def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:
+    """(n, 3) uint32: the packed points that ``index`` names, as for ``unpack``."""
+    return np.atleast_2d(np.asarray(scene.points[index]))
+
+
+def positions(scene: Scene, words: np.ndarray, index: Any = slice(None)) -> np.ndarray:
+    """(n, 3) float64 file coordinates of the packed points ``words`` that ``index`` names."""
+    if isinstance(index, slice) and index.indices(scene.count)[2] == 1:
+        start, stop, _ = index.indices(scene.count)
+        cells = scene.cell_of_points(start, max(start, stop))
+    else:
+        places = np.arange(*index.indices(scene.count)) if isinstance(index, slice) else _places(scene.count, index)
+        cells = (np.searchsorted(scene.offsets, places, side="right") - 1) % len(scene.cell_coords)
+    low = (words & 0xFFFF).astype(np.float64)
+    q = np.stack([low[:, 0], (words[:, 0] >> 16).astype(np.float64), low[:, 1]], axis=1)
+    return scene.cell_min[cells] + (q + 0.5) * scene.step
+
+
+def colours(words: np.ndarray) -> np.ndarray:
+    """(n, 3) uint8 sRGB of packed points."""
+    return np.stack([words[:, 2] >> shift & 0xFF for shift in (0, 8, 16)], axis=1).astype(np.uint8)
+
+
+def scan_numbers(words: np.ndarray) -> np.ndarray:
+    """(n,) uint8: which scan each packed point is of."""
+    return (words[:, 2] >> 24).astype(np.uint8)
+
+
+def _places(count: int, index) -> np.ndarray:
+    """The running numbers that ``index`` names; of an array of numbers without a list of all points."""
+    array = np.atleast_1d(np.asarray(index))
+    if array.dtype.kind in "iu":
+        return np.where(array < 0, array + count, array)
+    return np.arange(count)[index]

@@ -1,0 +1,127 @@
+"""Scans of one place agree in brightness: their exposures are matched once, as the grid is built.
+
+Pass 1 keeps a thinned sample of the points; :mod:`model.exposure` finds a gain for every station and :mod:`model.scan_runs`,
+where runs of points still disagree, one for every run; pass 2 applies them.  A station is a scan of an E57, a point source of a
+LAS or LAZ file, or a file of several.  What was done is in ``meta["exposures"]`` and ``meta["passes"]`` and in ``pointglass
+info``; ``--exposures as-scanned`` leaves every colour as the file has it.
+"""
+
+import numpy as np
+
+from model.exposure import exposures_of
+from model.scan_runs import Passes, solve_passes
+from viewer.grid.histogram import is_place
+from viewer.preprocess.black_border import DARK, rim_share
+from viewer.readers.source import Chunk
+
+SAMPLE = 1_000_000
+MOST_STATIONS = 256
+LEAST_CHANGE = 0.004  # gains nearer to one are left at one: below a level of 255
+
+
+class Matching:
+    """Takes note of chunks (``add``), solves (``solve``), then gives each chunk's points their gains (``apply``)."""
+
+    def __init__(self) -> None:
+        self._number: dict[tuple[int, int, int], int] = {}
+        self._parts: list[tuple[np.ndarray, ...]] = []
+        self._held, self._share = 0, 1.0
+        self._rng = np.random.default_rng(0)
+        self._gains: np.ndarray | None = None
+        self._passes: Passes | None = None
+        self._turns: dict[int, np.ndarray] = {}
+        self.rims: dict[int, float] = {}
+        """After ``solve``, by source: the share of its points at the dark rim of what was photographed, if any."""
+
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """Keeps a share of the chunk's points, ``first`` being the running number of its first.  Chunks without colour count
+        for nothing."""
+        if chunk.rgb is None or isinstance(chunk.scan, np.ndarray) or len(chunk.xyz) == 0:
+            return
+        number = self._numbers(source, first, chunk)
+        pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
+        pick = pick[is_place(chunk.xyz[pick])]
+        self._parts.append((chunk.xyz[pick], chunk.rgb[pick], number[pick], first + pick))
+        self._held += len(pick)
+        while self._held > 2 * SAMPLE:
+            self._share /= 2
+            self._parts = [tuple(a[::2] for a in part) for part in map(self._shuffled, self._parts)]
+            self._held = sum(len(part[0]) for part in self._parts)
+
+    def _shuffled(self, part):
+        order = self._rng.permutation(len(part[0]))
+        return tuple(a[order] for a in part)
+
+    def _numbers(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
+        """(n,) station number of each point, the same in both passes but where the order of points told more."""
+        if source in self._turns:
+            return self._turned(source, first + np.arange(len(chunk.xyz)))
+        if chunk.station is None:
+            key = (source, int(chunk.scan), 0)
+            return np.full(len(chunk.xyz), self._number.setdefault(key, len(self._number)), np.int32)
+        ids, index = np.unique(chunk.station, return_inverse=True)
+        keys = [(source, int(chunk.scan), int(i)) for i in ids]
+        return np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)[index]
+
+    def _turned(self, source: int, at: np.ndarray) -> np.ndarray:
+        """(n,) station numbers of a source's points with the running numbers ``at``, by its turns."""
+        turns = self._turns[source]
+        keys = [(source, 0, -station) for station in range(len(turns) + 1)]
+        numbers = np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)
+        return numbers[np.searchsorted(turns, at, side="right")]
+
+    def solve(self, shifts: list[int], turns: dict[int, np.ndarray]) -> dict[str, dict | None]:
+        """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.  turns: by source, the
+        ascending running numbers of points with which the next station begins, where the points' order told.
+
+        Returns meta["exposures"] - stations, matched and the smallest and largest gain; None for a single station - and
+        meta["passes"] - the variance left within voxels, and whether that was worth it; None without colours.
+        """
+        parts, self._parts = self._parts, []
+        if not parts:
+            return {"exposures": None, "passes": None}
+        xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
+        del parts
+        for file, where in turns.items():
+            if [key[0] for key in self._number].count(file) == 1:  # else the file tells its stations itself
+                mine = number == next(n for key, n in self._number.items() if key[0] == file)
+                self._turns[file] = where
+                number[mine] = self._turned(file, at[mine])
+        source = np.zeros(len(self._number), np.int64)
+        for key, station in self._number.items():
+            source[station] = key[0]
+        shift = np.array([shifts[file] for file in source], np.uint8)
+        rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
+        exposures = self._solve_stations(xyz, rgb, number) if 2 <= len(self._number) <= MOST_STATIONS else None
+        if self._gains is not None:
+            rgb = _multiplied(rgb, self._gains[number])
+        for file in np.unique(source):
+            mine = source[number] == file
+            self.rims[int(file)] = rim_share(xyz[mine], rgb[mine])
+        lit = np.flatnonzero(rgb.max(axis=1) >= DARK)  # below: what was not photographed, its rim, and noise
+        passes = solve_passes(xyz[lit], rgb[lit], at[lit])
+        self._passes = passes if passes.worth else None
+        return {"exposures": exposures, "passes": {"variance_left": passes.left, "applied": passes.worth}}
+
+    def _solve_stations(self, xyz: np.ndarray, rgb: np.ndarray, number: np.ndarray) -> dict:
+        found = exposures_of(xyz, rgb, number, sample=SAMPLE)
+        gains = np.ones((len(self._number), 3))
+        gains[: len(found.gains)] = found.gains
+        if np.abs(gains - 1).max() >= LEAST_CHANGE:
+            self._gains = gains.astype(np.float32)
+        return {
+            "stations": len(self._number), "matched": int(found.matched.sum()), "applied": self._gains is not None,
+            "smallest_gain": float(gains.min()), "largest_gain": float(gains.max()),
+        }  # fmt: skip
+
+    def apply(self, source: int, first: int, chunk: Chunk, shift: int) -> np.ndarray:
+        """(n, 3) uint8 colours of a chunk, with the gains applied."""
+        assert chunk.rgb is not None
+        rgb = (chunk.rgb >> shift).astype(np.uint8)
+        if self._gains is not None:
+            rgb = _multiplied(chunk.rgb, self._gains[self._numbers(source, first, chunk)] * np.float32(1 / 257 if shift else 1))
+        return rgb if self._passes is None else self._passes.apply(rgb, first)
+
+
+def _multiplied(rgb: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    return np.clip(np.rint(rgb * gains), 0, 255).astype(np.uint8)

@@ -1,0 +1,202 @@
+"""The colour a point is shown in: decided over whole files in pass 1, applied to each chunk in pass 2.
+
+Colour fields 16 bits wide hold 8-bit values in many files: a file whose largest value is at most 255 is read as 8-bit.
+A scan without colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; both are said in the
+notes.  Points that no photograph covered are black in many files, among coloured ones: where black is far too common to be
+a colour, it is taken for none, and such points hide what is behind them but show nothing; so do those at the dark rim of what a
+scanner did not see (viewer.preprocess.black_border).  Frame: height is the file's third axis.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from viewer.preprocess.black_border import DARK
+from viewer.preprocess.exposure_matching import Matching
+from viewer.progress import progress
+from viewer.readers.source import Chunk, Source
+
+_RAMP = np.array([
+    (68, 1, 84), (72, 40, 120), (62, 73, 137), (49, 104, 142), (38, 130, 142),
+    (31, 158, 137), (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
+], np.float64)  # fmt: skip
+"""Even steps of the perceptually uniform ramp viridis (van der Walt and Smith, CC0)."""
+
+
+_EVERY = 16  # points, of which one is looked at for black ones
+_LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0
+"""Black is no colour in a file where it is a hundredth of the points, and eight times as common as the next levels each."""
+
+
+@dataclass
+class _Scan:
+    has_rgb: bool = False
+    points: int = 0
+
+
+@dataclass
+class _File:
+    """What pass 1 saw of one file."""
+
+    name: str
+    scans: dict[int, _Scan] = field(default_factory=dict)
+    largest: int = 0
+    wide: bool = False
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+    looked: int = 0
+    black: int = 0
+    dark: np.ndarray = field(default_factory=lambda: np.zeros(2, np.int64))
+    """Points with no channel above level 4, if 8 bits (0) or 16 (1) are used; black ones are not counted."""
+    intensity: np.ndarray = field(default_factory=lambda: np.zeros(65536, np.int64))
+    mode: str = "height"
+    grey: np.ndarray | None = None
+    ramp: tuple[float, float] = (0.0, 1.0)
+
+    @property
+    def shift(self) -> int:
+        return 8 if self.wide and self.largest > 255 else 0
+
+    @property
+    def uncoloured(self) -> float:
+        """Share of the points of this file that are black because nobody photographed them."""
+        dark = self.dark[1 if self.shift else 0] / 4
+        return self.black / self.looked if self.black > max(_LEAST_BLACK * self.looked, _BLACK_TO_DARK * dark) else 0.0
+
+    def look(self, rgb: np.ndarray) -> None:
+        """Counts black and dark points of (n, 3) colours."""
+        some = rgb[self.random.integers(len(rgb), size=-(-len(rgb) // _EVERY))]  # scan lines are regular: a stride is not fair
+        highest = some[:, 0] | some[:, 1] | some[:, 2]  # between the highest channel and twice it: near enough for darkness
+        self.looked += len(some)
+        self.black += int(np.count_nonzero(highest == 0))
+        self.dark += [np.count_nonzero((highest > 0) & (highest <= limit)) for limit in (4, 4 << 8 | 0xFF)]
+
+    @property
+    def colourless(self) -> list[int]:
+        return [i for i, scan in self.scans.items() if not scan.has_rgb]
+
+
+class Colours:
+    """Learns from every chunk (``add``), decides (``decide``), then gives each chunk its 8-bit colours (``apply``)."""
+
+    def __init__(self, sources: list[Source], *, match: bool = True):
+        self._names = [source.path.name for source in sources]
+        self._match = match
+        self.matched: dict[str, dict | None] = {"exposures": None, "passes": None}
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins pass 1 anew."""
+        self._files = [_File(name) for name in self._names]
+        self._matching = Matching()
+        self._unlit: set[int] = set()
+
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """Takes note of a chunk of source number ``source``.  first: the running number of its first point."""
+        if len(chunk.xyz) == 0:
+            return
+        file = self._files[source]
+        scan = file.scans.setdefault(int(np.max(chunk.scan)), _Scan())
+        scan.points += len(chunk.xyz)
+        largest = int(chunk.rgb.max()) if chunk.rgb is not None else 0
+        if chunk.rgb is not None and largest > 0:
+            scan.has_rgb = True
+            file.largest = max(file.largest, largest)
+            file.wide |= chunk.rgb.dtype == np.uint16
+            file.look(chunk.rgb)
+            if self._match:
+                self._matching.add(source, first, chunk)
+        elif chunk.intensity is not None:
+            file.intensity += np.bincount(chunk.intensity, minlength=65536)
+
+    def decide(self, heights: tuple[float, float], turns: dict[int, np.ndarray]) -> tuple[dict, list[str]]:
+        """Ends pass 1.  heights: the range of the third axis a height ramp should span.  turns: as in Matching.solve.
+
+        Returns meta["colour"] and the warnings a person should see.
+        """
+        warnings, kinds, bits = [], set(), 8
+        lost = 0.0  # points without a colour, of those that were looked at
+        if self._match:
+            with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
+                meter.update(0)
+                self.matched = self._matching.solve([file.shift for file in self._files], turns)
+                meter.update(0)
+        for number, file in enumerate(self._files):
+            if len(file.colourless) < len(file.scans):
+                kinds.add("rgb")
+            if file.wide and file.shift == 0:
+                warnings.append(
+                    f"{file.name}: 8-bit colour in 16-bit fields (largest value {file.largest}), read as 8-bit"
+                )
+            bits = max(bits, 16 if file.shift else 8)
+            if self._match and (share := file.uncoloured or self._matching.rims.get(number, 0.0)):
+                self._unlit.add(number)
+                lost += share * file.looked
+                those = "" if file.uncoloured else ", at the dark rim of what the scanner did not see,"
+                said = f"{_percent(share)} of the points{those} have no colour; they are filled in from around"
+                warnings.append(f"{file.name}: {said}")
+            if not file.colourless:
+                continue
+            low, high = _percentiles(file.intensity)
+            file.ramp = heights
+            if high > low:
+                file.mode = "intensity"
+                file.grey = np.clip((np.arange(65536.0) - low) / (high - low) * 255 + 0.5, 0, 255).astype(np.uint8)
+            kinds.add(file.mode)
+            some = (
+                ""
+                if len(file.colourless) == len(file.scans)
+                else f" in {len(file.colourless)} of {len(file.scans)} scans"
+            )
+            warnings.append(f"{file.name}: no colour{some}, shown by {file.mode}")
+        source = next((kind for kind in ("rgb", "intensity", "height") if kind in kinds), "height")
+        note = {
+            "rgb": f"{bits}-bit colour from the file",
+            "intensity": "no colour in the file: intensity as grey, 1st to 99th percentile",
+            "height": "no colour in the file: coloured by height",
+        }[source]
+        if len(kinds) > 1:
+            note += f"; parts without colour shown by {' and '.join(sorted(kinds - {'rgb'}))}"
+        looked = sum(file.looked for file in self._files)
+        return {"source": source, "bits": bits, "note": note, "uncoloured": lost / max(looked, 1)}, warnings
+
+    def apply(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
+        """(n, 3) uint8 colours of a chunk.  first: as in ``add``."""
+        file = self._files[source]
+        scan = file.scans.get(int(np.max(chunk.scan)), _Scan()) if len(chunk.xyz) else _Scan()
+        if scan.has_rgb and chunk.rgb is not None:
+            colours = self._matching.apply(source, first, chunk, file.shift)
+            if self._unlit:
+                highest = colours[:, 0] | colours[:, 1] | colours[:, 2]
+                if source in self._unlit:
+                    colours[highest < DARK] = 0  # black, and its rim: the black, blended in
+                else:
+                    colours[highest == 0] = 1  # black here is a colour
+            return colours
+        if file.grey is not None and chunk.intensity is not None:
+            return np.repeat(file.grey[chunk.intensity][:, None], 3, axis=1)
+        return height_colours(chunk.xyz[:, 2], *file.ramp)
+
+
+def height_colours(z: np.ndarray, low: float, high: float) -> np.ndarray:
+    """(n, 3) uint8: the ramp's colour for heights (n,) between ``low`` and ``high``, its ends outside."""
+    with np.errstate(invalid="ignore", over="ignore"):  # not finite: dropped later
+        place = np.nan_to_num((z - low) / (high - low) if high > low else np.full(len(z), 0.5))
+    place = np.clip(place, 0, 1) * (len(_RAMP) - 1)
+    knots = np.arange(len(_RAMP))
+    return np.stack([np.interp(place, knots, _RAMP[:, c]) + 0.5 for c in range(3)], axis=1).astype(np.uint8)
+
+
+def _percent(share: float) -> str:
+    """0.15 -> 15%, 0.0005 -> 0.05%."""
+    return f"{share:.0%}" if share >= 0.01 else f"{100 * share:.1g}%"
+
+
+def _percentiles(histogram: np.ndarray) -> tuple[int, int]:
+    """1st and 99th percentile of a histogram; its ends where these agree."""
+    total = histogram.cumsum()
+    if total[-1] == 0:
+        return 0, 0
+    low, high = np.searchsorted(total, (0.01 * total[-1], 0.99 * total[-1]))
+    if low == high:
+        low, high = np.flatnonzero(histogram)[[0, -1]]
+    return int(low), int(high)

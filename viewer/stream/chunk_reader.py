@@ -1,0 +1,173 @@
+"""Chunks of packed points, read by threads into a bounded ring of buffers, in the order asked for.  No OpenGL here."""
+
+import threading
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from model.common.processors import usable_processors
+from viewer.settings import MEMORY
+from viewer.stream.chunk_source import ChunkSource
+
+READ_AHEAD = MEMORY.read_ahead
+"""Bytes of main memory the buffers of a reader may take, unless told otherwise."""
+_THREADS = 4  # at most: beyond that the disk or the memory is the limit
+_PATIENCE = 5.0  # seconds closing waits for a read that hangs
+
+
+class ChunkReader:
+    """Reads requested chunks ahead.  ``wake`` is called, on a thread of the reader, when the first of some has arrived.
+
+    memory: bytes all buffers together may take; they are made when first needed.
+    """
+
+    def __init__(self, source: ChunkSource, *, memory: int = READ_AHEAD, threads: int | None = None,
+                 wake: Callable[[], None] = lambda: None):
+        self.source, self._wake = source, wake
+        self._most = max(1, min(memory // source.chunk_bytes, source.chunks))
+        self._made = 0
+        self._spare: list[np.ndarray] = []  # the last one given back is the next one used: it is in the cache
+        self._wanted = np.zeros(source.chunks, bool)  # asked for, not yet handed over
+        self._left = 0  # how many of these
+        self._queue, self._next = np.empty(0, np.int64), 0
+        self._reading: set[int] = set()
+        self._ready: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        self._failures: dict[int, Exception] = {}
+        self._closed = False
+        self._broken: Exception | None = None  # what ended a thread
+        lock = threading.Lock()
+        self._jobs, self._news = threading.Condition(lock), threading.Condition(lock)
+        count = min(usable_processors(), _THREADS) if threads is None else threads
+        self._threads = [
+            threading.Thread(target=self._work, name=f"pointglass reader {n}", daemon=True)
+            for n in range(min(count, self._most))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def memory(self) -> int:
+        """Bytes of main memory taken by buffers so far."""
+        return self._made * self.source.chunk_bytes
+
+    @property
+    def arrived(self) -> bool:
+        """Whether something is there to be taken."""
+        return bool(self._ready) or bool(self._failures)
+
+    @property
+    def left(self) -> int:
+        """How many of the requested chunks have not been taken yet."""
+        return self._left
+
+    def request(self, chunks: np.ndarray) -> None:
+        """Asks for ``chunks``, all different, in this order, and for nothing else any more.
+
+        What has been read of them already, or failed, is not read again before it has been handed over.
+        """
+        with self._jobs:
+            self._wanted[:] = False
+            self._wanted[chunks] = True
+            for chunk in [chunk for chunk in self._ready if not self._wanted[chunk]]:
+                self._spare.append(self._ready.pop(chunk)[0])
+            for chunk in [chunk for chunk in self._failures if not self._wanted[chunk]]:
+                del self._failures[chunk]
+            self._queue, self._next = np.array(chunks, np.int64), 0
+            self._left = len(self._queue)
+            self._jobs.notify_all()
+
+    def arrivals(self, limit: int | None = None, *, wait: bool = False) -> Iterator[tuple[int, np.ndarray]]:
+        """(chunk, its points) of what was requested; the points are valid until the next is asked for.
+
+        limit: at most so many.  wait: until all are there; without it, those that are there.
+        Raises what reading a chunk raised, once for each; others can still be taken.  Raises what ended a thread of the
+        reader, which nothing should.
+        """
+        given = 0
+        while limit is None or given < limit:
+            with self._news:
+                while not self._ready and not self._failures:
+                    if self._broken is not None:
+                        raise self._broken
+                    if not wait or self._left == 0 or self._closed:
+                        return
+                    self._news.wait()
+                chunk = next(iter(self._failures or self._ready))
+                self._wanted[chunk] = False
+                self._left -= 1
+                if chunk in self._failures:
+                    raise self._failures.pop(chunk)
+                buffer, points = self._ready.pop(chunk)
+            try:
+                yield chunk, points
+            finally:
+                with self._jobs:
+                    self._spare.append(buffer)
+                    self._jobs.notify()
+            given += 1
+
+    def close(self) -> None:
+        """Ends the threads and closes the source."""
+        with self._jobs:
+            self._closed = True
+            self._jobs.notify_all()
+            self._news.notify_all()
+        for thread in self._threads:
+            thread.join(_PATIENCE)
+        self._ready.clear()
+        self._spare.clear()
+        if not any(thread.is_alive() for thread in self._threads):  # a closed number could be another file's by then
+            self.source.close()
+
+    def _work(self) -> None:
+        try:
+            self._read_on()
+        except Exception as error:  # no memory for a buffer, say: whoever waits must hear of it
+            with self._news:
+                self._broken = error
+                self._news.notify_all()
+
+    def _read_on(self) -> None:
+        while (job := self._take()) is not None:
+            chunk, buffer = job
+            points, failure = buffer, None
+            try:
+                points = self.source.read(chunk, buffer)
+            except Exception as error:  # handed to whoever waits for the chunk
+                failure = error
+            with self._news:
+                self._reading.discard(chunk)
+                if failure is None and self._wanted[chunk]:
+                    self._ready[chunk] = buffer, points
+                else:
+                    self._spare.append(buffer)
+                    self._jobs.notify()
+                if failure is not None and self._wanted[chunk]:
+                    self._failures[chunk] = failure
+                first = len(self._ready) + len(self._failures) == 1
+                self._news.notify_all()
+            if first:
+                self._wake()
+
+    def _take(self) -> tuple[int, np.ndarray] | None:
+        """The next chunk to read and a buffer for it; waits until there are both.  None: closed."""
+        with self._jobs:
+            while not self._closed:
+                while self._next < len(self._queue):
+                    chunk = int(self._queue[self._next])
+                    dealt_with = chunk in self._ready or chunk in self._reading or chunk in self._failures
+                    if self._wanted[chunk] and not dealt_with:
+                        break
+                    self._next += 1
+                else:
+                    self._jobs.wait()
+                    continue
+                if not self._spare and self._made < self._most:
+                    self._spare.append(np.empty((self.source.chunk_points, 3), np.uint32))
+                    self._made += 1
+                if self._spare:
+                    self._next += 1
+                    self._reading.add(chunk)
+                    return chunk, self._spare.pop()
+                self._jobs.wait()
+        return None

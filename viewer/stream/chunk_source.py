@@ -1,0 +1,140 @@
+"""Where the chunks of a scene are read from, and whether they are still those written.
+
+A chunk is a run of ``CHUNK`` points of ``Scene.points``; the first chunks are the coarse layers.  Points that are a file
+are read with pread and never through their memory map: resident memory does not grow with what was read, and a file that
+shrinks while it is open is a message and not a bus error.
+"""
+
+import mmap
+import os
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.grid.cache import distrust
+from viewer.grid.checksum import checksum
+from viewer.grid.scene import CHUNK
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from viewer.grid.scene import Scene
+
+POINT_BYTES = 12
+
+
+class ChunkError(InputError):
+    """A chunk that cannot be had.  chunk: its number."""
+
+    def __init__(self, message: str, chunk: int):
+        super().__init__(message)
+        self.chunk = chunk
+
+
+class ChunkSource:
+    """Where the chunks of a scene are read from: the file behind a memory map, or the array.
+
+    chunk_points: points a chunk; checksums are those of chunks of CHUNK points, and used only with these.
+    Safe to read from several threads.  Raises InputError where the file is gone.
+    """
+
+    def __init__(self, scene: "Scene", chunk_points: int = CHUNK):
+        self.points, self.chunk_points = scene.points, chunk_points
+        self.count = len(scene.points)
+        self.chunks = -(-self.count // chunk_points)
+        self.chunk_bytes = chunk_points * POINT_BYTES
+        self.checksums = scene.checksums if chunk_points == CHUNK else None
+        self.path, self._start = _file_of(scene.points)
+        self._file = None
+        self._seeking = threading.Lock()
+        self._forgets = _forgettable(scene.points) if self.path is None else None
+        if self.path is not None:
+            try:
+                self._file = open(self.path, "rb", buffering=0)  # noqa: SIM115  (closed by close)
+            except OSError as error:
+                raise InputError(f"{self.path}: cannot be read ({error.strerror}); open the scan again") from None
+
+    def read(self, chunk: int, into: np.ndarray) -> np.ndarray:
+        """The points of a chunk, (n, 3) uint32, in the front of ``into``, (chunk_points, 3) uint32.
+
+        Raises ChunkError naming the file where it cannot be read, ends too early or is damaged.
+        """
+        first = chunk * self.chunk_points
+        points = into[: min(self.chunk_points, self.count - first)]
+        if self._file is None:
+            points[:] = self.points[first : first + len(points)]
+            if self._forgets is not None:
+                self._forgets(first, first + len(points))
+            return points
+        raw = points.data.cast("B")
+        place = self._start + first * POINT_BYTES
+        try:
+            got = self._read_at(place, raw)
+        except OSError as error:
+            why = f"{self.path}: cannot be read ({error.strerror}); check the disk and open the scan again"
+            raise ChunkError(why, chunk) from None
+        if got < len(raw):
+            raise self._damaged(chunk, f"it ends at byte {place + got:,}, {len(raw) - got:,} too early")
+        if self.checksums is not None and checksum(points) != int(self.checksums[chunk]):
+            raise self._damaged(chunk, f"points {first:,} to {first + len(points):,} do not match their checksum")
+        return points
+
+    def _read_at(self, place: int, raw: memoryview) -> int:
+        """Bytes read; fewer than asked for only at the end of the file."""
+        assert self._file is not None
+        got = 0
+        while got < len(raw):
+            if hasattr(os, "preadv"):
+                n = os.preadv(self._file.fileno(), [raw[got:]], place + got)
+            else:  # Windows: one place in the file for all
+                with self._seeking:
+                    self._file.seek(place + got)
+                    n = self._file.readinto(raw[got:]) or 0
+            if n == 0:
+                break
+            got += n
+        return got
+
+    def _damaged(self, chunk: int, what: str) -> ChunkError:
+        assert self.path is not None
+        return ChunkError(f"{self.path}: damaged grid ({what}); {distrust(self.path.parent)}", chunk)
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+
+
+def _map_of(points: np.ndarray) -> np.memmap | None:
+    """``points`` where they are a whole memory map that shares its file, and no part or copy of one."""
+    if isinstance(points, np.memmap) and points.base is points._mmap and points.mode != "c":  # type: ignore
+        return points if points.flags.c_contiguous else None
+    return None
+
+
+def _file_of(points: np.ndarray) -> "tuple[Path | None, int]":
+    """The file that holds ``points``, and the byte they begin at; None where they are not a file that has a name."""
+    from pathlib import Path
+
+    mapped = _map_of(points)
+    if mapped is None or mapped.filename is None:
+        return None, 0
+    return Path(mapped.filename), int(mapped.offset)
+
+
+def _forgettable(points: np.ndarray) -> Callable[[int, int], None] | None:
+    """For a nameless file behind ``points``: what drops the pages of a run from this process; the file keeps them."""
+    memory = _map_of(points)
+    if memory is None or not hasattr(mmap, "MADV_DONTNEED"):
+        return None
+    mapped, lead, page = memory._mmap, memory.offset % mmap.ALLOCATIONGRANULARITY, mmap.PAGESIZE  # type: ignore
+
+    def forget(first: int, stop: int) -> None:
+        low = -(-(lead + first * POINT_BYTES) // page) * page
+        high = (lead + stop * POINT_BYTES) // page * page
+        if high > low:
+            mapped.madvise(mmap.MADV_DONTNEED, low, high - low)
+
+    return forget

@@ -1,0 +1,182 @@
+"""Which chunks of a scene are in the slots of a pool, which a picture needs, and which must make way for them.
+
+Bookkeeping only: no OpenGL, no reading, and nothing but array operations.  Chunk c is the points [c * chunk_points,
+(c + 1) * chunk_points) of the scene; since points lie by layer, a lower number is never finer, and what is short is given
+to low numbers first.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.grid.scene import CHUNK
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+
+OVERVIEW = 1 << 22
+"""Points that show all of a scene from outside, two for each pixel of a large picture; kept in the pool as far as fit."""
+PINNED_SHARE = 8  # at most one slot in so many is pinned
+_UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40}
+
+
+@dataclass(frozen=True)
+class Round:
+    """A part of a picture whose chunks fit into the pool together.
+
+    start, stop: points of the scene it covers.  chunks: (n,) int64, ascending, those of them that are needed.
+    """
+
+    start: int
+    stop: int
+    chunks: np.ndarray
+
+
+class Residency:
+    """The state of a pool of ``slots`` for a scene of ``points`` points.
+
+    A pool that has a slot for every chunk holds chunk c in slot c, and gives none up again.
+    slot_of_chunk: (C,) int32, -1 where absent.  chunk_of_slot: (S,) int32, -1 where empty.  last_used: (C,) int64, the
+    stamp of the last plan that needed a chunk.  The first ``pinned`` chunks, once in, are never evicted.
+    """
+
+    def __init__(self, points: int, slots: int, *, chunk_points: int = CHUNK, pinned: int = 0):
+        self.points, self.chunk_points = points, chunk_points
+        self._shift = chunk_points.bit_length() - 1
+        if chunk_points != 1 << self._shift:
+            raise ValueError(f"{chunk_points} points a chunk: expected a power of two")
+        self.chunks = -(-points // chunk_points)
+        self.slots = min(slots, self.chunks)
+        self.pinned = min(pinned, self.slots)
+        self.room = self.slots - self.pinned
+        if self.room < 1 and self.slots < self.chunks:
+            raise ValueError(f"{slots} slots, {pinned} of them pinned: nothing could be loaded")
+        self.slot_of_chunk = np.full(self.chunks, -1, np.int32)
+        self.chunk_of_slot = np.full(self.slots, -1, np.int32)
+        self.last_used = np.zeros(self.chunks, np.int64)
+        self.stamp = 0
+        self.absent = self.chunks
+        """Chunks that are in no slot."""
+        self.tally = np.zeros(self.chunks, np.int64)
+        """Points of each chunk that the last draw list asked for."""
+
+    @property
+    def holds_all(self) -> bool:
+        """Whether every chunk has a slot of its own."""
+        return self.slots == self.chunks
+
+    @property
+    def complete(self) -> bool:
+        """Whether every chunk is there, chunk c in slot c."""
+        return self.absent == 0
+
+    def need(self, first: np.ndarray, count: np.ndarray) -> np.ndarray:
+        """Ascending numbers of the chunks that runs of points touch.  first, count: (R,) int64, in any order."""
+        from viewer.stream.chunk_kernels import tally_chunks
+
+        self.tally[:] = 0
+        tally_chunks(first, count, self._shift, self.tally)
+        return np.flatnonzero(self.tally)
+
+    def fitting(self, needed: np.ndarray) -> np.ndarray:
+        """As many of the ascending chunks ``needed`` as the pool can hold at once, the coarse ones."""
+        return needed[: int(np.searchsorted(needed, self.pinned)) + self.room]
+
+    def plan(self, needed: np.ndarray, limit: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(chunks to load, slots to load them into), for a picture of the ascending chunks ``needed``.
+
+        Coarse chunks come first, at most ``limit`` of them.  Slots are empty ones, then those whose chunk was needed
+        longest ago (the finer of two), never those of chunks needed now.  Nothing moves before :meth:`place`.
+        """
+        self.stamp += 1
+        self.last_used[needed] = self.stamp
+        missing = needed[self.slot_of_chunk[needed] < 0]
+        missing = missing[:limit]
+        if self.holds_all or not len(missing):
+            return missing, missing
+        slots = np.flatnonzero(self.chunk_of_slot < 0)[: len(missing)]
+        if len(slots) < len(missing):
+            held = self.chunk_of_slot.astype(np.int64)
+            loose = np.flatnonzero((held >= self.pinned) & (self.last_used[held] < self.stamp))
+            age = self.last_used[held[loose]] * self.chunks + (self.chunks - 1 - held[loose])
+            slots = np.concatenate([slots, loose[np.argsort(age)[: len(missing) - len(slots)]]])
+        return missing[: len(slots)], slots
+
+    def place(self, chunk: int, slot: int) -> None:
+        """Notes that ``chunk`` is in ``slot`` now, and what was there is not."""
+        before = self.chunk_of_slot[slot]
+        if before >= 0:
+            self.slot_of_chunk[before] = -1
+        self.absent += int(before >= 0) - int(self.slot_of_chunk[chunk] < 0)
+        self.chunk_of_slot[slot] = chunk
+        self.slot_of_chunk[chunk] = slot
+
+    def reach(self, needed: np.ndarray) -> int:
+        """How many slots, from the first on, there must be for the ascending chunks ``needed``, or what fits of them."""
+        if self.holds_all:
+            return int(needed[-1]) + 1 if len(needed) else 0
+        absent = int(np.count_nonzero(self.slot_of_chunk[needed] < 0))
+        return min(self.slots, int(np.count_nonzero(self.chunk_of_slot >= 0)) + absent)
+
+    def rounds(self, needed: np.ndarray) -> list[Round]:
+        """Parts of the scene, in order and without a gap, whose chunks of ``needed`` (ascending) fit the pool together.
+
+        Each needed chunk is in exactly one.  Drawn there and back again (depth first to last, colours last to first),
+        neighbouring passes share a round and nothing is loaded between them.
+        """
+        ahead = int(np.searchsorted(needed, self.pinned))
+        parts = max(1, -(-(len(needed) - ahead) // self.room)) if not self.holds_all else 1
+        cuts = [0, *(ahead + self.room * part for part in range(1, parts)), len(needed)]
+        edges = [0, *(int(needed[cut]) * self.chunk_points for cut in cuts[1:-1]), self.points]
+        return [Round(edges[i], edges[i + 1], needed[cuts[i] : cuts[i + 1]]) for i in range(parts)]
+
+
+def overview_chunks(scene: "Scene", slots: int, chunk_points: int = CHUNK) -> int:
+    """How many of the first chunks to pin: those of the coarse layers that hold OVERVIEW points together, or what fits."""
+    ends = _layer_ends(scene)
+    points = int(ends[min(np.searchsorted(ends, OVERVIEW), len(ends) - 1)])
+    return min(-(-points // chunk_points), slots // PINNED_SHARE)
+
+
+def opening_chunks(scene: "Scene", chunk_points: int = CHUNK, points: int = OVERVIEW) -> int:
+    """How many of the first chunks a first picture waits for, where all will be there: those of the coarsest layer and of the
+    next ones while they hold at most ``points`` points together."""
+    ends = _layer_ends(scene)
+    return -(-int(ends[max(int(np.searchsorted(ends, points, side="right")) - 1, 0)]) // chunk_points)
+
+
+def _layer_ends(scene: "Scene") -> np.ndarray:
+    """(L,): points of the layers 0..k."""
+    return np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
+
+
+def available_memory() -> int | None:
+    """Bytes of main memory this process can still take without swapping; None where the system does not say."""
+    try:
+        lines = Path("/proc/meminfo").read_text("ascii").splitlines()
+        free = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, ValueError, IndexError, StopIteration):
+        return None
+    try:  # a container may have less than its machine
+        group = Path("/sys/fs/cgroup")
+        most = int((group / "memory.max").read_text("ascii"))
+        files = (group / "memory.stat").read_text("ascii").split("\ninactive_file ")[1].split()[0]
+        return max(0, min(free, most - int((group / "memory.current").read_text("ascii")) + int(files)))
+    except (OSError, ValueError, IndexError):
+        return free
+
+
+def byte_count(text: str, option: str) -> int:
+    """Bytes from ``512M``, ``4G``, ``1.5 GiB``: units of 1024.  Raises InputError naming the option."""
+    plain = text.strip().lower().removesuffix("ib").removesuffix("b").strip()
+    number, unit = (plain[:-1], plain[-1:]) if plain[-1:].isalpha() else (plain, "")
+    try:
+        value = float(number) * _UNITS[unit]
+        if not 1 <= value < 1 << 60:
+            raise ValueError
+        return int(value)
+    except (ValueError, KeyError):
+        raise InputError(f"{option} {text!r}: expected a size such as 512M or 4G") from None

@@ -1,0 +1,206 @@
+"""From plan to canvas: the renderer of the scene shown, the last picture it made, and the canvas that is laid on.
+
+Owns GL objects and knows no window: what to draw is the session's, and what is drawn over it the interface's.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.errors import DeviceError, PointglassError
+from viewer.render.occlusion import Occlusion
+from viewer.render.points import UPLOAD_SECONDS
+from viewer.settings import Memory
+from viewer.tools.background import composite
+from viewer.window.loading import Loaded
+from viewer.window.present import Canvas, split_column
+from viewer.window.session import Session
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.grid.scene import Scene
+    from viewer.render.frame import Frame
+    from viewer.render.renderer import Renderer
+    from viewer.window.picture_plan import Plan
+
+_NO_MEMORY = "not enough memory for its points"
+_UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
+
+
+class Painter:
+    """Makes the pictures that a session plans, and tells it what came of them.
+
+    renderer: of the scene shown, None at first.  canvas: what the window shows, None until something was shown.
+    memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
+    """
+
+    def __init__(self, context: "moderngl.Context", session: Session, *, memory: Memory, wake: Callable[[], None]):
+        from viewer.render.shader import Programs
+
+        self._context, self._session, self._memory, self._wake = context, session, memory, wake
+        self._programs = Programs(context)
+        self.renderer: Renderer | None = None
+        self.canvas: Canvas | None = None
+        self._frame: Frame | None = None
+        self._untold: tuple[Plan, Frame] | None = None  # of a picture whose cost the session has not heard
+        self._shown: tuple[str, ...] = ()
+        self._seen = Occlusion()
+        self._problem: str | None = None
+        self._intervals: deque[float] = deque(maxlen=20)
+        self._last_picture = 0.0
+
+    def upload(self, loaded: Loaded) -> bool:
+        """Puts a loaded scene on the GPU.  False where that fails; the scene before it stays and a message says why."""
+        try:
+            renderer = self._made(loaded.scene)
+        except (PointglassError, MemoryError) as error:
+            self._session.notices.say("This scan cannot be shown", str(error) or _NO_MEMORY)
+            return False
+        if self.renderer is not None:
+            self.renderer.release()
+        self._forget(renderer)
+        self._session.accept(loaded)
+        self._intervals.clear()
+        return True
+
+    def _made(self, scene: "Scene") -> "Renderer":
+        """A renderer beside the one there is or, where the device has not room for both, in its place; where it has not room
+        for this scene alone, the one before is made again."""
+        try:
+            renderer = self._new(scene)
+        except (DeviceError, MemoryError):
+            if self.renderer is None:
+                raise
+        else:
+            if self.renderer is None or not renderer.pages.short:
+                return renderer
+            renderer.release()
+        before = self.renderer.scene
+        self.renderer.release()
+        self._forget(None)
+        try:
+            return self._new(scene)
+        except (PointglassError, MemoryError):
+            self._forget(self._new(before))
+            self._session.picture.dirty = True
+            raise
+
+    def _new(self, scene: "Scene") -> "Renderer":
+        from viewer.render.renderer import Renderer
+
+        return Renderer(self._context, scene, memory=self._memory, wake=self._wake)
+
+    def _forget(self, renderer: "Renderer | None") -> None:
+        """Takes another renderer, of which there is no picture yet."""
+        self.renderer, self._frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
+
+    def note_arrivals(self) -> bool:
+        """While no picture moves, which would take in its own: takes in points that have come, has the picture made again if it
+        waits for some, and others read ahead if not.  Returns whether more are there for the next call."""
+        if self.renderer is None or self._session.flight.moving:
+            return False
+        pages = self.renderer.pages
+        if not (pages.arrived or pages.idle):
+            return False
+        self._session.picture.dirty |= pages.pending
+        try:
+            return pages.take_in(_UPLOAD_SECONDS if pages.pending else UPLOAD_SECONDS)
+        except (PointglassError, MemoryError) as error:
+            self._untold = None
+            self._session.failed(str(error) or _NO_MEMORY)
+            return False
+
+    def paint(self) -> None:
+        """Makes the picture that the session plans now."""
+        session, renderer = self._session, self.renderer
+        if renderer is None:
+            return
+        plan = session.plan
+        try:
+            self._frame = renderer.render(
+                session.camera, replace(session.choice.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
+                self._seen if plan.hides else None, streaming=True,
+            )  # fmt: skip
+        except (PointglassError, MemoryError) as error:
+            self._frame = self._untold = None
+            session.failed(str(error) or _NO_MEMORY)
+            return
+        self._shown = plan.views
+        now = perf_counter()
+        if now - self._last_picture < 1.0:
+            self._intervals.append(now - self._last_picture)
+        else:
+            self._intervals.clear()
+        self._last_picture = now
+        self._tell(plan, self._frame)
+        if (problem := renderer.pages.problem) != self._problem:
+            self._problem = problem
+            if problem:
+                session.notices.say("A part of this scan cannot be read", problem)
+
+    def _tell(self, plan: "Plan", frame: "Frame") -> None:
+        """Tells the session that a picture was made, and what it cost: while something moves, where that is known without
+        keeping the GPU waiting, which is when the next one is on its way."""
+        self.settle()
+        if plan.moving and self.renderer is not None and not self.renderer.device.software:
+            facts = frame.facts
+            self._session.shown(plan, hides="occlusion" in facts, approximations=facts["approximations"])
+            self._untold = plan, frame
+        else:
+            self._session.drew(plan, frame.stats)
+
+    def settle(self) -> None:
+        """Tells what the last picture of a movement cost, which no other follows."""
+        before, self._untold = self._untold, None
+        if before is not None:
+            self._session.learn(before[0], before[1].stats)
+
+    @property
+    def frame_rate(self) -> float | None:
+        """Pictures a second while something moves; None at rest."""
+        if not self._intervals or not self._session.flight.moving:
+            return None
+        return len(self._intervals) / max(sum(self._intervals), 1e-9)
+
+    def show(self) -> Canvas:
+        """The last picture, or the background where there is none, on a canvas of the framebuffer's size."""
+        size, split_at, background = self._session.size, self._session.choice.split_at, self._session.choice.background
+        if self.canvas is None or self.canvas.size != size:
+            if self.canvas is not None:
+                self.canvas.release()
+            self.canvas = Canvas(self._context, self._programs, size)
+        sides = [self._frame.textures[view] for view in self._shown] if self._frame is not None else []
+        if len(sides) == 2:
+            self.canvas.show(sides[0], sides[1], split_column(split_at, size[0]), background)
+        else:
+            self.canvas.show(sides[0] if sides else None, background=background)
+        return self.canvas
+
+    def full_picture(self) -> np.ndarray | None:
+        """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene.
+
+        Raises PointglassError where it cannot be made.
+        """
+        session = self._session
+        if self.renderer is None or min(session.size) == 0:
+            return None
+        plan, sides, background = session.full_plan, session.choice.sides, session.choice.background
+        frame = self.renderer.render(session.camera, session.choice.settings, tuple(dict.fromkeys(sides)))
+        self._frame, self._shown = frame, sides
+        self._tell(plan, frame)
+        image = composite(frame.image(sides[0]), background)
+        if len(sides) == 2:
+            column = split_column(session.choice.split_at, session.size[0])
+            image[:, column:] = composite(frame.image(sides[1]), background)[:, column:]
+        return image
+
+    def release(self) -> None:
+        for owned in (self.renderer, self.canvas, self._programs):
+            if owned is not None:
+                owned.release()
+        self.renderer = self.canvas = None
