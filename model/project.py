@@ -14,48 +14,13 @@ from torch import Tensor
 
 from model.common.linear_light import TO_LINEAR, TO_SRGB
 from model.depth_filter import keep_mask
+from model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE, TYPICAL_WEIGHT
 from model.pull_push import pull_push
+from model.soft_z import MOST_AVERAGED, SoftZ
 from model.station_weights import toned, trust
 
-DEPTH_FEATURE_SCALE = 0.25
-DEPTH_FEATURE_LIMIT = 2.0
 MEASURED_CHANNELS = 6
 """Of :func:`measured_input`."""
-NOISE_SCALE = 20.0
-"""The network is told NOISE_SCALE times the standard deviation of a pixel's mean colour: 1 for 0.05 of full brightness."""
-MOST_AVERAGED = 255
-"""Points that a pixel's noise is divided by at most: the count is stored in 8 bits."""
-TYPICAL_WEIGHT = 8.0
-"""What a point's weight of :mod:`model.station_weights` (1 to 15) counts as one averaged point.  About the mean weight of the
-points that decide a pixel; the network is trained with the same."""
-SOFT_RELATIVE = 1.0 / 128.0  # of depth
-SOFT_SPACINGS = 1.0  # of point spacing
-PAPER_SOFT_METRES = 0.02
-
-
-@dataclass(frozen=True)
-class SoftZ:
-    """Depth tolerance of the soft z-buffer: points within max(relative x zmin, absolute) behind the nearest count.
-
-    absolute: file units.  rounded: the published code's pixel, u rounded instead of cut off.  linear: colours are averaged
-    in linear light (12 bits), else as the paper's code does in sRGB.  unlit: black points have no colour: they hide, and are
-    not averaged.
-    """
-
-    relative: float
-    absolute: float
-    rounded: bool = False
-    linear: bool = False
-    unlit: bool = False
-
-    @staticmethod
-    def preset(name: str, spacing: float, metre: float, *, unlit: bool = False) -> "SoftZ":
-        """``auto``, ``paper-code`` or ``paper-text``, which know no ``unlit``.  spacing: file units.  metre: file units in a
-        metre."""
-        if name == "auto":
-            return SoftZ(SOFT_RELATIVE, SOFT_SPACINGS * spacing, linear=True, unlit=unlit)
-        return SoftZ(0.0, PAPER_SOFT_METRES * metre, rounded=name == "paper-code")
-
 
 @dataclass(frozen=True)
 class Raster:

@@ -9,7 +9,7 @@ from functools import cache, partial
 from typing import TYPE_CHECKING
 
 from model.common.memory import give_back
-from model.project import SoftZ
+from model.soft_z import SoftZ
 from viewer.errors import DeviceError, InputError
 from viewer.render.context import describe_device
 from viewer.render.cull import Culler, DrawList

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.station_weights import HEAVIEST
+from model.station_constants import HEAVIEST
 from viewer.bench.stability import frames
 from viewer.bench.stability.exact import Agreement, agreement, exact_picture
 from viewer.bench.stability.frames import Stand, arrays_of, different, place_at, row
