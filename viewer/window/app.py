@@ -17,11 +17,11 @@ import numpy as np
 from model.common.interrupts import to_its_end
 from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
-from viewer.window.input import Hands
+from viewer.window.input import Input
 from viewer.window.loading import Loaded, open_scene
-from viewer.window.save_actions import Keeper
+from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
-from viewer.window.viewport import Painter
+from viewer.window.viewport import Viewport
 
 if TYPE_CHECKING:
     import moderngl
@@ -56,7 +56,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
 
 
 class App:
-    """Owns the window, the interface and the painter.
+    """Owns the window, the interface and the viewport.
 
     size: of the window, logical pixels.  folder: where captures go.  scale: of the interface; None: the screen's own.
     """
@@ -81,25 +81,25 @@ class App:
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
         )
-        self.painter = Painter(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
-        self._keeper = Keeper(self.session, self.painter, folder or Path.cwd())
+        self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
+        self._save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
         self._settle = _SETTLE
         self._awake_until = 0.0
         self._actions = {
             "home": self.session.go_home,
             "frame": self.session.frame_scene,
-            "view_raw": lambda: self.session.choice.show("raw"),
-            "view_filtered": lambda: self.session.choice.show("filtered"),
-            "view_filled": lambda: self.session.choice.show("filled"),
-            "view_neural": lambda: self.session.choice.show("neural"),
-            "split": lambda: self.session.choice.compare(not self.session.choice.split),
-            "screenshot": self._keeper.screenshot,
-            "record": self._keeper.record,
+            "view_raw": lambda: self.session.view_settings.show("raw"),
+            "view_filtered": lambda: self.session.view_settings.show("filtered"),
+            "view_filled": lambda: self.session.view_settings.show("filled"),
+            "view_neural": lambda: self.session.view_settings.show("neural"),
+            "split": lambda: self.session.view_settings.compare(not self.session.view_settings.split),
+            "screenshot": self._save_actions.screenshot,
+            "record": self._save_actions.record,
             "help": lambda: setattr(self.session, "help", not self.session.help),
             "interface": self.session.show_or_hide_interface,
             "escape": self.escape,
         }
-        self.hands = Hands(self)
+        self.input = Input(self)
 
     def _start_graphics(self) -> None:
         from viewer.render.context import create_context
@@ -141,7 +141,7 @@ class App:
         """Lets go of the pointer, or closes one thing."""
         imgui, message = self.imgui, self.session.notices.message
         if self.session.flight.looking or self.session.dragging_handle:
-            self.hands.release_pointer()
+            self.input.release_pointer()
         elif message is None and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):  # a list of choices
             imgui.internal.close_popups_except_modals()
         else:
@@ -156,9 +156,9 @@ class App:
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
-        arriving = self.painter.note_arrivals()
+        arriving = self.viewport.note_arrivals()
         change = session.next_change()
-        loading = session.loads.current is not None or session.choice.network_load is not None
+        loading = session.loads.current is not None or session.view_settings.network_load is not None
         stirring = loading or perf_counter() < self._awake_until
         busy = arriving or session.needs_picture or self._settle > 0 or change == 0.0
         with to_its_end():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
@@ -178,13 +178,13 @@ class App:
         if min(session.size) == 0:
             return
         if session.needs_picture:
-            self.painter.paint()
+            self.viewport.paint()
             self._settle = max(self._settle, 1)
             stats = session.picture.stats
             if stats is not None and stats["total_ms"] > _LONG:
                 self._interface(shown=False)
         elif not session.flight.moving:
-            self.painter.settle()
+            self.viewport.settle()
         if self._settle > 0 or not wait:
             self._settle = max(0, self._settle - 1)
             self._draw()
@@ -192,12 +192,12 @@ class App:
 
     def _upload(self, loaded: Loaded) -> None:
         self.wake()
-        if self.painter.upload(loaded):
+        if self.viewport.upload(loaded):
             self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
 
     def _draw(self) -> None:
         """The picture and the interface on the canvas, and that to the screen."""
-        canvas = self.painter.show()
+        canvas = self.viewport.show()
         self._interface()
         canvas.to_screen()
 
@@ -209,7 +209,7 @@ class App:
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         imgui.new_frame()
-        over = self.hands.over_handle and not imgui.get_io().want_capture_mouse
+        over = self.input.over_handle and not imgui.get_io().want_capture_mouse
         if over or session.dragging_handle:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         if not session.help:  # which covers the middle, and at small sizes everything
@@ -217,11 +217,11 @@ class App:
         if session.interface:
             hud.draw_handle(session, look, hovered=over)
             if not session.help:
-                hud.draw_hud(session, look, fps=self.painter.frame_rate)
+                hud.draw_hud(session, look, fps=self.viewport.frame_rate)
                 panels.draw_panel(session, look)
                 hud.draw_recording(session, look)
         hud.draw_toasts(session, look)  # hidden interface or not: they go by themselves
-        dialogs.draw_help(session, look, self.hands.key_name)
+        dialogs.draw_help(session, look, self.input.key_name)
         dialogs.draw_load(session, look)
         dialogs.draw_message(session, look)
         imgui.render()
@@ -231,9 +231,9 @@ class App:
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""
         if self.session.recording is not None:
-            self._keeper.record()
+            self._save_actions.record()
         self.session.close()
-        self.painter.release()
+        self.viewport.release()
         imgui = self.imgui
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()

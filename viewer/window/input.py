@@ -32,7 +32,7 @@ class Host(Protocol):
     def interface_scale(self) -> float: ...
 
 
-class Hands:
+class Input:
     """The callbacks of one window.  pointer: where the pointer is."""
 
     def __init__(self, host: Host):
@@ -116,8 +116,8 @@ class Hands:
     def over_handle(self) -> bool:
         """Whether the pointer is on the line of a comparison."""
         session = self._host.session
-        at = session.choice.split_at * session.size[0] / self._density()
-        return session.choice.split and abs(self.pointer[0] - at) <= _GRIP * self._host.theme.scale
+        at = session.view_settings.split_at * session.size[0] / self._density()
+        return session.view_settings.split and abs(self.pointer[0] - at) <= _GRIP * self._host.theme.scale
 
     def on_scroll(self, _window, dx: float, dy: float) -> None:
         self._host.wake()
