@@ -18,6 +18,8 @@ from model.common.interrupts import to_its_end
 from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.input import Input
+from viewer.window.interaction.table import toolbox
+from viewer.window.interaction.tool import ToolContext
 from viewer.window.loading import Loaded, open_scene
 from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
@@ -33,6 +35,8 @@ _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hov
 _NAP = 0.5  # seconds of sleep at most while idle
 _BREATH = 0.06  # seconds between interface frames while only the interface changes: a load's bar, a tooltip's delay
 _LONG = 50.0  # milliseconds a picture from which on what is said of it must fit at once, since the next one is far off
+_CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
+"""A tool's cursor -> imgui's name.  imgui has no crosshair: the overlay draws it."""
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
@@ -82,6 +86,8 @@ class App:
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
         )
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
+        self.toolbox = toolbox()
+        self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
         self._save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
         self._settle = _SETTLE
         self._awake_until = 0.0
@@ -99,7 +105,13 @@ class App:
             "interface": self.session.show_or_hide_interface,
             "escape": self.escape,
         }
+        for tool in self.toolbox.tools:
+            if tool.key:
+                self._actions[f"tool_{tool.name}"] = partial(self.toolbox.select, tool.name, self.tools)
         self.input = Input(self)
+
+    def _set_captured(self, captured: bool) -> None:
+        self.input.set_captured(captured)
 
     def _start_graphics(self) -> None:
         from viewer.render.context import create_context
@@ -140,10 +152,12 @@ class App:
     def escape(self) -> None:
         """Lets go of the pointer, or closes one thing."""
         imgui, message = self.imgui, self.session.notices.message
-        if self.session.flight.looking or self.session.dragging_handle:
+        if self.toolbox.holding or self.session.dragging_handle:
             self.input.release_pointer()
         elif message is None and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):  # a list of choices
             imgui.internal.close_popups_except_modals()
+        elif message is None and not self.session.help and self.toolbox.active is not self.toolbox.fly:
+            self.toolbox.select(self.toolbox.fly.name, self.tools)
         else:
             self.session.escape()
 
@@ -212,6 +226,10 @@ class App:
         over = self.input.over_handle and not imgui.get_io().want_capture_mouse
         if over or session.dragging_handle:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        elif session.pointer is not None and not imgui.get_io().want_capture_mouse:
+            imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[self.toolbox.active.cursor]))
+        if session.scene is not None and session.interface:
+            self._overlays()
         if not session.help:  # which covers the middle, and at small sizes everything
             hud.draw_start(session, look)
         if session.interface:
@@ -227,6 +245,19 @@ class App:
         imgui.render()
         if shown:
             imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
+
+    def _overlays(self) -> None:
+        """Draws the overlays and the selected tool's marks over the picture."""
+        from viewer.window.overlay import OverlayCanvas
+
+        session = self.session
+        left, top, width, height = (length / session.density for length in (*session.origin, *session.size))
+        area = (left, top, width, height)
+        overlay = OverlayCanvas(self.imgui.get_background_draw_list(), session.camera, self.theme, area)
+        try:
+            self.toolbox.draw(overlay, self.tools)
+        finally:
+            overlay.end()
 
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""

@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
@@ -40,6 +40,8 @@ class Session:
     """State of one window.
 
     size: of the framebuffer, pixels; (0, 0) while minimised.  scene: the one shown, None at first.
+    document: what a person works on (viewer.tools.document).  origin: left and top of the picture, framebuffer pixels.
+    density: framebuffer pixels per logical pixel.  pointer: where it is over the picture, its pixels, else None.
     help, interface, panel: which of them are open.  dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
     start: where the first visit begins; None: where that makes sense (viewer.window.start_viewpoint).
@@ -66,6 +68,9 @@ class Session:
         self.flight = Flight(clock)
         self.picture = Picture()
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
+        self.document: Any = None  # a viewer.tools.document.Document once that module is there
+        self.origin, self.density = (0, 0), 1.0
+        self.pointer: tuple[float, float] | None = None
         self.dragging_handle = False
         self.help, self.interface, self.panel = False, True, True
         self.recording: FrameTimes | None = None
@@ -207,6 +212,10 @@ class Session:
             self.picture.renew()
 
     # -- scenes ------------------------------------------------------------------------------------------------------
+
+    def open(self, paths: Sequence[Path]) -> None:
+        """Opens ``paths`` as one scene."""
+        self.loads.open(paths)
 
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
