@@ -127,6 +127,28 @@ class Camera:
         """Degrees from the top edge to the bottom edge."""
         return float(np.degrees(np.arctan(self.cy / self.fy) + np.arctan((self.height - self.cy) / self.fy)))
 
+    def project(self, points) -> tuple[np.ndarray, np.ndarray]:
+        """Where world points appear in the picture.
+
+        points: (N, 3), file coordinates.  Returns pixels (N, 2) float64, column and row as in the module's docstring, and the
+        view-space depth (N,) float64 in file units.  Pixels of points at or behind the camera (depth <= 0) are NaN.
+        """
+        view = (np.asarray(points, np.float64).reshape(-1, 3) - self.position) @ self.view_rotation.T
+        depth = view[:, 2]
+        safe = np.where(depth > 0, depth, np.nan)
+        pixels = np.stack([self.cx + self.fx * view[:, 0] / safe, self.cy + self.fy * view[:, 1] / safe], axis=1)
+        return pixels, depth
+
+    def unproject(self, pixels, depth) -> np.ndarray:
+        """World points seen at ``pixels`` (N, 2) at view-space ``depth`` (N,) or a scalar; the inverse of :meth:`project`.
+
+        Returns (N, 3) float64, file coordinates.
+        """
+        pixels = np.asarray(pixels, np.float64).reshape(-1, 2)
+        depth = np.broadcast_to(np.asarray(depth, np.float64), len(pixels))
+        view = np.stack([(pixels[:, 0] - self.cx) / self.fx * depth, (pixels[:, 1] - self.cy) / self.fy * depth, depth], axis=1)
+        return self.position + view @ self.view_rotation
+
     def resized(self, width: int, height: int) -> "Camera":
         """The same view at another size.  Where the aspect differs, the vertical field of view is kept and the
         principal point scales with the picture."""

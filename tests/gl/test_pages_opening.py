@@ -15,7 +15,7 @@ from viewer.render.points import PointPages
 from viewer.render.renderer import Renderer
 from viewer.render.shader import BATCH
 from viewer.settings import Settings
-from viewer.window.viewport import Painter
+from viewer.window.viewport import Viewport
 
 pytestmark = pytest.mark.gl
 
@@ -141,7 +141,7 @@ def test_a_chunk_that_cannot_be_read_is_missed_when_it_is_needed_and_no_sooner(c
 def test_at_rest_points_that_no_picture_waits_for_come_without_a_picture(context):
     """The window's painter: a picture that lacks points is made again, another is left as it is."""
     session = SimpleNamespace(picture=SimpleNamespace(dirty=False), flight=SimpleNamespace(moving=False))
-    painter = Painter(context, session, memory=None, wake=lambda: None)  # type: ignore[arg-type]
+    painter = Viewport(context, session, memory=None, wake=lambda: None)  # type: ignore[arg-type]
     assert not painter.note_arrivals()
     pages = opened(context, upload=2 * CHUNK_BYTES)
     painter.renderer = SimpleNamespace(pages=pages, release=pages.release)  # type: ignore[assignment]
@@ -185,9 +185,9 @@ def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch)
     said: list[tuple] = []
     session = SimpleNamespace(accept=lambda _: None, notices=SimpleNamespace(say=lambda *text: said.append(text)),
                               picture=painted, size=(64, 48), choice=SimpleNamespace(split_at=0.5))
-    painter = Painter(context, session, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    painter = Viewport(context, session, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     small, large = SCENE, replace(SCENE)
-    make, made = Painter._new, []
+    make, made = Viewport._new, []
 
     def new(self, scene):
         made.append(scene)
@@ -195,7 +195,7 @@ def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch)
             raise DeviceError("no memory left for the points")
         return make(self, scene)
 
-    monkeypatch.setattr(Painter, "_new", new)
+    monkeypatch.setattr(Viewport, "_new", new)
     try:
         assert painter.upload(SimpleNamespace(scene=small))  # type: ignore[arg-type]
         painter._frame = painter.renderer.render(camera_in(SCENE, 1), Settings(view="filtered"))  # type: ignore[union-attr]
@@ -229,7 +229,7 @@ def test_the_room_of_the_scan_before_is_for_the_next_one(context, monkeypatch):
 
     monkeypatch.setattr(module, "PointPages", Limited)
     session = SimpleNamespace(accept=said.append, notices=SimpleNamespace(say=lambda *text: said.append(text)))
-    painter = Painter(context, session, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    painter = Viewport(context, session, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     try:
         for number in range(1, 4):
             loaded = SimpleNamespace(scene=SCENE)

@@ -1,4 +1,4 @@
-"""The window's painter on a GPU that works on its own: what a moving picture cost is told with the next one, and is its own."""
+"""The window's viewport on an asynchronous GPU: the cost of a moving picture is reported with the next picture."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -13,7 +13,7 @@ from viewer.render.occlusion import HiddenCells
 from viewer.settings import Memory, Settings
 from viewer.tools.background import COLOURS, composite
 from viewer.window.picture_plan import Plan
-from viewer.window.viewport import Painter
+from viewer.window.viewport import Viewport
 
 pytestmark = pytest.mark.gl
 
@@ -30,8 +30,9 @@ class Told:
     """A session's part in it.  heard: ("shown" or "cost", what)."""
 
     def __init__(self, scan):
-        self.choice = SimpleNamespace(settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",),
-                                      background="plain")
+        self.view_settings = SimpleNamespace(
+            settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",), background="plain",
+        )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
         self.flight = SimpleNamespace(moving=True)
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
@@ -67,18 +68,18 @@ def flown(context, floor, monkeypatch, *, software: bool) -> list[tuple]:
     with monkeypatch.context() as patch:
         patch.setattr(module, "describe_device", lambda c: replace(known(c), software=software))
         told = Told(floor[0])
-        painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+        viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
         try:
-            assert painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
-            painter.renderer.pages.load_all()  # type: ignore[union-attr]
+            assert viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+            viewport.renderer.pages.load_all()  # type: ignore[union-attr]
             for _ in SIZES:
                 told.go_on()
-                painter.paint()
+                viewport.paint()
             told.go_on(moving=False)
-            painter.paint()
-            assert painter.full_picture() is not None
+            viewport.paint()
+            assert viewport.full_picture() is not None
         finally:
-            painter.release()
+            viewport.release()
     return told.heard
 
 
@@ -99,54 +100,54 @@ def test_while_something_moves_no_picture_waits_for_its_own_times(context, floor
     tally = HiddenCells.tally
     monkeypatch.setattr(HiddenCells, "tally", lambda self, n: under_way.append(n == self.serial) or tally(self, n))
     told = Told(floor[0])
-    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     try:
-        painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
-        painter.renderer.pages.load_all()  # type: ignore[union-attr]
+        viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        viewport.renderer.pages.load_all()  # type: ignore[union-attr]
         for _ in range(4):
             told.go_on()
-            painter.paint()
-            assert painter._frame.times._milliseconds is None  # type: ignore[union-attr]
+            viewport.paint()
+            assert viewport._frame.times._milliseconds is None  # type: ignore[union-attr]
         assert len(under_way) == 3 and not any(under_way)
     finally:
-        painter.release()
+        viewport.release()
 
 
 def test_the_last_picture_of_a_movement_is_told_at_rest_and_once(context, floor, monkeypatch):
     known = module.describe_device
     monkeypatch.setattr(module, "describe_device", lambda c: replace(known(c), software=False))
     told = Told(floor[0])
-    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     try:
-        painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
         for _ in range(3):
             told.go_on()
-            painter.paint()
+            viewport.paint()
         for _ in range(2):
-            painter.settle()
+            viewport.settle()
         assert [entry[0] for entry in told.heard].count("cost") == 3
         assert [entry[1] for entry in told.heard if entry[0] == "cost"] == [64.0, 65.0, 66.0]
     finally:
-        painter.release()
+        viewport.release()
 
 
 def test_the_background_chosen_is_behind_what_is_shown_and_what_is_saved(context, floor):
     """At once: no picture is made again for it."""
     told = Told(floor[0])
-    told.choice.settings, told.choice.sides = Settings(view="raw", raster="compute", lod=1.0), ("raw",)
+    told.view_settings.settings, told.view_settings.sides = Settings(view="raw", raster="compute", lod=1.0), ("raw",)
     told.go_on(moving=False)
     told.plan = told.full_plan = Plan(("raw",), 1.0)
-    painter = Painter(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     try:
-        assert painter.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
-        saved = painter.full_picture()
-        assert saved is not None and painter._frame is not None
-        image = painter._frame.image("raw")
+        assert viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        saved = viewport.full_picture()
+        assert saved is not None and viewport._frame is not None
+        image = viewport._frame.image("raw")
         assert (image[..., 3] == 0).any() and np.array_equal(saved, composite(image, "plain"))
         for background in COLOURS:
-            told.choice.background = background
-            assert np.array_equal(painter.show().read(), composite(image, background))
-            assert np.array_equal(painter.full_picture(), composite(image, background))  # type: ignore[arg-type]
+            told.view_settings.background = background
+            assert np.array_equal(viewport.show().read(), composite(image, background))
+            assert np.array_equal(viewport.full_picture(), composite(image, background))  # type: ignore[arg-type]
     finally:
         context.detect_framebuffer(0).use()  # the canvas must not stay bound
-        painter.release()
+        viewport.release()

@@ -8,7 +8,7 @@ from viewer.settings import Settings
 
 def test_a_slow_network_flies_filled_and_repaints_at_rest():
     made, clock = session()
-    made.choice.show("neural")
+    made.view_settings.show("neural")
     finish(made)
     made.drew(made.plan, stats(network=900.0))
     clock.now += 1
@@ -24,7 +24,7 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
         clock.now += 1 / 60
         made.advance()
     assert made.plan.views == ("neural",) and made.needs_picture
-    made.picture.pace.keep_up = False
+    made.picture.adaptive_lod.keep_up = False
     made.flight.held.add("forward")
     assert made.plan.views == ("neural",)
 
@@ -32,7 +32,7 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
 def test_while_the_window_is_being_resized_the_network_waits():
     """On a GPU it is made ready for every size anew; what is dragged passes through many."""
     made, clock = session()
-    made.choice.show("neural")
+    made.view_settings.show("neural")
     finish(made)
     made.drew(made.plan, stats(network=5.0))
     clock.now += 1
@@ -46,7 +46,7 @@ def test_while_the_window_is_being_resized_the_network_waits():
     assert made.needs_picture and made.plan.views == ("neural",)
     made.drew(made.plan, stats(network=5.0))
     assert made.next_change() is None and not made.needs_picture
-    made.picture.pace.keep_up = False
+    made.picture.adaptive_lod.keep_up = False
     made.resize((700, 400))
     assert made.plan.views == ("neural",)
 
@@ -130,25 +130,25 @@ def test_points_are_not_left_out_where_that_saves_nothing():
 def test_at_rest_a_picture_that_would_take_too_long_is_not_begun():
     made, clock = session()
     cost = lambda level: 1e6 if level is None else 100.0 * level  # noqa: E731
-    made.picture.pace.begin(10**9)
+    made.picture.adaptive_lod.begin(10**9)
     assert made.plan.level == 1.0, "a huge scene begins coarse"
     fly(made, clock, cost)
     levels = rest(made, clock, cost)
     assert None not in levels and max(map(cost, levels)) <= 2000.0 < 4 * cost(levels[-1])
-    made.picture.pace.keep_up = False
+    made.picture.adaptive_lod.keep_up = False
     assert made.plan.level is None, "unless that is asked for"
 
 
 def test_points_that_do_not_grow_in_number_are_all_there_are():
     made, clock = session()
-    made.picture.pace.begin(10**9)
+    made.picture.adaptive_lod.begin(10**9)
     levels = rest(made, clock, lambda level: 50.0, points=lambda level: min(level or 1e9, 10.0))
     assert levels == [1.0, 4.0, 16.0, 64.0, None]
 
 
 def test_no_finer_picture_is_asked_for_while_points_are_on_their_way():
     made, clock = session()
-    made.picture.pace.begin(10**8)
+    made.picture.adaptive_lod.begin(10**8)
     clock.now += 1.0
     made.advance()
     for points in (1e5, 2e5, 2e5, 5e5):  # the third: nothing has come since

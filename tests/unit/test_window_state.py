@@ -19,12 +19,12 @@ from viewer.window import controls
 from viewer.window.capture import FrameTimes, save_png, stamped
 from viewer.window.loading import Loaded
 from viewer.window.present import split_column
-from viewer.window.save_actions import Keeper
+from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
 from viewer.window.start_viewpoint import survey
 
 if TYPE_CHECKING:
-    from viewer.window.viewport import Painter
+    from viewer.window.viewport import Viewport
 
 
 def test_a_still_session_needs_one_picture():
@@ -42,14 +42,14 @@ def test_a_still_session_needs_one_picture():
 def test_neural_waits_for_its_network_and_shows_what_was_asked():
     gate = threading.Event()
     made, _ = session(loader=lambda settings: gate.wait(5) and None)
-    made.choice.show("neural")
-    assert made.choice.settings.view == "filled" and made.choice.shown_settings.view == "neural"
+    made.view_settings.show("neural")
+    assert made.view_settings.settings.view == "filled" and made.view_settings.shown_settings.view == "neural"
     gate.set()
     finish(made)
-    assert made.choice.settings.view == "neural" and made.picture.dirty
-    made.choice.show("raw")
-    made.choice.show("neural")
-    assert made.choice.settings.view == "neural" and made.choice.network_load is None, "a network is loaded once"
+    assert made.view_settings.settings.view == "neural" and made.picture.dirty
+    made.view_settings.show("raw")
+    made.view_settings.show("neural")
+    assert made.view_settings.settings.view == "neural" and made.view_settings.network_load is None, "a network is loaded once"
 
 
 def test_a_device_that_is_not_there_is_said_at_once_and_in_the_windows_words():
@@ -57,9 +57,9 @@ def test_a_device_that_is_not_there_is_said_at_once_and_in_the_windows_words():
         raise InputError("--device cuda: no CUDA here; use --device cpu or a smaller --size, or raise --gpu-memory")
 
     made, _ = session(loader=none)
-    made.choice.request(replace(made.choice.settings, device="cuda"))
+    made.view_settings.request(replace(made.view_settings.settings, device="cuda"))
     finish(made)
-    assert made.notices.message is not None and made.choice.shown_settings.device == "auto"
+    assert made.notices.message is not None and made.view_settings.shown_settings.device == "auto"
     assert made.notices.message.text == (
         "device cuda: no CUDA here; use device cpu or a smaller window, or raise --gpu-memory"
     )
@@ -72,19 +72,19 @@ def test_missing_weights_say_so_and_change_nothing():
     made, _ = session(loader=none, settings=Settings(view="neural"))
     finish(made)
     assert made.notices.message is not None and "best" in made.notices.message.text
-    assert made.choice.shown_settings.view == "filled"
-    made.choice.request(replace(made.choice.settings, quality="best"))
+    assert made.view_settings.shown_settings.view == "filled"
+    made.view_settings.request(replace(made.view_settings.settings, quality="best"))
     finish(made)
-    assert made.choice.shown_settings.quality == "balanced"
+    assert made.view_settings.shown_settings.quality == "balanced"
 
 
 def test_comparison_never_shows_the_same_view_twice_at_first():
     made, _ = session()
     for view in ("raw", "filtered", "filled"):
-        made.choice.show(view)
-        made.choice.compare(True)
-        assert made.choice.sides[0] == "raw" and made.choice.sides[1] != "raw"
-        made.choice.compare(False)
+        made.view_settings.show(view)
+        made.view_settings.compare(True)
+        assert made.view_settings.sides[0] == "raw" and made.view_settings.sides[1] != "raw"
+        made.view_settings.compare(False)
 
 
 def gated():
@@ -102,35 +102,35 @@ def gated():
 def test_the_left_side_is_what_was_chosen_last_though_a_network_comes_later():
     gate, load = gated()
     made, _ = session(loader=load)
-    made.choice.compare(True)
-    made.choice.choose_left("neural")
-    made.choice.choose_left("filtered")
+    made.view_settings.compare(True)
+    made.view_settings.choose_left("neural")
+    made.view_settings.choose_left("filtered")
     gate.set()
     finish(made)
-    assert made.choice.left == "filtered"
+    assert made.view_settings.left == "filtered"
 
 
 def test_the_left_side_gets_its_network_though_the_right_one_changes_meanwhile():
     gate, load = gated()
     made, _ = session(loader=load)
-    made.choice.compare(True)
-    made.choice.choose_left("neural")
-    made.choice.show("filtered")
-    assert made.choice.sides == ("raw", "filtered")
+    made.view_settings.compare(True)
+    made.view_settings.choose_left("neural")
+    made.view_settings.show("filtered")
+    assert made.view_settings.sides == ("raw", "filtered")
     gate.set()
     finish(made)
-    assert made.choice.sides == ("neural", "filtered")
+    assert made.view_settings.sides == ("neural", "filtered")
 
 
 def test_a_network_that_cannot_be_had_takes_back_no_later_choice():
     gate, load = gated()
     made, _ = session(loader=load)
-    made.choice.request(replace(made.choice.settings, quality="paper"))
-    made.choice.request(replace(made.choice.settings, view="neural", quality="fast"))
+    made.view_settings.request(replace(made.view_settings.settings, quality="paper"))
+    made.view_settings.request(replace(made.view_settings.settings, view="neural", quality="fast"))
     gate.set()
     finish(made)
     assert made.notices.message is not None and "paper" in made.notices.message.text
-    assert (made.choice.settings.view, made.choice.settings.quality) == ("neural", "fast")
+    assert (made.view_settings.settings.view, made.view_settings.settings.quality) == ("neural", "fast")
 
 
 def test_what_is_odd_about_a_scan_is_said():
@@ -178,9 +178,9 @@ def test_a_cancelled_load_leaves_the_scene():
 def test_a_failed_picture_goes_back_to_the_last_good_settings_and_then_stops():
     made, _ = session()
     made.drew(made.plan, stats())
-    made.choice.request(replace(made.choice.settings, raster="points"))
+    made.view_settings.request(replace(made.view_settings.settings, raster="points"))
     made.failed("no")
-    assert made.choice.settings.raster == "auto" and made.needs_picture
+    assert made.view_settings.settings.raster == "auto" and made.needs_picture
     for _ in range(4):
         made.failed("no")
     assert not made.needs_picture, "a broken device must not be asked for ever"
@@ -204,7 +204,7 @@ def test_captures_never_overwrite_and_leave_nothing_half_written(tmp_path):
         save_png(tmp_path / "no" / "folder.png", image)
 
 
-class NoPainter:
+class NoViewport:
     """Stands in where no picture is to be made."""
 
     def settle(self):
@@ -213,23 +213,23 @@ class NoPainter:
 
 def test_without_a_scan_there_is_nothing_to_keep_and_it_says_so(tmp_path):
     made = Session(Settings(view="filled"), (640, 400), load_network=lambda settings: None)
-    keeper = Keeper(made, cast("Painter", NoPainter()), tmp_path)
-    assert keeper.screenshot() is None and keeper.record() is None and made.recording is None
+    save_actions = SaveActions(made, cast("Viewport", NoViewport()), tmp_path)
+    assert save_actions.screenshot() is None and save_actions.record() is None and made.recording is None
     assert [toast.text for toast in made.notices.toasts] == ["Nothing to record yet: drop a scan here first"]
     assert not list(tmp_path.iterdir())
 
 
 def test_a_recording_without_a_frame_leaves_no_empty_file(tmp_path):
     made, _ = session()
-    keeper = Keeper(made, cast("Painter", NoPainter()), tmp_path)
-    keeper.record()
-    assert made.recording is not None and keeper.record() is None and made.recording is None
+    save_actions = SaveActions(made, cast("Viewport", NoViewport()), tmp_path)
+    save_actions.record()
+    assert made.recording is not None and save_actions.record() is None and made.recording is None
     assert [toast.text for toast in made.notices.toasts] == ["No frame was drawn meanwhile: nothing saved"]
     assert not list(tmp_path.iterdir())
-    keeper.record()
+    save_actions.record()
     assert made.recording is not None
     made.recording.add(1.0, stats(raster=1.0), (64, 48), ("raw",))
-    path = keeper.record()
+    path = save_actions.record()
     assert path is not None and made.notices.toasts[-1].text == f"Saved 1 frame to {path}"
     assert not [toast for toast in made.notices.toasts if "F9 stops" in toast.text]
 

@@ -42,6 +42,6 @@ def stats(**stages):
 
 
 def finish(made):
-    while made.choice.network_load is not None:
-        made.choice.network_load.join(5.0)
+    while made.view_settings.network_load is not None:
+        made.view_settings.network_load.join(5.0)
         made.poll()

@@ -18,7 +18,7 @@ def check_screenshot_is_the_picture(d: Driver) -> None:
     assert np.array_equal(image, d.rendered())
     session = d.session
     np.savez(
-        d.folder / "shot.npz", image=image, matrix=session.camera.camera_to_world, view=session.choice.settings.view
+        d.folder / "shot.npz", image=image, matrix=session.camera.camera_to_world, view=session.view_settings.settings.view
     )  # drawn again through EGL when the window is gone
     path.unlink()
 
@@ -90,12 +90,13 @@ def check_missing_weights_give_a_dialog_and_the_setting_reverts(d: Driver) -> No
     def none(settings):
         raise InputError("no weights are shipped for quality 'paper'")
 
-    d.session.choice.load_network, original = none, d.session.choice.load_network
-    d.session.choice.request(replace(d.session.choice.settings, quality="paper"))
-    d.until(lambda: d.session.choice.network_load is None)
-    d.session.choice.load_network = original
+    d.session.view_settings.load_network, original = none, d.session.view_settings.load_network
+    d.session.view_settings.request(replace(d.session.view_settings.settings, quality="paper"))
+    d.until(lambda: d.session.view_settings.network_load is None)
+    d.session.view_settings.load_network = original
     assert "no weights" in d.session.notices.message.text
-    assert d.session.choice.shown_settings.quality == "balanced" and d.session.choice.settings.quality == "balanced"
+    chosen = d.session.view_settings
+    assert chosen.shown_settings.quality == "balanced" and chosen.settings.quality == "balanced"
     d.key("ESCAPE")
 
 
@@ -141,17 +142,17 @@ def check_second_drop_replaces_the_scene(d: Driver) -> None:
 def check_failed_picture_falls_back(d: Driver) -> None:
     from viewer.errors import DeviceError
 
-    original, before = d.app.painter.renderer.render, d.session.choice.settings
+    original, before = d.app.viewport.renderer.render, d.session.view_settings.settings
 
     def render(camera, settings, views=None, history=None, **how):
         if settings.soft_z == "paper-code":
             raise DeviceError("a shader does not compile")
         return original(camera, settings, views, history, **how)
 
-    d.app.painter.renderer.render = render
-    d.session.choice.request(replace(before, soft_z="paper-code"))
+    d.app.viewport.renderer.render = render
+    d.session.view_settings.request(replace(before, soft_z="paper-code"))
     d.settle()
-    d.app.painter.renderer.render = original
-    assert "does not compile" in d.session.notices.message.text and d.session.choice.settings == before
+    d.app.viewport.renderer.render = original
+    assert "does not compile" in d.session.notices.message.text and d.session.view_settings.settings == before
     d.key("ESCAPE")
     assert np.array_equal(d.bare(), d.rendered())

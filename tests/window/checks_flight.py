@@ -22,7 +22,7 @@ def check_dropped_scan_opens(d: Driver) -> None:
 
 def check_window_shows_what_render_makes(d: Driver) -> None:
     for view in ("raw", "filtered", "filled"):
-        d.session.choice.show(view)
+        d.session.view_settings.show(view)
         assert np.array_equal(d.bare(), d.rendered()), view
 
 
@@ -30,7 +30,7 @@ def check_digits_choose_views(d: Driver) -> None:
     seen = []
     for key, view in (("1", "raw"), ("2", "filtered"), ("3", "filled")):
         d.key(key)
-        assert d.session.choice.settings.view == view
+        assert d.session.view_settings.settings.view == view
         seen.append(d.bare())
     assert not np.array_equal(seen[0], seen[2]) and (seen[0] == seen[1]).mean() < 1.0
 
@@ -71,10 +71,10 @@ def check_modifiers_change_the_pace(d: Driver) -> None:
 def check_still_camera_draws_nothing(d: Driver) -> None:
     d.settle(8)
     made = []
-    original = d.app.painter.renderer.render
-    d.app.painter.renderer.render = lambda *a, **k: made.append(1) or original(*a, **k)
+    original = d.app.viewport.renderer.render
+    d.app.viewport.renderer.render = lambda *a, **k: made.append(1) or original(*a, **k)
     d.settle(10)
-    d.app.painter.renderer.render = original
+    d.app.viewport.renderer.render = original
     assert not made
     d.session.notices.toasts = []
     d.settle(8)
@@ -87,11 +87,11 @@ def check_still_camera_draws_nothing(d: Driver) -> None:
 def check_wheel_changes_speed_and_shows_it(d: Driver) -> None:
     d.point(320, 350)
     before = d.session.flight.state.speed
-    d.app.hands.on_scroll(d.app.window, 0.0, 2.0)
+    d.app.input.on_scroll(d.app.window, 0.0, 2.0)
     d.settle()
     assert d.session.flight.state.speed > 1.4 * before
     assert any(toast.text.startswith("Speed") for toast in d.session.notices.toasts)
-    d.app.hands.on_scroll(d.app.window, 0.0, -2.0)
+    d.app.input.on_scroll(d.app.window, 0.0, -2.0)
 
 
 def check_dragging_looks_around(d: Driver) -> None:
@@ -100,8 +100,8 @@ def check_dragging_looks_around(d: Driver) -> None:
         d.point(320, 350)
         before, direction = d.bare(), d.session.camera.forward
         d.button(d.glfw.PRESS, button)
-        x, y = d.app.hands.pointer
-        d.app.hands.on_pointer(d.app.window, x + 60, y + 5)
+        x, y = d.app.input.pointer
+        d.app.input.on_pointer(d.app.window, x + 60, y + 5)
         d.settle(2)
         d.button(d.glfw.RELEASE, button)
         right = np.cross(direction, [0, 0, 1])
@@ -130,11 +130,11 @@ def check_split_compares_and_its_handle_drags(d: Driver) -> None:
     raw = d.bare()
     d.key("3")
     d.key("V")
-    assert d.session.choice.split and d.session.choice.sides == ("raw", "filled")
+    assert d.session.view_settings.split and d.session.view_settings.sides == ("raw", "filled")
     half = d.bare()
     assert np.array_equal(half[:, :320], raw[:, :320]) and np.array_equal(half[:, 320:], filled[:, 320:])
     d.point(320, 300)
-    assert d.app.hands.over_handle
+    assert d.app.input.over_handle
     d.button(d.glfw.PRESS)
     assert d.session.dragging_handle and not d.session.flight.looking
     d.point(200, 300)

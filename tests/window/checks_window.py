@@ -12,10 +12,10 @@ def check_resizing_and_minimising(d: Driver) -> None:
         d.glfw.set_window_size(d.app.window, *size)
         d.until(lambda size=size: d.session.size == size)
         assert d.bare().shape == (size[1], size[0], 3) and np.array_equal(d.bare(), d.rendered())
-    d.app.hands.on_resize(d.app.window, 0, 0)
+    d.app.input.on_resize(d.app.window, 0, 0)
     d.settle()
     d.key("F12")
-    d.app.hands.on_resize(d.app.window, 333, 211)
+    d.app.input.on_resize(d.app.window, 333, 211)
     d.glfw.set_window_size(d.app.window, *SIZE)
     d.until(lambda: d.session.size == SIZE)
     assert np.array_equal(d.bare(), d.rendered())
@@ -53,7 +53,7 @@ def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
     assert d.session.panel
     before = d.canvas()
     click(363, 64)  # the first of the four views
-    assert d.session.choice.settings.view == "raw" and not np.array_equal(before, d.canvas())
+    assert d.session.view_settings.settings.view == "raw" and not np.array_equal(before, d.canvas())
     assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the panel looks around"
     d.session.panel = False
 
@@ -84,14 +84,14 @@ def check_a_list_of_choices_closes_with_esc_and_its_hints_hide_none_of_it(d: Dri
 def check_what_is_typed_into_a_slider_and_is_no_number_changes_nothing(d: Driver) -> None:
     from viewer.window import panels
 
-    before, usual = d.session.choice.settings, panels.imgui.slider_float
+    before, usual = d.session.view_settings.settings, panels.imgui.slider_float
     panels.imgui.slider_float = lambda *_: (True, float("nan"))  # as imgui does, where one types "nan"
     d.session.panel = True
     try:
         d.settle()
     finally:
         panels.imgui.slider_float, d.session.panel = usual, False
-    assert d.session.choice.settings == before
+    assert d.session.view_settings.settings == before
 
 
 def check_the_panel_folds_where_the_window_becomes_too_narrow(d: Driver) -> None:
@@ -125,14 +125,14 @@ def check_the_panel_folds_where_the_window_becomes_too_narrow(d: Driver) -> None
 
 def check_neural_view(d: Driver) -> None:
     d.key("4")
-    assert d.session.choice.shown_settings.view == "neural"
-    d.until(lambda: d.session.choice.network_load is None, 60.0)
+    assert d.session.view_settings.shown_settings.view == "neural"
+    d.until(lambda: d.session.view_settings.network_load is None, 60.0)
     assert d.session.notices.message is None, d.session.notices.message
     d.until(lambda: d.session.drawn == ("neural",) and not d.session.needs_picture)  # not the filled one of a size just changed
     assert d.session.picture.stats["network"], (d.session.drawn, d.session.approximations)
     assert np.array_equal(d.bare(), d.rendered())
     d.key("V")
-    assert d.session.choice.sides == ("raw", "neural") and d.bare().std() > 5
+    assert d.session.view_settings.sides == ("raw", "neural") and d.bare().std() > 5
     d.key("V")
     d.key("3")
 

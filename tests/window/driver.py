@@ -67,27 +67,27 @@ class Driver:
         key = getattr(self.glfw, f"KEY_{name}")
         code = self.glfw.get_key_scancode(key)
         if action in ("tap", "down"):
-            self.app.hands.on_key(self.app.window, key, code, self.glfw.PRESS, 0)
+            self.app.input.on_key(self.app.window, key, code, self.glfw.PRESS, 0)
         if action in ("tap", "up"):
-            self.app.hands.on_key(self.app.window, key, code, self.glfw.RELEASE, 0)
+            self.app.input.on_key(self.app.window, key, code, self.glfw.RELEASE, 0)
         if action == "tap":
             self.settle()
 
     def point(self, x: float, y: float) -> None:
-        self.app.hands.on_enter(self.app.window, 1)
-        self.app.hands.on_pointer(self.app.window, float(x), float(y))
+        self.app.input.on_enter(self.app.window, 1)
+        self.app.input.on_pointer(self.app.window, float(x), float(y))
         self.settle(2)
 
     def button(self, action: int, button: int | None = None) -> None:
-        self.app.hands.on_button(self.app.window, self.glfw.MOUSE_BUTTON_LEFT if button is None else button, action, 0)
+        self.app.input.on_button(self.app.window, self.glfw.MOUSE_BUTTON_LEFT if button is None else button, action, 0)
         self.settle(2)
 
     def drop(self, *paths: Path) -> None:
-        self.app.hands.on_drop(self.app.window, [str(path) for path in paths])
+        self.app.input.on_drop(self.app.window, [str(path) for path in paths])
 
     def canvas(self) -> np.ndarray:
         self.settle()
-        return self.app.painter.canvas.read()
+        return self.app.viewport.canvas.read()
 
     def bare(self) -> np.ndarray:
         """The picture alone, at rest: the interface hidden."""
@@ -103,7 +103,7 @@ class Driver:
         from viewer.tools.background import composite
 
         session = self.session
-        frame = self.app.painter.renderer.render(session.camera, session.choice.settings)
-        image = composite(frame.image(session.choice.settings.view))
+        frame = self.app.viewport.renderer.render(session.camera, session.view_settings.settings)
+        image = composite(frame.image(session.view_settings.settings.view))
         session.picture.dirty = True
         return image

@@ -25,7 +25,7 @@ _STEP = 4.0  # at rest
 _ALL = 1024.0  # points a pixel that no scan has
 
 
-class Pace:
+class AdaptiveLod:
     """keep_up: whether anything may be left out while moving."""
 
     def __init__(self) -> None:

@@ -17,11 +17,13 @@ import numpy as np
 from model.common.interrupts import to_its_end
 from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
-from viewer.window.input import Hands
+from viewer.window.input import Input
+from viewer.window.interaction.table import toolbox
+from viewer.window.interaction.tool import ToolContext
 from viewer.window.loading import Loaded, open_scene
-from viewer.window.save_actions import Keeper
+from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
-from viewer.window.viewport import Painter
+from viewer.window.viewport import Viewport
 
 if TYPE_CHECKING:
     import moderngl
@@ -33,6 +35,8 @@ _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hov
 _NAP = 0.5  # seconds of sleep at most while idle
 _BREATH = 0.06  # seconds between interface frames while only the interface changes: a load's bar, a tooltip's delay
 _LONG = 50.0  # milliseconds a picture from which on what is said of it must fit at once, since the next one is far off
+_CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
+"""A tool's cursor -> imgui's name.  imgui has no crosshair: the overlay draws it."""
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
@@ -56,7 +60,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
 
 
 class App:
-    """Owns the window, the interface and the painter.
+    """Owns the window, the interface and the viewport.
 
     size: of the window, logical pixels.  folder: where captures go.  scale: of the interface; None: the screen's own.
     """
@@ -81,25 +85,33 @@ class App:
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
         )
-        self.painter = Painter(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
-        self._keeper = Keeper(self.session, self.painter, folder or Path.cwd())
+        self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
+        self.toolbox = toolbox()
+        self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
+        self._save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
         self._settle = _SETTLE
         self._awake_until = 0.0
         self._actions = {
             "home": self.session.go_home,
             "frame": self.session.frame_scene,
-            "view_raw": lambda: self.session.choice.show("raw"),
-            "view_filtered": lambda: self.session.choice.show("filtered"),
-            "view_filled": lambda: self.session.choice.show("filled"),
-            "view_neural": lambda: self.session.choice.show("neural"),
-            "split": lambda: self.session.choice.compare(not self.session.choice.split),
-            "screenshot": self._keeper.screenshot,
-            "record": self._keeper.record,
+            "view_raw": lambda: self.session.view_settings.show("raw"),
+            "view_filtered": lambda: self.session.view_settings.show("filtered"),
+            "view_filled": lambda: self.session.view_settings.show("filled"),
+            "view_neural": lambda: self.session.view_settings.show("neural"),
+            "split": lambda: self.session.view_settings.compare(not self.session.view_settings.split),
+            "screenshot": self._save_actions.screenshot,
+            "record": self._save_actions.record,
             "help": lambda: setattr(self.session, "help", not self.session.help),
             "interface": self.session.show_or_hide_interface,
             "escape": self.escape,
         }
-        self.hands = Hands(self)
+        for tool in self.toolbox.tools:
+            if tool.key:
+                self._actions[f"tool_{tool.name}"] = partial(self.toolbox.select, tool.name, self.tools)
+        self.input = Input(self)
+
+    def _set_captured(self, captured: bool) -> None:
+        self.input.set_captured(captured)
 
     def _start_graphics(self) -> None:
         from viewer.render.context import create_context
@@ -140,10 +152,12 @@ class App:
     def escape(self) -> None:
         """Lets go of the pointer, or closes one thing."""
         imgui, message = self.imgui, self.session.notices.message
-        if self.session.flight.looking or self.session.dragging_handle:
-            self.hands.release_pointer()
+        if self.toolbox.holding or self.session.dragging_handle:
+            self.input.release_pointer()
         elif message is None and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):  # a list of choices
             imgui.internal.close_popups_except_modals()
+        elif message is None and not self.session.help and self.toolbox.active is not self.toolbox.fly:
+            self.toolbox.select(self.toolbox.fly.name, self.tools)
         else:
             self.session.escape()
 
@@ -156,9 +170,9 @@ class App:
     def step(self, *, wait: bool = True) -> None:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
-        arriving = self.painter.note_arrivals()
+        arriving = self.viewport.note_arrivals()
         change = session.next_change()
-        loading = session.loads.current is not None or session.choice.network_load is not None
+        loading = session.loads.current is not None or session.view_settings.network_load is not None
         stirring = loading or perf_counter() < self._awake_until
         busy = arriving or session.needs_picture or self._settle > 0 or change == 0.0
         with to_its_end():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
@@ -178,13 +192,13 @@ class App:
         if min(session.size) == 0:
             return
         if session.needs_picture:
-            self.painter.paint()
+            self.viewport.paint()
             self._settle = max(self._settle, 1)
             stats = session.picture.stats
             if stats is not None and stats["total_ms"] > _LONG:
                 self._interface(shown=False)
         elif not session.flight.moving:
-            self.painter.settle()
+            self.viewport.settle()
         if self._settle > 0 or not wait:
             self._settle = max(0, self._settle - 1)
             self._draw()
@@ -192,12 +206,12 @@ class App:
 
     def _upload(self, loaded: Loaded) -> None:
         self.wake()
-        if self.painter.upload(loaded):
+        if self.viewport.upload(loaded):
             self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
 
     def _draw(self) -> None:
         """The picture and the interface on the canvas, and that to the screen."""
-        canvas = self.painter.show()
+        canvas = self.viewport.show()
         self._interface()
         canvas.to_screen()
 
@@ -209,31 +223,48 @@ class App:
         imgui.backends.opengl3_new_frame()
         imgui.backends.glfw_new_frame()
         imgui.new_frame()
-        over = self.hands.over_handle and not imgui.get_io().want_capture_mouse
+        over = self.input.over_handle and not imgui.get_io().want_capture_mouse
         if over or session.dragging_handle:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
+        elif session.pointer is not None and not imgui.get_io().want_capture_mouse:
+            imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[self.toolbox.active.cursor]))
+        if session.scene is not None and session.interface:
+            self._overlays()
         if not session.help:  # which covers the middle, and at small sizes everything
             hud.draw_start(session, look)
         if session.interface:
             hud.draw_handle(session, look, hovered=over)
             if not session.help:
-                hud.draw_hud(session, look, fps=self.painter.frame_rate)
+                hud.draw_hud(session, look, fps=self.viewport.frame_rate)
                 panels.draw_panel(session, look)
                 hud.draw_recording(session, look)
         hud.draw_toasts(session, look)  # hidden interface or not: they go by themselves
-        dialogs.draw_help(session, look, self.hands.key_name)
+        dialogs.draw_help(session, look, self.input.key_name)
         dialogs.draw_load(session, look)
         dialogs.draw_message(session, look)
         imgui.render()
         if shown:
             imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
 
+    def _overlays(self) -> None:
+        """Draws the overlays and the selected tool's marks over the picture."""
+        from viewer.window.overlay import OverlayCanvas
+
+        session = self.session
+        left, top, width, height = (length / session.density for length in (*session.origin, *session.size))
+        area = (left, top, width, height)
+        overlay = OverlayCanvas(self.imgui.get_background_draw_list(), session.camera, self.theme, area)
+        try:
+            self.toolbox.draw(overlay, self.tools)
+        finally:
+            overlay.end()
+
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""
         if self.session.recording is not None:
-            self._keeper.record()
+            self._save_actions.record()
         self.session.close()
-        self.painter.release()
+        self.viewport.release()
         imgui = self.imgui
         imgui.backends.opengl3_shutdown()
         imgui.backends.glfw_shutdown()

@@ -7,6 +7,8 @@ the help page shows what the person's own keyboard prints there.  Mouse controls
 from dataclasses import dataclass
 from typing import Literal
 
+from viewer.window.interaction.table import TOOLS
+
 
 @dataclass(frozen=True)
 class Control:
@@ -56,6 +58,9 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("ESCAPE",), "Esc", "escape", "close what is open, cancel a load"),
     ),
 }
+
+if tools := tuple(Control((tool.key,), tool.key, f"tool_{tool.name}", tool.help) for tool in TOOLS if tool.key):
+    CONTROLS["Tools"] = tools
 
 ALL: tuple[Control, ...] = tuple(control for group in CONTROLS.values() for control in group)
 

@@ -117,10 +117,10 @@ def _short(renderer: str) -> str:
 
 def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
     """The line between two views, its grip, and what is on either side."""
-    if not session.choice.split or session.scene is None:
+    if not session.view_settings.split or session.scene is None:
         return
     px, draw, size = look.px, imgui.get_background_draw_list(), imgui.get_io().display_size
-    x, middle = round(session.choice.split_at * size.x), size.y / 2
+    x, middle = round(session.view_settings.split_at * size.x), size.y / 2
     active = hovered or session.dragging_handle
     line = theme.ACCENT if active else theme.TEXT
     draw.add_rect_filled(ImVec2(x - px(2), 0), ImVec2(x + px(2), size.y), packed(theme.PANEL, 0.45))
@@ -147,7 +147,7 @@ def draw_toasts(session: Session, look: Theme) -> None:
     size, px = imgui.get_io().display_size, look.px
     bottom = size.y - px(MARGIN + 46)
     lines = [toast.text for toast in session.notices.toasts]
-    if session.choice.network_load is not None:
+    if session.view_settings.network_load is not None:
         lines.append("Loading the network…")
     for number, text in enumerate(reversed(lines)):
         imgui.set_next_window_pos(ImVec2(size.x / 2, bottom), 0, ImVec2(0.5, 1.0))

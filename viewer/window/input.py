@@ -1,23 +1,27 @@
-"""From hand to session: GLFW's callbacks, each passed to imgui first and then, where imgui has no use for it, on.
+"""Input: GLFW's callbacks, given to imgui first and then, where imgui has no use for them, to the tools and the session.
 
-Pointer positions are logical pixels from the window's top left; the session counts framebuffer pixels.
+Pointer positions arrive in logical pixels from the window's top left; tools receive pixels of the picture.
 """
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from time import perf_counter
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from viewer.window.controls import Control, by_key
+from viewer.window.interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
 from viewer.window.session import Session
-from viewer.window.theme import NARROW
 
 if TYPE_CHECKING:
     from viewer.window.theme import Theme
 
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
+_CLICK = 4.0  # logical pixels that the pointer may move between press and release of a click
+_DOUBLE_CLICK = 0.35  # seconds between the two releases of a double click
 
 
 class Host(Protocol):
-    """What the callbacks need of whoever owns the window.  window: GLFW's handle.  address: the same as a number."""
+    """What the callbacks need of the owner of the window.  window: GLFW's handle.  address: the same as a number."""
 
     glfw: Any
     imgui: Any
@@ -25,6 +29,8 @@ class Host(Protocol):
     address: int
     session: Session
     theme: "Theme"
+    toolbox: Toolbox
+    tools: ToolContext
 
     def wake(self) -> None: ...
     def linger(self) -> None: ...
@@ -32,16 +38,25 @@ class Host(Protocol):
     def interface_scale(self) -> float: ...
 
 
-class Hands:
-    """The callbacks of one window.  pointer: where the pointer is."""
+class Input:
+    """The callbacks of one window.  pointer: its position, logical pixels.  clock: seconds."""
 
-    def __init__(self, host: Host):
-        self._host = host
+    def __init__(self, host: Host, clock: Callable[[], float] = perf_counter):
+        self._host, self._clock = host, clock
         self.pointer = (0.0, 0.0)
-        self._by_key = {getattr(host.glfw, f"KEY_{key}"): control for key, control in by_key().items()}
-        self._narrow, self._was_open = False, False
+        glfw = host.glfw
+        self._by_key = {getattr(glfw, f"KEY_{key}"): control for key, control in by_key().items()}
+        self._key_names = {
+            value: name.removeprefix("KEY_") for name, value in vars(glfw).items() if name.startswith("KEY_")
+        }  # fmt: skip
+        self._buttons: dict[int, Literal["left", "right", "middle"]] = {
+            glfw.MOUSE_BUTTON_LEFT: "left", glfw.MOUSE_BUTTON_RIGHT: "right", glfw.MOUSE_BUTTON_MIDDLE: "middle",
+        }  # fmt: skip
+        self._button: Literal["", "left", "right", "middle"] = ""
+        self._modifiers = Modifiers()
+        self._travelled = 0.0
+        self._last_click = (-1.0, "")
         self._connect()
-        self._fold_where_narrow()
 
     def _connect(self) -> None:
         glfw, window = self._host.glfw, self._host.window
@@ -54,81 +69,145 @@ class Hands:
         glfw.set_drop_callback(window, self.on_drop)
         glfw.set_window_focus_callback(window, self.on_focus)
         glfw.set_framebuffer_size_callback(window, self.on_resize)
-        glfw.set_window_content_scale_callback(window, lambda *_: self._host.theme.rescale(self._host.interface_scale()))
+        glfw.set_window_content_scale_callback(window, self.on_scale)
         glfw.set_window_refresh_callback(window, lambda _: self._host.wake())
 
+    # -- keyboard ----------------------------------------------------------------------------------------------------
+
     def on_key(self, _window, key: int, scancode: int, action: int, mods: int) -> None:
-        glfw, imgui = self._host.glfw, self._host.imgui
-        self._host.wake()
-        imgui.backends.glfw_key_callback(self._host.address, key, scancode, action, mods)
+        host = self._host
+        glfw, imgui = host.glfw, host.imgui
+        host.wake()
+        self._note_modifiers(mods)
+        imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
+        typing = imgui.get_io().want_text_input
         control = self._by_key.get(key)
-        if control is None:
-            return
-        if control.kind in ("hold", "modifier"):
+        if control is not None and control.kind in ("hold", "modifier"):
             if action == glfw.RELEASE:
-                self._host.session.flight.held.discard(control.action)
-            elif action == glfw.PRESS and not imgui.get_io().want_text_input and not mods & glfw.MOD_CONTROL:
-                self._host.session.flight.held.add(control.action)
-        elif action == glfw.PRESS and not imgui.get_io().want_text_input:
-            self._host.act(control.action)
+                host.session.flight.held.discard(control.action)
+            elif action == glfw.PRESS and not typing and not mods & glfw.MOD_CONTROL and host.session.scene is not None:
+                host.session.flight.held.add(control.action)
+            return
+        if typing:
+            return
+        if host.session.scene is not None and host.session.notices.message is None:
+            kinds: dict[int, Literal["press", "release", "repeat"]] = {
+                glfw.PRESS: "press", glfw.RELEASE: "release", glfw.REPEAT: "repeat",
+            }  # fmt: skip
+            event = KeyEvent(self._key_names.get(key, ""), kinds[action], self._modifiers)
+            if host.toolbox.key_event(event, host.tools):
+                return
+        if control is not None and action == glfw.PRESS and not mods & glfw.MOD_CONTROL:
+            host.act(control.action)
 
     def on_char(self, _window, character: int) -> None:
         self._host.imgui.backends.glfw_char_callback(self._host.address, character)
 
+    def _note_modifiers(self, mods: int) -> None:
+        glfw = self._host.glfw
+        self._modifiers = Modifiers(bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL), bool(mods & glfw.MOD_ALT))
+
+    # -- pointer -----------------------------------------------------------------------------------------------------
+
     def on_enter(self, _window, entered: int) -> None:
         self._host.wake()
         self._host.imgui.backends.glfw_cursor_enter_callback(self._host.address, entered)
+        if not entered:
+            self._host.session.pointer = None
+            self._tool("leave")
 
     def on_pointer(self, _window, x: float, y: float) -> None:
-        self._host.imgui.backends.glfw_cursor_pos_callback(self._host.address, x, y)
-        dx, dy = x - self.pointer[0], y - self.pointer[1]
+        host = self._host
+        host.imgui.backends.glfw_cursor_pos_callback(host.address, x, y)
+        delta = (x - self.pointer[0], y - self.pointer[1])
         self.pointer = (x, y)
-        self._host.wake()
-        if self._host.imgui.get_io().want_capture_mouse:
-            self._host.linger()
-        if self._host.session.dragging_handle:
-            self._host.session.move_split(x * self._density())
-        elif self._host.session.flight.looking:
-            self._host.session.flight.look(dx, dy)
+        self._travelled += abs(delta[0]) + abs(delta[1])
+        host.wake()
+        over_interface = host.imgui.get_io().want_capture_mouse
+        if over_interface:
+            host.linger()
+        if host.session.dragging_handle:
+            host.session.move_split(self.position[0])
+        elif host.session.scene is not None and (not over_interface or host.toolbox.holding):
+            host.session.pointer = self.position
+            self._tool("move", delta=delta)
+        else:
+            host.session.pointer = None
+
+    @property
+    def position(self) -> tuple[float, float]:
+        """The pointer in pixels of the picture."""
+        session = self._host.session
+        left, top = session.origin
+        return self.pointer[0] * session.density - left, self.pointer[1] * session.density - top
+
+    def _tool(self, kind: Literal["press", "release", "move", "wheel", "leave"], *, delta: tuple[float, float] = (0.0, 0.0),
+              clicks: int = 0, notches: float = 0.0) -> None:
+        event = PointerEvent(kind, self.position, delta, self._button, clicks, notches, self._modifiers)
+        self._host.toolbox.pointer(event, self._host.tools)
 
     def on_button(self, _window, button: int, action: int, mods: int) -> None:
-        glfw, session = self._host.glfw, self._host.session
-        self._host.wake()
-        self._host.imgui.backends.glfw_mouse_button_callback(self._host.address, button, action, mods)
-        if button not in (glfw.MOUSE_BUTTON_LEFT, glfw.MOUSE_BUTTON_RIGHT):
+        host = self._host
+        glfw, session = host.glfw, host.session
+        host.wake()
+        self._note_modifiers(mods)
+        host.imgui.backends.glfw_mouse_button_callback(host.address, button, action, mods)
+        if button not in self._buttons:
             return
+        name = self._buttons[button]
         if action == glfw.RELEASE:
-            self.release_pointer()
-        elif not self._host.imgui.get_io().want_capture_mouse and session.scene is not None:
+            if name == self._button:
+                self._release(name)
+        elif not self._button and not host.imgui.get_io().want_capture_mouse and session.scene is not None:
+            self._button, self._travelled = name, 0.0
             if button == glfw.MOUSE_BUTTON_LEFT and self.over_handle:
                 session.dragging_handle = True
             else:
-                session.flight.looking = True
-                glfw.set_input_mode(self._host.window, glfw.CURSOR, glfw.CURSOR_DISABLED)
+                self._tool("press")
+
+    def _release(self, name: str) -> None:
+        now, clicks = self._clock(), 0
+        if self._travelled <= _CLICK:
+            clicks = 2 if self._last_click[1] == name and now - self._last_click[0] <= _DOUBLE_CLICK else 1
+            self._last_click = (now, name if clicks == 1 else "")
+        if not self._host.session.dragging_handle:
+            self._tool("release", clicks=clicks)
+        self._host.session.dragging_handle, self._button = False, ""
 
     def release_pointer(self) -> None:
-        if self._host.session.flight.looking:
-            self._host.glfw.set_input_mode(self._host.window, self._host.glfw.CURSOR, self._host.glfw.CURSOR_NORMAL)
-            self.pointer = self._host.glfw.get_cursor_pos(self._host.window)
-        self._host.session.flight.looking = self._host.session.dragging_handle = False
+        """Ends a drag that is under way."""
+        self._host.toolbox.release(self._host.tools)
+        self._host.session.dragging_handle, self._button = False, ""
+
+    def set_captured(self, captured: bool) -> None:
+        """Hides the pointer and lets it move without end, or shows it where it was hidden."""
+        glfw, window = self._host.glfw, self._host.window
+        glfw.set_input_mode(window, glfw.CURSOR, glfw.CURSOR_DISABLED if captured else glfw.CURSOR_NORMAL)
+        if not captured:
+            self.pointer = glfw.get_cursor_pos(window)
 
     @property
     def over_handle(self) -> bool:
         """Whether the pointer is on the line of a comparison."""
         session = self._host.session
-        at = session.choice.split_at * session.size[0] / self._density()
-        return session.choice.split and abs(self.pointer[0] - at) <= _GRIP * self._host.theme.scale
+        at = session.view_settings.split_at * session.size[0]
+        grip = _GRIP * self._host.theme.scale * session.density
+        x, y = self.position
+        return session.view_settings.split and abs(x - at) <= grip and 0 <= y < session.size[1]
 
     def on_scroll(self, _window, dx: float, dy: float) -> None:
-        self._host.wake()
-        self._host.imgui.backends.glfw_scroll_callback(self._host.address, dx, dy)
-        if not self._host.imgui.get_io().want_capture_mouse:
-            self._host.session.wheel(dy)
+        host = self._host
+        host.wake()
+        host.imgui.backends.glfw_scroll_callback(host.address, dx, dy)
+        if not host.imgui.get_io().want_capture_mouse and host.session.scene is not None:
+            self._tool("wheel", notches=dy)
+
+    # -- window ------------------------------------------------------------------------------------------------------
 
     def on_drop(self, _window, paths: list[str]) -> None:
         self._host.wake()
         if paths:
-            self._host.session.loads.open([Path(path) for path in paths])
+            self._host.session.open([Path(path) for path in paths])
 
     def on_focus(self, _window, focused: int) -> None:
         self._host.wake()
@@ -140,24 +219,10 @@ class Hands:
     def on_resize(self, _window, width: int, height: int) -> None:
         self._host.wake()
         self._host.session.resize((width, height))
-        if width and height:
-            self._fold_where_narrow()
 
-    def _fold_where_narrow(self) -> None:
-        """Folds the panel when the window becomes too narrow for it beside the figures, and opens it again, where it was open
-        before, when there is room; in between its button does."""
-        session = self._host.session
-        narrow = self._host.glfw.get_window_size(self._host.window)[0] < self._host.theme.px(NARROW)
-        if narrow and not self._narrow:
-            self._was_open, session.panel = session.panel, False
-        elif self._narrow and not narrow:
-            session.panel |= self._was_open
-        self._narrow = narrow
-
-    def _density(self) -> float:
-        """Framebuffer pixels per logical pixel."""
-        width = self._host.glfw.get_window_size(self._host.window)[0]
-        return self._host.session.size[0] / width if width else 1.0
+    def on_scale(self, _window, _x: float, _y: float) -> None:
+        self._host.theme.rescale(self._host.interface_scale())
+        self._host.wake()
 
     def key_name(self, control: Control) -> str:
         """What this keyboard prints on a letter's key; the table's name otherwise."""

@@ -30,7 +30,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     flags = (OVERLAY & ~imgui.WindowFlags_.no_scrollbar) | imgui.WindowFlags_.always_auto_resize
     imgui.begin("panel", None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)  # toasts stay above it
     imgui.push_font(look.regular, theme.FONT_SIZE - 1)
-    old = session.choice.shown_settings
+    old = session.view_settings.shown_settings
     _heading("View", look)
     imgui.same_line(width - px(16) - imgui.calc_text_size("hide").x - 2 * imgui.get_style().frame_padding.x)
     imgui.push_style_color(imgui.Col_.button, (0, 0, 0, 0))
@@ -80,9 +80,9 @@ def draw_panel(session: Session, look: Theme) -> None:
     new = _choice(new, "precision", "precision", look)
     new = _choice(new, "device", "device", look)
     _label("flying", "where it is slow: fewer points and the filled view while moving, all of it at rest", look)
-    changed, quick = imgui.checkbox("keep up while moving", session.picture.pace.keep_up)
+    changed, quick = imgui.checkbox("keep up while moving", session.picture.adaptive_lod.keep_up)
     if changed:
-        session.picture.pace.keep_up, session.picture.dirty = quick, True
+        session.picture.adaptive_lod.keep_up, session.picture.dirty = quick, True
     imgui.dummy(ImVec2(0, px(2)))
     imgui.begin_disabled(new == Settings(view=new.view))
     if imgui.button("Back to defaults", ImVec2(-1, 0)):
@@ -91,7 +91,7 @@ def draw_panel(session: Session, look: Theme) -> None:
     imgui.pop_font()
     imgui.end()
     if new != old:
-        session.choice.request(new)
+        session.view_settings.request(new)
 
 
 def _folded(session: Session, look: Theme) -> None:
@@ -175,23 +175,23 @@ def _views(settings: Settings, look: Theme) -> Settings:
 
 def _compare(session: Session, look: Theme) -> None:
     _label("compare", "two views side by side; V switches it", look)
-    changed, on = imgui.checkbox("with", session.choice.split)
+    changed, on = imgui.checkbox("with", session.view_settings.split)
     if changed:
-        session.choice.compare(on)
+        session.view_settings.compare(on)
     imgui.same_line()
     imgui.set_next_item_width(-1)
-    imgui.begin_disabled(not session.choice.split)
-    chosen = _combo("##left side", session.choice.left, VIEWS, look)
-    if chosen != session.choice.left:
-        session.choice.choose_left(chosen)
+    imgui.begin_disabled(not session.view_settings.split)
+    chosen = _combo("##left side", session.view_settings.left, VIEWS, look)
+    if chosen != session.view_settings.left:
+        session.view_settings.choose_left(chosen)
     imgui.end_disabled()
 
 
 def _background(session: Session, look: Theme) -> None:
     """A row that chooses what is behind the picture; only the canvas is drawn again."""
     table = {name: BACKGROUNDS[name] for name in COLOURS}
-    _label("background", f"where nothing was measured or filled: {table[session.choice.background]}", look)
-    session.choice.background = _combo("##background", session.choice.background, table, look)
+    _label("background", f"where nothing was measured or filled: {table[session.view_settings.background]}", look)
+    session.view_settings.background = _combo("##background", session.view_settings.background, table, look)
 
 
 def _choice(settings: Settings, name: str, label: str, look: Theme) -> Settings:
@@ -204,9 +204,9 @@ def _choice(settings: Settings, name: str, label: str, look: Theme) -> Settings:
 
 def _own_weights(settings: Settings, session: Session, look: Theme) -> Settings:
     """A row that chooses among a person's own weights, where there are any."""
-    if not session.choice.own_weights and settings.weights is None:
+    if not session.view_settings.own_weights and settings.weights is None:
         return settings
-    names = {str(path): name for name, path in session.choice.own_weights.items()}
+    names = {str(path): name for name, path in session.view_settings.own_weights.items()}
     if settings.weights is not None:
         names.setdefault(settings.weights, settings.weights.rpartition("/")[2])
     table = {_SHIPPED: "the weights that came with pointglass", **{name: path for path, name in names.items()}}

@@ -6,7 +6,7 @@ No GL: whoever draws asks for a plan and says what came of it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from viewer.window.adaptive_lod import Pace
+from viewer.window.adaptive_lod import AdaptiveLod
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Picture:
     pace: what a picture may leave out."""
 
     def __init__(self) -> None:
-        self.pace = Pace()
+        self.adaptive_lod = AdaptiveLod()
         self.dirty = True
         self.made: Plan | None = None
         self.stats: dict | None = None
@@ -34,19 +34,19 @@ class Picture:
 
     def begin(self, points: int) -> None:
         """A scene of so many points is shown now, and there is no picture of it yet."""
-        self.pace.begin(points)
+        self.adaptive_lod.begin(points)
         self.dirty, self.made, self.stats, self.approximations = True, None, None, ()
 
     def renew(self) -> None:
         """The camera is elsewhere, or the settings are others: what was refined at rest is of no use."""
         self.dirty = True
-        self.pace.jump()
+        self.adaptive_lod.jump()
 
     def plan(self, views: Sequence[str], lod: float | None, *, moving: bool, resizing: bool = False) -> Plan:
         """The picture to make now.  views, lod: as chosen."""
-        stand_ins = tuple(self.pace.stand_in(view, moving=moving, resizing=resizing) for view in views)
-        levels = [level for level in (lod, self.pace.level(moving=moving)) if level is not None]
-        return Plan(stand_ins, min(levels) if levels else None, self.pace.hides(moving=moving), moving)
+        stand_ins = tuple(self.adaptive_lod.stand_in(view, moving=moving, resizing=resizing) for view in views)
+        levels = [level for level in (lod, self.adaptive_lod.level(moving=moving)) if level is not None]
+        return Plan(stand_ins, min(levels) if levels else None, self.adaptive_lod.hides(moving=moving), moving)
 
     def lacks(self, plan: Plan) -> bool:
         """Whether something of ``plan`` is missing, or the view is another."""
@@ -60,4 +60,4 @@ class Picture:
     def learn(self, plan: Plan, stats: dict) -> None:
         """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
         self.stats = stats
-        self.pace.drew(plan.level, stats, moving=plan.moving)
+        self.adaptive_lod.drew(plan.level, stats, moving=plan.moving)

@@ -6,16 +6,16 @@ from viewer.errors import PointglassError
 from viewer.text import counted
 from viewer.window import capture
 from viewer.window.session import Session
-from viewer.window.viewport import Painter
+from viewer.window.viewport import Viewport
 
 _RECORDING = "Recording frame times; F9 stops"
 
 
-class Keeper:
+class SaveActions:
     """Saves what a session shows into ``folder``."""
 
-    def __init__(self, session: Session, painter: Painter, folder: Path):
-        self._session, self._painter, self._folder = session, painter, folder
+    def __init__(self, session: Session, viewport: Viewport, folder: Path):
+        self._session, self._painter, self._folder = session, viewport, folder
 
     def screenshot(self) -> Path | None:
         """Saves the picture as PNG and says where."""

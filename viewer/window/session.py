@@ -1,10 +1,10 @@
 """What the window is doing, without the window: the scene and what is to be drawn of it, joined from parts.
 
 A Session is told what happened (a file dropped, time passing, a picture made) and knows what to draw and whether that has
-changed.  It owns no GL object: the painter uploads a loaded scene and then calls :meth:`accept`.  The parts are asked and
+changed.  It owns no GL object: the viewport uploads a loaded scene and then calls :meth:`accept`.  The parts are asked and
 told directly; what concerns several of them is here:
 
-    flight (where the camera is)   choice (settings, comparison)   picture (what is on the screen, what may be left out)
+    flight (where the camera is)   view_settings (settings, comparison)   picture (what is on the screen, what may be left out)
     loads (scans on their way)     notices (messages)
 
 Frame: file coordinates, world up = +z.  The clock counts seconds; any steady one will do.
@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
@@ -25,7 +25,7 @@ from viewer.window.navigation import looking
 from viewer.window.notices import Notices
 from viewer.window.picture_plan import Picture, Plan
 from viewer.window.start_viewpoint import FIELD_OF_VIEW, start_state
-from viewer.window.view_settings import Choice
+from viewer.window.view_settings import ViewSettings
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -40,6 +40,8 @@ class Session:
     """State of one window.
 
     size: of the framebuffer, pixels; (0, 0) while minimised.  scene: the one shown, None at first.
+    document: what a person works on (viewer.tools.document).  origin: left and top of the picture, framebuffer pixels.
+    density: framebuffer pixels per logical pixel.  pointer: where it is over the picture, its pixels, else None.
     help, interface, panel: which of them are open.  dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
     start: where the first visit begins; None: where that makes sense (viewer.window.start_viewpoint).
@@ -65,7 +67,10 @@ class Session:
         self.loads = loading.ScanLoads(self.notices, open_scene, wake)
         self.flight = Flight(clock)
         self.picture = Picture()
-        self.choice = Choice(settings, self.picture, self.notices, load_network, wake)
+        self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
+        self.document: Any = None  # a viewer.tools.document.Document once that module is there
+        self.origin, self.density = (0, 0), 1.0
+        self.pointer: tuple[float, float] | None = None
         self.dragging_handle = False
         self.help, self.interface, self.panel = False, True, True
         self.recording: FrameTimes | None = None
@@ -81,7 +86,7 @@ class Session:
     @property
     def plan(self) -> Plan:
         """The picture to make now."""
-        return self.picture.plan(self.choice.sides, self.choice.settings.lod, moving=self.flight.moving,
+        return self.picture.plan(self.view_settings.sides, self.view_settings.settings.lod, moving=self.flight.moving,
                                  resizing=self._resizing_for > 0)
 
     @property
@@ -92,7 +97,7 @@ class Session:
     @property
     def full_plan(self) -> Plan:
         """The picture as the settings have it, however long it takes."""
-        return Plan(self.choice.sides, self.choice.settings.lod)
+        return Plan(self.view_settings.sides, self.view_settings.settings.lod)
 
     @property
     def needs_picture(self) -> bool:
@@ -108,7 +113,7 @@ class Session:
         """A picture was made as planned, and what it cost is told later, in the order that pictures were made.  hides: hidden
         cells were left out indeed."""
         self.picture.drew(plan, hides=hides, approximations=approximations)
-        self.choice.worked()
+        self.view_settings.worked()
         self._shown_at.append((self._clock(), self.size))
 
     def learn(self, plan: Plan, stats: dict) -> None:
@@ -122,21 +127,21 @@ class Session:
         """A picture could not be made: says so and goes back to the settings that worked last."""
         self.notices.say("This picture cannot be made", text)
         self._shown_at.clear()
-        back = self.choice.fall_back()
+        back = self.view_settings.fall_back()
         # with nothing left to try the window shows no picture until something changes
         self.picture.dirty, self.picture.made = back, None if back else self.plan
 
     @property
     def drawn(self) -> tuple[str, ...]:
         """The views on the screen, left first; those to come where there is no picture yet."""
-        made, sides = self.picture.made, self.choice.sides
+        made, sides = self.picture.made, self.view_settings.sides
         return made.views if made is not None and len(made.views) == len(sides) else sides
 
     @property
     def approximations(self) -> list[str]:
         """Everything about the picture on the screen that is not exact, in words."""
         made = list(self.picture.approximations)
-        if self.drawn != self.choice.sides and "neural" in self.choice.sides:
+        if self.drawn != self.view_settings.sides and "neural" in self.view_settings.sides:
             made.append("filled while moving" if self._resizing_for <= 0 else "filled while resizing")
         return made
 
@@ -157,7 +162,7 @@ class Session:
         rest = self.flight.rest_in
         if self.scene is not None and rest > 0 and self.picture.lacks(self.full_plan):
             times.append(rest)
-        if self.scene is not None and (still := self._resizing_for) > 0 and self.drawn != self.choice.sides:
+        if self.scene is not None and (still := self._resizing_for) > 0 and self.drawn != self.view_settings.sides:
             times.append(still)
         return max(0.0, min(times)) if times else None
 
@@ -193,7 +198,7 @@ class Session:
 
     def move_split(self, x: float) -> None:
         """The comparison's line was dragged.  x: pixels of the framebuffer."""
-        self.choice.split_at = min(max(x / max(self.size[0], 1), 0.0), 1.0)
+        self.view_settings.split_at = min(max(x / max(self.size[0], 1), 0.0), 1.0)
 
     def let_go(self) -> None:
         """Forgets every key and button held: the window lost the keyboard."""
@@ -208,9 +213,13 @@ class Session:
 
     # -- scenes ------------------------------------------------------------------------------------------------------
 
+    def open(self, paths: Sequence[Path]) -> None:
+        """Opens ``paths`` as one scene."""
+        self.loads.open(paths)
+
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
-        self.choice.poll()
+        self.view_settings.poll()
         return self.loads.poll()
 
     def accept(self, loaded: loading.Loaded) -> None:
@@ -243,7 +252,7 @@ class Session:
     def close(self) -> None:
         """Stops workers, and waits until what they were writing is gone."""
         self.loads.close()
-        self.choice.close()
+        self.view_settings.close()
 
     def escape(self) -> None:
         """Closes one thing, the topmost."""

@@ -29,6 +29,13 @@ FIELD_OVER = _colour("#383D47")
 FIELD_DOWN = _colour("#454B57")
 LINE = _colour("#3A3F49")
 WARN = _colour("#F0B95B")
+BAD = _colour("#F27A76")
+SHADE = _colour("#0B0D10", 0.75)
+OVERLAY_COLOURS = {
+    "accent": ACCENT, "text": TEXT, "dim": DIM, "warn": WARN, "bad": BAD, "shade": SHADE,
+    "blue": _colour("#7DB4FF"), "violet": _colour("#C3A2FF"), "green": _colour("#7FD88B"), "pink": _colour("#FF9CC8"),
+}  # fmt: skip
+"""Colours of lines, markers and labels over the picture, each drawn with a dark edge (``shade``)."""
 
 
 class Theme:

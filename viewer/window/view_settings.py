@@ -16,7 +16,7 @@ from viewer.window.picture_plan import Picture
 from viewer.window.worker import Worker
 
 
-class Choice:
+class ViewSettings:
     """settings: what pictures are made with.  wanted: settings that wait for their network, else None.
     split: whether views are compared, ``left`` at the left of ``split_at`` (0 to 1 of the width).
     background: what is laid behind the picture, a key of viewer.tools.background.COLOURS.

@@ -32,7 +32,7 @@ _NO_MEMORY = "not enough memory for its points"
 _UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
 
 
-class Painter:
+class Viewport:
     """Makes the pictures that a session plans, and tells it what came of them.
 
     renderer: of the scene shown, None at first.  canvas: what the window shows, None until something was shown.
@@ -123,7 +123,7 @@ class Painter:
         plan = session.plan
         try:
             self._frame = renderer.render(
-                session.camera, replace(session.choice.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
+                session.camera, replace(session.view_settings.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
                 self._seen if plan.hides else None, streaming=True,
             )  # fmt: skip
         except (PointglassError, MemoryError) as error:
@@ -169,7 +169,8 @@ class Painter:
 
     def show(self) -> Canvas:
         """The last picture, or the background where there is none, on a canvas of the framebuffer's size."""
-        size, split_at, background = self._session.size, self._session.choice.split_at, self._session.choice.background
+        size, chosen = self._session.size, self._session.view_settings
+        split_at, background = chosen.split_at, chosen.background
         if self.canvas is None or self.canvas.size != size:
             if self.canvas is not None:
                 self.canvas.release()
@@ -189,13 +190,13 @@ class Painter:
         session = self._session
         if self.renderer is None or min(session.size) == 0:
             return None
-        plan, sides, background = session.full_plan, session.choice.sides, session.choice.background
-        frame = self.renderer.render(session.camera, session.choice.settings, tuple(dict.fromkeys(sides)))
+        plan, sides, background = session.full_plan, session.view_settings.sides, session.view_settings.background
+        frame = self.renderer.render(session.camera, session.view_settings.settings, tuple(dict.fromkeys(sides)))
         self._frame, self._shown = frame, sides
         self._tell(plan, frame)
         image = composite(frame.image(sides[0]), background)
         if len(sides) == 2:
-            column = split_column(session.choice.split_at, session.size[0])
+            column = split_column(session.view_settings.split_at, session.size[0])
             image[:, column:] = composite(frame.image(sides[1]), background)[:, column:]
         return image
 

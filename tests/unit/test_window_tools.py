@@ -1,0 +1,105 @@
+"""Tools and overlays without a window: who receives an event, and where the camera puts a world point."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from window_session import session
+
+from viewer.camera import Camera, look_at
+from viewer.window.interaction.fly import Fly
+from viewer.window.interaction.table import TOOLS, toolbox
+from viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, Toolbox, ToolContext
+
+
+class Recorder(Tool):
+    """Uses the kinds of event it is told to use, and keeps all it receives."""
+
+    def __init__(self, name: str, *uses: str):
+        self.name, self.uses, self.received = name, uses, []
+
+    def pointer(self, event, context):
+        self.received.append(event.kind)
+        return event.kind in self.uses
+
+    def key_event(self, event, context):
+        return event.key == "DELETE"
+
+    def left(self, context):
+        self.received.append("left")
+
+
+CONTEXT: Any = SimpleNamespace()
+
+
+def events(box: Toolbox, *kinds):
+    for kind in kinds:
+        box.pointer(PointerEvent(kind, (1.0, 2.0), button="left"), CONTEXT)
+
+
+def test_a_tool_that_uses_a_press_receives_everything_until_the_release():
+    fly, measure = Recorder("fly", "press", "move", "wheel"), Recorder("measure", "press")
+    box = Toolbox([fly, measure], [])
+    box.select("measure", CONTEXT)
+    events(box, "move", "press", "move", "wheel", "release", "move")
+    assert measure.received == ["move", "press", "move", "wheel", "release", "move"]
+    assert fly.received == ["left", "move", "move"] and not box.holding
+
+
+def test_what_the_selected_tool_does_not_use_reaches_fly():
+    fly, probe = Recorder("fly", "press"), Recorder("probe")
+    box = Toolbox([fly, probe], [])
+    box.select("probe", CONTEXT)
+    events(box, "press", "move", "release")
+    assert fly.received == ["left", "press", "move", "release"] and probe.received == ["press"]
+    assert box.key_event(KeyEvent("DELETE", "press"), CONTEXT) and not box.key_event(KeyEvent("W", "press"), CONTEXT)
+
+
+def test_selecting_the_active_tool_again_or_another_one_ends_what_it_had_begun():
+    fly, measure = Recorder("fly"), Recorder("measure", "press")
+    box = Toolbox([fly, measure], [])
+    box.select("measure", CONTEXT)
+    events(box, "press")
+    box.select("measure", CONTEXT)
+    assert box.active is fly and measure.received == ["press", "leave", "left"] and not box.holding
+
+
+def test_a_click_does_not_turn_the_camera_and_a_drag_does():
+    made, clock = session()
+    captured = []
+    context = ToolContext(made, Any, Any, set_captured=captured.append)  # type: ignore[arg-type]
+    box, start = toolbox(), made.camera.forward
+    for delta, kind in (((0.0, 0.0), "press"), ((1.0, 1.0), "move"), ((0.0, 0.0), "release")):
+        box.pointer(PointerEvent(kind, (9.0, 9.0), delta, "left"), context)  # type: ignore[arg-type]
+    made.advance()
+    assert np.array_equal(made.camera.forward, start) and not captured
+    for delta, kind in (((0.0, 0.0), "press"), ((30.0, 2.0), "move"), ((20.0, 0.0), "move")):
+        box.pointer(PointerEvent(kind, (9.0, 9.0), delta, "right"), context)  # type: ignore[arg-type]
+    clock.now += 0.1
+    made.advance()
+    assert made.camera.forward @ np.cross(start, [0, 0, 1]) > 0.1 and captured == [True]
+    box.release(context)
+    assert captured == [True, False] and not made.flight.looking
+
+
+def test_every_tool_has_a_name_of_its_own_and_fly_is_first():
+    assert TOOLS[0] is Fly and len({tool.name for tool in TOOLS}) == len(TOOLS)
+    keys = [tool.key for tool in TOOLS if tool.key]
+    assert len(keys) == len(set(keys)) and all(tool.label and tool.help for tool in TOOLS)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_project_and_unproject_are_inverse_and_agree_with_the_matrices(seed):
+    rng = np.random.default_rng(seed)
+    eye = rng.normal(size=3) * 1e5
+    matrix = look_at(eye, eye + rng.normal(size=3))
+    camera = Camera(641, 403, 500.0, 480.0, 300.3, 207.9, matrix)
+    pixels, depth = rng.uniform(-200, 900, (50, 2)), rng.uniform(0.1, 80.0, 50)
+    points = camera.unproject(pixels, depth)
+    back, z = camera.project(points)
+    assert np.allclose(back, pixels, atol=1e-5) and np.allclose(z, depth, atol=1e-8)
+    x, y, w = (points - eye) @ matrix[:3, 0], -(points - eye) @ matrix[:3, 1], -(points - eye) @ matrix[:3, 2]
+    assert np.allclose(back, np.stack([300.3 + 500 * x / w, 207.9 + 480 * y / w], axis=1), atol=1e-5)
+    behind, depth = camera.project(2 * eye - points)
+    assert np.isnan(behind).all() and (depth < 0).all()

@@ -1,0 +1,47 @@
+"""Fly: drag to look around, wheel for the speed.  The held keys (W, A, S, D, E, Q) move the camera with every tool."""
+
+from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
+
+DRAG = 3.0
+"""Logical pixels that the pointer moves before a press becomes a drag; a click must not turn the camera or hide the pointer."""
+
+
+class Fly(Tool):
+    """The default tool.  It also receives what the selected tool does not use."""
+
+    name, label, letter = "fly", "Fly", "F"
+    help = "drag to look around; W, A, S, D, E and Q fly"
+
+    def __init__(self) -> None:
+        self._pressed = False
+        self._dragged = (0.0, 0.0)
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
+        flight = context.session.flight
+        if event.kind == "press" and event.button in ("left", "right"):
+            self._pressed, self._dragged = True, (0.0, 0.0)
+            return True
+        if event.kind == "move" and self._pressed:
+            self._look(event.delta, context)
+            return True
+        if event.kind in ("release", "leave") and self._pressed:
+            self._pressed = False
+            if flight.looking:
+                flight.looking = False
+                context.capture_pointer(False)
+            return True
+        if event.kind == "wheel":
+            context.session.wheel(event.notches)
+            return True
+        return False
+
+    def _look(self, delta: tuple[float, float], context: ToolContext) -> None:
+        flight = context.session.flight
+        if flight.looking:
+            flight.look(*delta)
+            return
+        self._dragged = (self._dragged[0] + delta[0], self._dragged[1] + delta[1])
+        if abs(self._dragged[0]) + abs(self._dragged[1]) > DRAG:
+            flight.looking = True
+            context.capture_pointer(True)
+            flight.look(*self._dragged)

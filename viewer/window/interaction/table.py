@@ -1,0 +1,15 @@
+"""The tools and overlays of the window.  A new tool or overlay is one row here.
+
+The order is that of the buttons; Fly stays first because it receives what the selected tool leaves.
+"""
+
+from viewer.window.interaction.fly import Fly
+from viewer.window.interaction.tool import Overlay, Tool, Toolbox
+
+TOOLS: tuple[type[Tool], ...] = (Fly,)
+OVERLAYS: tuple[type[Overlay], ...] = ()
+
+
+def toolbox() -> Toolbox:
+    """New tools and overlays, for one window."""
+    return Toolbox([make() for make in TOOLS], [make() for make in OVERLAYS])

@@ -1,0 +1,217 @@
+"""What a tool is: how it receives pointer and key events, what it draws over the picture, and what it shows in the panel.
+
+To add a tool: subclass :class:`Tool` in a file of this folder and add the class to TOOLS in ``table.py``.
+
+Positions are pixels of the picture (column, row), row 0 at the top, the frame of ``Camera.project`` and ``Camera.unproject``;
+they may lie outside the picture while a button is held.  Distances dragged are logical pixels, so that a gesture has
+the same size on every screen.
+"""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from viewer.camera import Camera
+    from viewer.grid.scene import Scene
+    from viewer.window.overlay import OverlayCanvas
+    from viewer.window.session import Session
+    from viewer.window.theme import Theme
+    from viewer.window.viewport import Viewport
+
+
+@dataclass(frozen=True)
+class Modifiers:
+    """Modifier keys that are held during an event."""
+
+    shift: bool = False
+    control: bool = False
+    alt: bool = False
+
+
+@dataclass(frozen=True)
+class PointerEvent:
+    """One event of the pointer.
+
+    kind: ``press``, ``release``, ``move`` (with or without a button held), ``wheel``, or ``leave`` (the pointer left the
+    picture, or the window lost the focus: drop any hover or drag).
+    position: (column, row) in pixels of the picture.  delta: movement since the last event, logical pixels.
+    button: of a press or release, and of a move while a button is held; else "".
+    clicks: on release, 1 for a click and 2 for a double click; 0 where the pointer was dragged.  notches: of the wheel.
+    """
+
+    kind: Literal["press", "release", "move", "wheel", "leave"]
+    position: tuple[float, float]
+    delta: tuple[float, float] = (0.0, 0.0)
+    button: Literal["", "left", "right", "middle"] = ""
+    clicks: int = 0
+    notches: float = 0.0
+    modifiers: Modifiers = Modifiers()
+
+
+@dataclass(frozen=True)
+class KeyEvent:
+    """One key.  key: GLFW's name without ``KEY_``, by its place on a US keyboard ("C", "DELETE", "ENTER")."""
+
+    key: str
+    kind: Literal["press", "release", "repeat"]
+    modifiers: Modifiers = Modifiers()
+
+
+class ToolContext:
+    """What a tool may use.  One object a window; its properties are always those of the present moment.
+
+    session: notices, flight, view settings.  viewport: the renderer and the last Frame (depth, mask), for picking.
+    theme: sizes and colours.  glfw: for ``pointer_captured``.
+    """
+
+    def __init__(self, session: "Session", viewport: "Viewport", theme: "Theme", *, set_captured: Any = None):
+        self.session, self.viewport, self.theme = session, viewport, theme
+        self._set_captured = set_captured or (lambda captured: None)
+
+    @property
+    def scene(self) -> "Scene | None":
+        """The scan shown; None on the start page."""
+        return self.session.scene
+
+    @property
+    def document(self) -> Any:
+        """The Document (viewer.tools.document) that the session works on."""
+        return self.session.document
+
+    @property
+    def camera(self) -> "Camera":
+        """The camera of the present view; its width and height are the picture's pixels."""
+        return self.session.camera
+
+    def ray(self, position: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+        """Origin (3,) and unit direction (3,), file coordinates, of the viewing ray through a pixel position."""
+        camera = self.camera
+        along = camera.unproject([position], 1.0)[0] - camera.position
+        return camera.position, along / np.linalg.norm(along)
+
+    def pixels(self, length: float) -> float:
+        """Pixels of the picture that ``length`` logical pixels make; for a picking radius."""
+        return length * self.session.density * self.theme.scale
+
+    def toast(self, text: str) -> None:
+        """Shows a line for a few seconds."""
+        self.session.notices.toast(text)
+
+    def renew_picture(self) -> None:
+        """Asks for a new picture: what is drawn of the scan has changed (a clip, a hidden scan)."""
+        self.session.picture.renew()
+
+    def capture_pointer(self, captured: bool) -> None:
+        """Hides the pointer and lets it move without end, or shows it again."""
+        self._set_captured(captured)
+
+
+class Tool:
+    """Base class of all tools; each method may be left as it is.
+
+    name: identifier, unique, lower case.  label: on its button.  letter: one or two characters drawn on the button.
+    help: one line, for the tooltip and the table of controls.  key: GLFW's name of the key that selects it, "" for none.
+    cursor: ``arrow``, ``crosshair``, ``hand`` or ``resize``, while the pointer is over the picture.
+    """
+
+    name = ""
+    label = ""
+    letter = ""
+    help = ""
+    key = ""
+    cursor: Literal["arrow", "crosshair", "hand", "resize"] = "arrow"
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
+        """Handles an event.  Returns True where the tool used it; otherwise Fly receives it.
+
+        A tool that returns True for a press receives all events until the release.
+        """
+        return False
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        """Handles a key before the table of controls does.  Returns True where the tool used it."""
+        return False
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        """Draws over the picture while the tool is selected."""
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        """Draws its rows in the tool panel while it is selected.  ui: the ``imgui`` module, inside a window."""
+
+    def selected(self, context: ToolContext) -> None:
+        """The tool was selected."""
+
+    def left(self, context: ToolContext) -> None:
+        """Another tool was selected: drop whatever was begun."""
+
+
+class Overlay:
+    """Something drawn over the picture whichever tool is selected: stored measurements, station markers, a scale bar.
+
+    name: shown in the list of overlays.  visible: whether it is drawn.
+    """
+
+    name = ""
+    visible = True
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        """Draws over the picture."""
+
+
+class Toolbox:
+    """The tools of one window and the one that is selected.  Fly is first; it also receives what the selected tool leaves."""
+
+    def __init__(self, tools: list[Tool], overlays: list[Overlay]):
+        self.tools, self.overlays = tools, overlays
+        self.fly = self.active = tools[0]
+        self._holder: Tool | None = None  # used the press: receives everything until the release
+
+    def select(self, name: str, context: ToolContext) -> None:
+        """Selects the tool ``name``; selecting the active one goes back to Fly."""
+        chosen = next(tool for tool in self.tools if tool.name == name)
+        if chosen is self.active:
+            chosen = self.fly
+        if chosen is not self.active:
+            self.release(context)
+            self.active.left(context)
+            self.active = chosen
+            chosen.selected(context)
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> None:
+        """Gives an event to the tool that holds the pointer, else to the selected tool and then to Fly."""
+        if self._holder is not None:
+            self._holder.pointer(event, context)
+            if event.kind in ("release", "leave"):
+                self._holder = None
+            return
+        for tool in dict.fromkeys((self.active, self.fly)):
+            if tool.pointer(event, context):
+                if event.kind == "press":
+                    self._holder = tool
+                return
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        """Gives a key to the selected tool.  Returns whether it used it."""
+        return self.active.key_event(event, context)
+
+    def release(self, context: ToolContext) -> None:
+        """Ends a drag that is under way: the window lost the focus, or a dialog opened."""
+        holder, self._holder = self._holder, None
+        if holder is not None:
+            holder.pointer(PointerEvent("leave", (0.0, 0.0)), context)
+
+    @property
+    def holding(self) -> bool:
+        """Whether a tool holds the pointer."""
+        return self._holder is not None
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        """Draws the overlays and what the selected tool draws."""
+        for shown in self.overlays:
+            if shown.visible:
+                shown.draw(overlay, context)
+        self.active.draw(overlay, context)
+        if self.active.cursor == "crosshair" and context.session.pointer is not None:
+            overlay.crosshair(context.session.pointer)
