@@ -64,7 +64,8 @@ class Look:
 
     exposure: stops (doublings of linear light).  brightness: -1..1, a gamma of 2**-brightness, which keeps black and white.
     temperature: -1 (bluer) to 1 (warmer), tint: -1 (greener) to 1 (more magenta); half a stop per unit.
-    point_size: pixels, 1 to MOST_POINT_SIZE.  edl: strength of eye-dome lighting, 0 (none) to 1.  Both of raw and filtered views.
+    point_size: pixels, 1 to MOST_POINT_SIZE.  edl: strength of eye-dome lighting, 0 (none) to 1; both in raw and filtered
+    views.
     """
 
     colour_by: str = "rgb"
@@ -137,9 +138,6 @@ def levels(values: np.ndarray, low: float, high: float) -> np.ndarray:
     return np.floor(np.clip(share, 0.0, 1.0) * (LEVELS - 1) + 0.5).astype(np.intp)
 
 
-# --- development -----------------------------------------------------------------------------------------------------------
-
-
 def tone_curves(look: Look) -> np.ndarray:
     """(256, 3) uint8: what each sRGB level of red, green and blue becomes.
 
@@ -162,7 +160,7 @@ def _to_srgb(linear: np.ndarray) -> np.ndarray:
 
 
 def toned(image: np.ndarray, curves: np.ndarray) -> np.ndarray:
-    """A premultiplied picture (H, W, 4) uint8 after ``tone_curves``; alpha stays.  Whole numbers: shaders give the same bytes."""
+    """A premultiplied picture (H, W, 4) uint8 after ``tone_curves``; alpha stays.  Whole numbers: shaders give these bytes."""
     alpha = image[..., 3:].astype(np.int64)
     straight = np.minimum((image[..., :3].astype(np.int64) * 255 + alpha // 2) // np.maximum(alpha, 1), 255)
     colour = np.stack([curves[straight[..., c], c] for c in range(3)], axis=-1).astype(np.int64)
@@ -179,8 +177,8 @@ def disc(size: int) -> list[tuple[int, int]]:
 
 
 def enlarged(image: np.ndarray, depth: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels drawn as discs of ``size`` pixels, the nearest in front.  image: (H, W, 4) uint8; depth: (H, W) float32, +inf where
-    ``image`` holds nothing.  Returns both, enlarged; of equal depths the one whose centre is nearer wins."""
+    """Pixels drawn as discs of ``size`` pixels, the nearest in front.  image: (H, W, 4) uint8; depth: (H, W) float32, +inf
+    where ``image`` holds nothing.  Returns both, enlarged; of equal depths the one whose centre is nearer wins."""
     height, width = depth.shape
     out, nearest = image.copy(), depth.copy()
     for dx, dy in disc(size)[1:]:

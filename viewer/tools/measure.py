@@ -2,9 +2,9 @@
 
 Uncertainty (GUM, JCGM 100:2008, 5.1.2): a value f of points p_i has the variance sum |df/dp_i|^2 s_i^2.  A point that was
 snapped to stands for a place up to half the point spacing d away, evenly distributed, which has the variance d^2 / 12 along an
-axis (4.3.7); the range noise n adds n^2.  So s_i^2 = d^2 / 12 + n^2, taken to be the same in all directions, which is on the safe side
-along a surface.  d and n are measured around each point on the scan itself (viewer.tools.pick).  What is stated is the expanded
-uncertainty with k = 2 (95 %).  Errors of the registration or of the instrument's scale are not in it.
+axis (4.3.7); the range noise n adds n^2.  So s_i^2 = d^2 / 12 + n^2, taken to be the same in all directions, which is on the
+safe side along a surface.  d and n are measured around each point on the scan itself (viewer.tools.pick).  What is
+stated is the expanded uncertainty with k = 2 (95 %).  Errors of the registration or of the instrument's scale are not in it.
 Frame: file coordinates, file units; angles in degrees.
 """
 
@@ -155,9 +155,6 @@ def _area(points: np.ndarray) -> tuple[float, np.ndarray, float]:
     return abs(signed), np.sign(signed) * slopes, residual
 
 
-# --- text and export -------------------------------------------------------------------------------------------------------
-
-
 def unit_name(metres_per_unit: float | None) -> str:
     """The file's unit: m, ft, mm, ... or ``units`` where the file does not say."""
     if metres_per_unit is None:
@@ -185,14 +182,14 @@ def text_of(result: Result, unit: str) -> str:
 def _decimals(result: Result) -> int:
     """Decimals such that the uncertainty has one digit or two."""
     scale = result.uncertainty if result.uncertainty > 0 else max(abs(result.value), 1e-9) * 1e-3
-    return int(np.clip(np.ceil(-np.log10(scale)) + (0 if scale >= 1 else 0), 0, 9))
+    return int(np.clip(np.ceil(-np.log10(scale)), 0, 9))
 
 
 COLUMNS = ("name", "kind", "value", "uncertainty_k2", "unit", "residual", "point", "x", "y", "z", "spacing", "noise", "scan")
 
 
 def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None) -> str:
-    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point, value and uncertainty in the first of each."""
+    """The measurements as CSV (RFC 4180, ``.`` as decimal point): one row a point, the value in the first of each."""
     out = io.StringIO()
     writer = csv.writer(out)
     writer.writerow(COLUMNS)

@@ -20,7 +20,7 @@ from viewer.tools.document import Document
 SUFFIX = ".pointglass"
 VERSION = 1
 MOST_UP = 2
-"""Folders up to a scan, of a stored relative path: a scan farther away is elsewhere, and not moved together with the project."""
+"""Folders up to a scan, of a stored relative path: a scan farther away is not moved together with the project."""
 LARGEST = 64 << 20
 """Bytes; a project holds no points."""
 _TYPES: dict[str, type] = {"Box": Box, "Slab": Slab}
