@@ -16,11 +16,11 @@ from model.common.scanner_positions import told_apart
 from viewer.bench.approximations import EXACT, Approximation, BenchRenderer, Whole, approximations, coarser
 from viewer.bench.bench_input import Subject
 from viewer.bench.plots import INK, MARKS, figure, label_points, save
-from viewer.bench.views import named_views
 from viewer.camera import Camera
 from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.settings import Settings
+from viewer.tools.viewpoints import named_views
 
 if TYPE_CHECKING:
     from model.reconstruct import Reconstructor

@@ -10,9 +10,9 @@ import numpy as np
 
 from viewer.bench.bench_input import Subject
 from viewer.bench.plots import INK, figure, save
-from viewer.bench.views import camera_path, named_views
 from viewer.progress import progress
 from viewer.settings import VIEWS, Settings
+from viewer.tools.viewpoints import camera_path, named_views
 
 if TYPE_CHECKING:
     from viewer.camera import Camera

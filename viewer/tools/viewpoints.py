@@ -1,8 +1,9 @@
-"""Where the benches look from: eight named views of a scan, and a smooth path of 48 frames through it.
+"""The cameras of benches and of `evaluate`: eight named views of a scan, and a smooth path of 48 frames through it.
 
-The demo scan's are shipped (assets/demo_cameras.json, and a curve through them).  Any other scan's follow from a rule that
-depends on the scan alone: stand where a visit begins (at a scanner, else where most was measured at eye height), turn,
-look down and up close, then from a corner over everything and from afar.  Frame: file coordinates, world up = +z.
+Those of the demo scan are shipped (assets/demo_cameras.json; the path is a curve through them).  Those of any other scan depend
+on the scan alone: from the place where a visit begins (at a scanner, otherwise where most was measured at eye height) four
+directions, the floor and a close-up, then a view from a corner of the bounds and one from afar.
+Frame: file coordinates, world up = +z.
 """
 
 import itertools
@@ -12,12 +13,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.camera import Camera, from_fov, look_at
+from viewer.tools.standing_place import (
+    FIELD_OF_VIEW,
+    OUTSIDE_DIRECTION,
+    overview_position,
+    sample_scene,
+    standing_view,
+    view_axes,
+)
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 PATH_FRAMES = 48
-FIELD_OF_VIEW = 60.0
 CORNER_FIELD = 90.0
 """Degrees, vertical; from a corner of a box everything in it is within 90 degrees across."""
 _FAR = 2.0  # times the distance from which everything is in view
@@ -26,16 +34,17 @@ _SWAY = np.radians(50.0)
 
 
 def named_views(scene: "Scene", size: tuple[int, int]) -> list[Camera]:
-    """Eight cameras with names that say what they look at.  size: width, height in pixels."""
+    """Eight cameras, named after what they look at.  size: width, height in pixels."""
     shipped = _shipped(scene, size)
     if shipped:
         return shipped
-    from viewer.window.start_viewpoint import overview, start_state, survey
-
-    seen = survey(scene)
+    seen = sample_scene(scene)
     aspect = size[0] / size[1]
-    start = start_state(scene, seen, aspect)
-    place, ahead = start.position, start.forward
+    view = standing_view(scene, seen)
+    if view is None:
+        outside = np.array(OUTSIDE_DIRECTION)
+        view = overview_position(seen, aspect, outside), outside
+    place, ahead = view[0], -view_axes(view[1])[:, 2]
     inside = bool(((place > seen.low) & (place < seen.high)).all())
     flat = np.array([ahead[0], ahead[1], 0.0])
     flat /= np.linalg.norm(flat) or 1.0
@@ -45,28 +54,26 @@ def named_views(scene: "Scene", size: tuple[int, int]) -> list[Camera]:
     for name, direction in (("ahead", flat), ("right", right), ("behind", -flat), ("left", -right)):
         if inside:
             stops.append((f"place-{name}", place, place + direction - (0, 0, 0.04)))
-        else:  # nothing to stand in: walk around it
-            eye = overview(seen, aspect, direction - (0, 0, 0.4), 1.0).position
+        else:  # nowhere to stand: views from around it
+            eye = overview_position(seen, aspect, direction - (0, 0, 0.4))
             stops.append((f"around-{name}", eye, middle))
     surface = _nearest_ahead(seen.points, place, flat if inside else ahead)
-    eye = place if inside else overview(seen, aspect, np.array([0.0, 0.0, -1.0]), 1.0).position
+    eye = place if inside else overview_position(seen, aspect, np.array([0.0, 0.0, -1.0]))
     stops.append(("down", eye, eye + flat - (0, 0, 1.0)))
     stops.append(("close", surface + 0.2 * (place - surface), surface))
-    away = overview(seen, aspect, ahead - (0, 0, 0.35), 1.0)
-    stops.append(("far", middle + _FAR * (away.position - middle), middle))
+    away = overview_position(seen, aspect, ahead - (0, 0, 0.35))
+    stops.append(("far", middle + _FAR * (away - middle), middle))
     views = [from_fov(*size, FIELD_OF_VIEW, look_at(a, b), name) for name, a, b in stops]
     views.insert(6, _corner(seen.points, seen.low, seen.high, size))
     return views
 
 
 def camera_path(scene: "Scene", size: tuple[int, int], frames: int = PATH_FRAMES) -> list[Camera]:
-    """A smooth way through the scan, ``frames`` cameras: position and direction change evenly and without a jump."""
+    """``frames`` cameras along a smooth path through the scan: position and direction change evenly and without a jump."""
     shipped = _shipped(scene, size)
     if shipped:
         return _curve(shipped, frames)
-    from viewer.window.start_viewpoint import survey
-
-    seen = survey(scene)
+    seen = sample_scene(scene)
     views = {view.name: view for view in named_views(scene, size)}
     share = np.linspace(0, 1, frames)
     eased = share * share * (3 - 2 * share)
@@ -101,12 +108,12 @@ def _shipped(scene: "Scene", size: tuple[int, int]) -> list[Camera]:
 
 
 def _gap(a: Camera, b: Camera) -> float:
-    """How far it is from one camera to the other: metres and radians, added up."""
+    """The distance between two cameras: file units and radians, added."""
     return float(np.linalg.norm(b.position - a.position) + np.arccos(np.clip(a.forward @ b.forward, -1, 1)))
 
 
 def _in_turn(stops: list[Camera]) -> list[Camera]:
-    """The cameras from the first on, each followed by the one nearest to it that is left."""
+    """The cameras from the first on, each followed by the nearest of those left."""
     order, left = [stops[0]], stops[1:]
     while left:
         nearest = min(left, key=lambda stop: _gap(order[-1], stop))
@@ -136,7 +143,7 @@ def _curve(stops: list[Camera], frames: int) -> list[Camera]:
 
 
 def _corner(points: np.ndarray, low: np.ndarray, high: np.ndarray, size: tuple[int, int]) -> Camera:
-    """From that upper corner of the bounds, looking at the middle, from which most points are in the picture."""
+    """A camera at that upper corner of the bounds from which most points are in the picture, looking at the middle."""
     best, most = None, -1
     for x in (0, 1):
         for y in (0, 1):
@@ -158,7 +165,7 @@ def in_picture(camera: Camera, points: np.ndarray) -> int:
 
 
 def _nearest_ahead(points: np.ndarray, eye: np.ndarray, ahead: np.ndarray) -> np.ndarray:
-    """(3,) a point on what lies ahead of ``eye`` within 10 degrees: at the median distance, for a few strays say nothing."""
+    """(3,) a point ahead of ``eye``: at the median distance of the points within 10 degrees, which ignores outlier points."""
     away = points - eye
     far = np.linalg.norm(away, axis=1)
     along = away @ ahead

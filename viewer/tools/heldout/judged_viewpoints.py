@@ -33,7 +33,7 @@ def picture_of(camera: Camera) -> MemoryPicture:
 
 def judged_viewpoints(scene: "Scene", size: tuple[int, int], count: int) -> list[Viewpoint]:
     """``count`` of the benches' eight named views, evenly chosen; where more are wanted, places on the benches' path too."""
-    from viewer.bench.views import camera_path, named_views
+    from viewer.tools.viewpoints import camera_path, named_views
 
     cameras = named_views(scene, size)
     if count > len(cameras):
