@@ -36,7 +36,8 @@ class Told:
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
         self.flight = SimpleNamespace(moving=True)
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
-        self.size, self.full_plan = SIZES[0], Plan(("filled",), None)
+        self.size = self.window_size = SIZES[0]
+        self.origin, self.exact, self.full_plan = (0, 0), False, Plan(("filled",), None)
 
     def accept(self, _):
         pass
@@ -107,7 +108,7 @@ def test_while_something_moves_no_picture_waits_for_its_own_times(context, floor
         for _ in range(4):
             told.go_on()
             viewport.paint()
-            assert viewport._frame.times._milliseconds is None  # type: ignore[union-attr]
+            assert viewport.frame.times._milliseconds is None  # type: ignore[union-attr]
         assert len(under_way) == 3 and not any(under_way)
     finally:
         viewport.release()
@@ -141,8 +142,8 @@ def test_the_background_chosen_is_behind_what_is_shown_and_what_is_saved(context
     try:
         assert viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
         saved = viewport.full_picture()
-        assert saved is not None and viewport._frame is not None
-        image = viewport._frame.image("raw")
+        assert saved is not None and viewport.frame is not None
+        image = viewport.frame.image("raw")
         assert (image[..., 3] == 0).any() and np.array_equal(saved, composite(image, "plain"))
         for background in COLOURS:
             told.view_settings.background = background
