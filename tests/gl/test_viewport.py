@@ -14,6 +14,7 @@ from viewer.settings import Memory, Settings
 from viewer.tools.background import COLOURS, composite
 from viewer.window.picture_plan import Plan
 from viewer.window.viewport import Viewport
+from viewer.window.work import Work
 
 pytestmark = pytest.mark.gl
 
@@ -34,7 +35,7 @@ class Told:
             settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",), background="plain",
         )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
-        self.flight = SimpleNamespace(moving=True)
+        self.flight, self.work = SimpleNamespace(moving=True), Work()
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
         self.size, self.full_plan = SIZES[0], Plan(("filled",), None)
 
@@ -107,7 +108,7 @@ def test_while_something_moves_no_picture_waits_for_its_own_times(context, floor
         for _ in range(4):
             told.go_on()
             viewport.paint()
-            assert viewport._frame.times._milliseconds is None  # type: ignore[union-attr]
+            assert viewport.frame.times._milliseconds is None  # type: ignore[union-attr]
         assert len(under_way) == 3 and not any(under_way)
     finally:
         viewport.release()
@@ -141,8 +142,8 @@ def test_the_background_chosen_is_behind_what_is_shown_and_what_is_saved(context
     try:
         assert viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
         saved = viewport.full_picture()
-        assert saved is not None and viewport._frame is not None
-        image = viewport._frame.image("raw")
+        assert saved is not None and viewport.frame is not None
+        image = viewport.frame.image("raw")
         assert (image[..., 3] == 0).any() and np.array_equal(saved, composite(image, "plain"))
         for background in COLOURS:
             told.view_settings.background = background

@@ -103,6 +103,46 @@ class Developer:
                 texture.release()
 
 
+class DevelopedViews:
+    """The developed pictures of a frame, made once each and kept until the frame or the look is another."""
+
+    def __init__(self, programs: shader.Programs):
+        self._programs = programs
+        self._developers: dict[str, Developer] = {}
+        self._made: dict[str, tuple[Frame, tuple, moderngl.Texture]] = {}
+
+    def texture(self, frame: "Frame", view: str, look: Look, *, tint: bool, lock: bool) -> "moderngl.Texture":
+        """A view of the frame as the look has it: the frame's own texture where nothing changes it."""
+        plain = frame.textures[view]
+        if (tint or lock) and view != "raw" and "filtered" not in frame.textures:
+            tint = lock = False  # of the frame before they were asked for
+        if not needs(look, view, tint=tint, lock=lock):
+            return plain
+        key = (look, tint, lock)
+        made = self._made.get(view)
+        if made is not None and made[0] is frame and made[1] == key:
+            return made[2]
+        developer = self._developers.get(view)
+        if developer is None or developer.size != plain.size:
+            if developer is not None:
+                developer.release()
+            developer = self._developers[view] = Developer(self._programs, plain.size)
+        texture = developer.run(frame, view, look, tint=tint, lock=lock)
+        self._made[view] = frame, key, texture
+        return texture
+
+    def release(self) -> None:
+        for developer in self._developers.values():
+            developer.release()
+        self._developers.clear()
+        self._made.clear()
+
+
+def read_picture(texture: "moderngl.Texture") -> np.ndarray:
+    """(H, W, 4) uint8 of a picture's texture, row 0 at the top."""
+    return np.frombuffer(texture.read(alignment=1), np.uint8).reshape(texture.height, texture.width, 4)
+
+
 def eye_dome_radius(height: int) -> int:
     """Pixels to the neighbours that eye-dome lighting compares with: 1 at 1080 rows and below, 2 at 2160."""
     return max(1, round(height / 1080))

@@ -58,7 +58,7 @@ class Surface:
 class Picked:
     """A measured point.  index: its running number in the scene.  position: file coordinates.  distance: from the camera, file
     units.  rgb: sRGB levels.  intensity: 16 bits as stored.  scan: its number; station: that scan's name.  pixel: column and
-    row of the picture in which it was found."""
+    row of the picture in which it was found.  classification: LAS code, None where the scan has none."""
 
     index: int
     position: tuple[float, float, float]
@@ -68,6 +68,7 @@ class Picked:
     scan: int
     station: str
     pixel: tuple[int, int]
+    classification: int | None = None
 
 
 def nearest_pixel(measured: np.ndarray, depth: np.ndarray, at: tuple[float, float], radius: float = RADIUS,
@@ -138,7 +139,7 @@ def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], f
 
 def describe(scene: "Scene", camera: "Camera", index: int, pixel: tuple[int, int]) -> Picked:
     """What is known of a point by its running number."""
-    xyz, rgb, intensity, scan = unpack(scene, [index])
+    xyz, rgb, intensity, scan = unpack(scene, slice(index, index + 1))
     x, y, z = (float(value) for value in xyz[0])
     red, green, blue = (int(value) for value in rgb[0])
     distance = float(np.linalg.norm(xyz[0] - camera.position))

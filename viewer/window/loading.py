@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from viewer.errors import PointglassError
 from viewer.settings import Settings
 from viewer.window.notices import Notices
 from viewer.window.start_viewpoint import Survey, survey
@@ -64,19 +65,25 @@ def load_network(settings: Settings) -> None:
 class ScanLoads:
     """The load of scans under way, one at a time, and those given up that still clean up after themselves.
 
-    current: the load under way, else None.  open_scene, wake: what it depends on, replaceable in tests.
+    current: the load under way, else None.  prepare: the scans to read of what is opened (of a project, its scans); raises
+    PointglassError.  open_scene, wake: what it depends on, replaceable in tests.
     """
 
     def __init__(self, notices: Notices, open_scene: "Callable[[list[Path]], Scene]", wake: Callable[[], None]):
         self._notices, self._wake = notices, wake
         self.open_scene = open_scene
+        self.prepare: Callable[[Sequence[Path]], list[Path]] = list
         self.current: Worker | None = None
         self._abandoned: list[Worker] = []
 
     def open(self, paths: Sequence[Path]) -> None:
         """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then."""
         self.cancel()
-        files = list(paths)
+        try:
+            files = self.prepare(paths)
+        except PointglassError as error:
+            self._notices.say("This project cannot be opened", str(error))
+            return
 
         def work() -> Loaded:
             scene = self.open_scene(files)

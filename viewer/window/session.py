@@ -14,10 +14,11 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
+from viewer.tools.document import Document
 from viewer.window import loading
 from viewer.window.capture import FrameTimes
 from viewer.window.flight import Flight
@@ -26,6 +27,7 @@ from viewer.window.notices import Notices
 from viewer.window.picture_plan import Picture, Plan
 from viewer.window.start_viewpoint import FIELD_OF_VIEW, start_state
 from viewer.window.view_settings import ViewSettings
+from viewer.window.work import Work
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -40,7 +42,7 @@ class Session:
     """State of one window.
 
     size: of the framebuffer, pixels; (0, 0) while minimised.  scene: the one shown, None at first.
-    document: what a person works on (viewer.tools.document).  origin: left and top of the picture, framebuffer pixels.
+    work: the document that a person works on, and its history.  origin: left and top of the picture, framebuffer pixels.
     density: framebuffer pixels per logical pixel.  pointer: where it is over the picture, its pixels, else None.
     help, interface, panel: which of them are open.  dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
@@ -65,16 +67,22 @@ class Session:
         self.scene: Scene | None = None
         self.notices = Notices(clock)
         self.loads = loading.ScanLoads(self.notices, open_scene, wake)
+        self.loads.prepare = lambda paths: self.work.begin(paths)
         self.flight = Flight(clock)
         self.picture = Picture()
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
-        self.document: Any = None  # a viewer.tools.document.Document once that module is there
+        self.work = Work()
         self.origin, self.density = (0, 0), 1.0
         self.pointer: tuple[float, float] | None = None
         self.dragging_handle = False
         self.help, self.interface, self.panel = False, True, True
         self.recording: FrameTimes | None = None
         self._shown_at: deque[tuple[float, tuple[int, int]]] = deque()  # of pictures whose cost is not known yet
+
+    @property
+    def document(self) -> Document:
+        """What a person works on; changed through ``work``."""
+        return self.work.document
 
     # -- what to draw ------------------------------------------------------------------------------------------------
 
@@ -230,6 +238,12 @@ class Session:
         state, start = start_state(loaded.scene, loaded.seen, width / height), self._start
         if start is not None:
             state, self._start = looking(start.position, start.view_rotation[2], state.speed), None
+        document = self.work.accept()
+        if document.view is not None:
+            seen_from = document.view.camera(16, 9)
+            state = looking(seen_from.position, seen_from.view_rotation[2], state.speed)
+            self.view_settings.request(document.settings)
+            self.view_settings.background = document.background
         self.flight.begin(state, loaded.seen)
         self.picture.begin(loaded.scene.count)
         self.notices.leave_scene()

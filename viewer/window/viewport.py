@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.errors import DeviceError, PointglassError
+from viewer.render.develop import DevelopedViews, read_picture
 from viewer.render.occlusion import Occlusion
 from viewer.render.points import UPLOAD_SECONDS
 from viewer.settings import Memory
@@ -35,7 +36,8 @@ _UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
 class Viewport:
     """Makes the pictures that a session plans, and tells it what came of them.
 
-    renderer: of the scene shown, None at first.  canvas: what the window shows, None until something was shown.
+    renderer: of the scene shown, None at first.  canvas: what the window shows, None until something was
+    shown.  frame: the last picture that the renderer made.
     memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
     """
 
@@ -44,9 +46,10 @@ class Viewport:
 
         self._context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
+        self._views = DevelopedViews(self._programs)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
-        self._frame: Frame | None = None
+        self.frame: Frame | None = None
         self._untold: tuple[Plan, Frame] | None = None  # of a picture whose cost the session has not heard
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
@@ -97,7 +100,7 @@ class Viewport:
 
     def _forget(self, renderer: "Renderer | None") -> None:
         """Takes another renderer, of which there is no picture yet."""
-        self.renderer, self._frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
+        self.renderer, self.frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
 
     def note_arrivals(self) -> bool:
         """While no picture moves, which would take in its own: takes in points that have come, has the picture made again if it
@@ -122,12 +125,12 @@ class Viewport:
             return
         plan = session.plan
         try:
-            self._frame = renderer.render(
-                session.camera, replace(session.view_settings.settings, lod=plan.level), tuple(dict.fromkeys(plan.views)),
+            self.frame = renderer.render(
+                session.camera, replace(session.view_settings.settings, lod=plan.level), self._with_measured(plan.views),
                 self._seen if plan.hides else None, streaming=True,
             )  # fmt: skip
         except (PointglassError, MemoryError) as error:
-            self._frame = self._untold = None
+            self.frame = self._untold = None
             session.failed(str(error) or _NO_MEMORY)
             return
         self._shown = plan.views
@@ -137,11 +140,17 @@ class Viewport:
         else:
             self._intervals.clear()
         self._last_picture = now
-        self._tell(plan, self._frame)
+        self._tell(plan, self.frame)
         if (problem := renderer.pages.problem) != self._problem:
             self._problem = problem
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
+
+    def _with_measured(self, views: tuple[str, ...]) -> tuple[str, ...]:
+        """The views to render: those shown, each once, and the filtered one where the tint or the lock compares with it."""
+        work = self._session.work
+        more = ("filtered",) if work.tint or (work.document.lock_measured and "neural" in views) else ()
+        return tuple(dict.fromkeys((*views, *more)))
 
     def _tell(self, plan: "Plan", frame: "Frame") -> None:
         """Tells the session that a picture was made, and what it cost: while something moves, where that is known without
@@ -175,12 +184,18 @@ class Viewport:
             if self.canvas is not None:
                 self.canvas.release()
             self.canvas = Canvas(self._context, self._programs, size)
-        sides = [self._frame.textures[view] for view in self._shown] if self._frame is not None else []
+        sides = [self._developed(view) for view in self._shown] if self.frame is not None else []
         if len(sides) == 2:
             self.canvas.show(sides[0], sides[1], split_column(split_at, size[0]), background)
         else:
             self.canvas.show(sides[0] if sides else None, background=background)
         return self.canvas
+
+    def _developed(self, view: str) -> "moderngl.Texture":
+        """A view of the last picture as the look, the tint and the lock have it."""
+        assert self.frame is not None
+        work = self._session.work
+        return self._views.texture(self.frame, view, work.document.look, tint=work.tint, lock=work.document.lock_measured)
 
     def full_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene.
@@ -191,17 +206,18 @@ class Viewport:
         if self.renderer is None or min(session.size) == 0:
             return None
         plan, sides, background = session.full_plan, session.view_settings.sides, session.view_settings.background
-        frame = self.renderer.render(session.camera, session.view_settings.settings, tuple(dict.fromkeys(sides)))
-        self._frame, self._shown = frame, sides
+        frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides))
+        self.frame, self._shown = frame, sides
         self._tell(plan, frame)
-        image = composite(frame.image(sides[0]), background)
+        images = [read_picture(self._developed(view)) for view in sides]
+        image = composite(images[0], background)
         if len(sides) == 2:
             column = split_column(session.view_settings.split_at, session.size[0])
-            image[:, column:] = composite(frame.image(sides[1]), background)[:, column:]
+            image[:, column:] = composite(images[1], background)[:, column:]
         return image
 
     def release(self) -> None:
-        for owned in (self.renderer, self.canvas, self._programs):
+        for owned in (self.renderer, self.canvas, self._views, self._programs):
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None
