@@ -127,7 +127,7 @@ class Viewport:
         try:
             self.frame = renderer.render(
                 session.camera, replace(session.view_settings.settings, lod=plan.level), self._with_measured(plan.views),
-                self._seen if plan.hides else None, streaming=True,
+                self._seen if plan.hides else None, streaming=True, edits=session.work.edits,
             )  # fmt: skip
         except (PointglassError, MemoryError) as error:
             self.frame = self._untold = None
@@ -206,7 +206,8 @@ class Viewport:
         if self.renderer is None or min(session.size) == 0:
             return None
         plan, sides, background = session.full_plan, session.view_settings.sides, session.view_settings.background
-        frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides))
+        frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides),
+                                     edits=session.work.edits)
         self.frame, self._shown = frame, sides
         self._tell(plan, frame)
         images = [read_picture(self._developed(view)) for view in sides]

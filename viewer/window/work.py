@@ -9,6 +9,7 @@ from pathlib import Path
 
 from viewer.camera import Camera
 from viewer.errors import InputError
+from viewer.render.edits import Edits
 from viewer.settings import Settings
 from viewer.tools.document import Document, ScanFile, moved
 from viewer.tools.history import History
@@ -34,6 +35,13 @@ class Work:
     def document(self) -> Document:
         """The present state."""
         return self.history.current
+
+    @property
+    def edits(self) -> Edits:
+        """What the document does to the points that are drawn."""
+        document = self.document
+        hidden = frozenset(number for scan in document.scans for number in scan.hidden_stations)
+        return Edits(document.clips, hidden, document.look, document.up)
 
     def edit(self, label: str, gesture: object = None, **changes: object) -> bool:
         """Changes fields of the document as one step that can be undone.  Returns whether a new picture is needed.
