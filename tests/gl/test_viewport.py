@@ -37,7 +37,8 @@ class Told:
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
         self.flight, self.work = SimpleNamespace(moving=True), Work()
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
-        self.size, self.full_plan = SIZES[0], Plan(("filled",), None)
+        self.size = self.window_size = SIZES[0]
+        self.origin, self.exact, self.full_plan = (0, 0), False, Plan(("filled",), None)
 
     def accept(self, _):
         pass

@@ -23,10 +23,10 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
     for _ in range(200):
         clock.now += 1 / 60
         made.advance()
-    assert made.plan.views == ("neural",) and made.needs_picture
+    assert made.plan.views == ("neural",) and made.plan.deferred and made.needs_picture
     made.picture.adaptive_lod.keep_up = False
     made.flight.held.add("forward")
-    assert made.plan.views == ("neural",)
+    assert made.plan.views == ("filled",), "the window never waits for a slow network"
 
 
 def test_while_the_window_is_being_resized_the_network_waits():
@@ -46,9 +46,6 @@ def test_while_the_window_is_being_resized_the_network_waits():
     assert made.needs_picture and made.plan.views == ("neural",)
     made.drew(made.plan, stats(network=5.0))
     assert made.next_change() is None and not made.needs_picture
-    made.picture.adaptive_lod.keep_up = False
-    made.resize((700, 400))
-    assert made.plan.views == ("neural",)
 
 
 def fly(made, clock, raster, *, frames=40, occlusion=None):

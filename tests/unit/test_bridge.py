@@ -199,6 +199,7 @@ class Stage(neural.NeuralStage):
 
         self.key, self._runner, self.network = ("balanced",), None, None  # type: ignore[assignment]
         self.bridge, self.context = Bridge(), Context()  # type: ignore[assignment]
+        self._thread = neural.NetworkThread()
 
 
 def test_a_lost_device_is_a_device_error_and_the_stage_is_made_anew():

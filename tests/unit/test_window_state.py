@@ -17,7 +17,7 @@ from viewer.settings import Settings
 from viewer.tools.background import composite
 from viewer.window import controls
 from viewer.window.capture import FrameTimes, save_png, stamped
-from viewer.window.loading import Loaded
+from viewer.window.loading import Loaded, expanded, open_each
 from viewer.window.present import split_column
 from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
@@ -140,10 +140,106 @@ def test_what_is_odd_about_a_scan_is_said():
     scene.meta["warnings"].append("3 points without coordinates left out")
     scene.meta["exposures"], scene.meta["passes"] = {"applied": False}, {"applied": True}
     made.accept(Loaded(scene, survey(scene)))
-    assert [toast.text for toast in made.notices.toasts] == [
+    assert [notice.text for notice in made.notices.of_scan] == [
         "no colour in the file; showing intensity", "3 points without coordinates left out",
-        "brightness matched between runs of points; started with --exposures as-scanned it is left",
+        "The brightness of runs of points was made equal.",
     ]  # fmt: skip
+    assert [notice.label for notice in made.notices.of_scan if notice.action] == ["Keep colours as scanned"]
+    assert len(made.notices.toasts) == 2, "the rest stays in the scene list"
+
+
+def test_colours_as_scanned_are_asked_of_the_load_and_the_camera_stays():
+    asked = []
+
+    def opened(paths, **colours):
+        asked.append((tuple(paths), colours))
+        return room()
+
+    made, _ = session()
+    made.loads.open_scene = opened
+    for action in (lambda: made.open([Path("a.laz")]), lambda: made.act_on_notice("as_scanned")):
+        action()
+        assert made.loads.current is not None and made.loads.current.join(20)
+        loaded = made.poll()
+        assert loaded is not None
+        made.accept(loaded)
+        made.flight.state = replace(made.flight.state, position=made.flight.state.position + 0.5)
+        camera = made.camera
+    assert asked == [((Path("a.laz"),), {}), ((Path("a.laz"),), {"match": False})]
+    made.accept(loaded)
+    assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
+
+
+def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_the_camera():
+    gate, shown = threading.Event(), room(points=500)
+
+    def opened(paths, **_):
+        assert gate.wait(20)
+        return room()
+
+    made, _ = session()
+    made.loads.open_scene, made.loads.preview_scene = opened, lambda paths, **_: shown
+    made.open([Path("a.laz")])
+    work, loaded = made.loads.current, None
+    while loaded is None:
+        loaded = made.poll()
+    made.accept(loaded)
+    assert made.scene is shown and made.preview and made.loads.current is work
+    made.flight.state = replace(made.flight.state, position=made.flight.state.position + 0.3)
+    camera = made.camera
+    gate.set()
+    assert work is not None and work.join(20)
+    loaded = made.poll()
+    assert loaded is not None
+    made.accept(loaded)
+    assert not made.preview and made.scene is not shown and made.scene is not None and made.scene.count == 40_000
+    assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
+
+
+def test_a_preview_whose_load_is_cancelled_stays_and_offers_the_rest():
+    def endless(paths, **_):
+        with progress(0, "Reading") as meter:
+            while True:
+                meter.update(1)
+
+    made, _ = session()
+    made.loads.open_scene, made.loads.preview_scene = endless, lambda paths, **_: room(points=500)
+    made.open([Path("a.laz")])
+    work, loaded = made.loads.current, None
+    while loaded is None:
+        loaded = made.poll()
+    made.accept(loaded)
+    made.escape()
+    assert made.preview and made.scene is loaded.scene and work is not None and work.join(10)
+    assert [(notice.action, notice.label) for notice in made.notices.of_scan] == [("open_fully", "Load all points")]
+
+
+def test_of_several_files_the_bad_ones_are_named_and_the_good_ones_are_shown():
+    bad = {Path("b.ply"), Path("d.ply")}
+
+    def opened(paths):
+        for path in paths:
+            if path in bad:
+                raise InputError(f"{path}: damaged")
+        return room()
+
+    files = [Path(name) for name in ("a.ply", "b.ply", "c.ply", "d.ply")]
+    _, good, problems = open_each(files, opened)
+    assert good == [files[0], files[2]] and problems == [(Path("b.ply"), "b.ply: damaged"), (Path("d.ply"), "d.ply: damaged")]
+    with pytest.raises(InputError, match=r"d\.ply"):
+        open_each([Path("b.ply"), Path("d.ply")], opened)
+    with pytest.raises(InputError, match="no room"):
+        open_each(files, lambda paths: (_ for _ in ()).throw(InputError("/tmp: no room")))
+
+
+def test_a_folder_of_scans_stands_for_the_scans_in_it(tmp_path):
+    for name in ("b.laz", "a.ply", "notes.pdf", ".hidden.ply"):
+        (tmp_path / name).write_bytes(b"LASF" if name.endswith("laz") else b"ply\n")
+    single = tmp_path / "a.ply"
+    assert expanded([tmp_path, single]) == [tmp_path / "a.ply", tmp_path / "b.laz", single]
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert expanded([empty]) == [empty], "opening it says what is wrong"
 
 
 def test_what_was_said_about_a_scene_goes_with_it_and_what_was_saved_stays():

@@ -1,4 +1,4 @@
-"""Checks of the window itself: its size, real keys from xdotool, the panel, the network's view, a flight's end."""
+"""Checks of the window itself: its size, real keys from xdotool, the neural view, a flight's end."""
 
 import shutil
 import subprocess
@@ -9,15 +9,13 @@ from driver import SIZE, Driver
 
 def check_resizing_and_minimising(d: Driver) -> None:
     for size in ((517, 383), (333, 211)):
-        d.glfw.set_window_size(d.app.window, *size)
-        d.until(lambda size=size: d.session.size == size)
+        d.resize(*size)
         assert d.bare().shape == (size[1], size[0], 3) and np.array_equal(d.bare(), d.rendered())
     d.app.input.on_resize(d.app.window, 0, 0)
     d.settle()
     d.key("F12")
     d.app.input.on_resize(d.app.window, 333, 211)
-    d.glfw.set_window_size(d.app.window, *SIZE)
-    d.until(lambda: d.session.size == SIZE)
+    d.resize(*SIZE)
     assert np.array_equal(d.bare(), d.rendered())
 
 
@@ -40,95 +38,13 @@ def check_real_key_press(d: Driver) -> None:
     d.until(lambda: not d.session.flight.state.moving, 5.0)
 
 
-def check_panel_folds_and_its_buttons_work(d: Driver) -> None:
-    def click(x, y):
-        d.point(x, y)
-        d.button(d.glfw.PRESS)
-        d.button(d.glfw.RELEASE)
-        d.settle()
-
-    d.key("3")
-    camera = d.session.camera
-    click(590, 28)
-    assert d.session.panel
-    before = d.canvas()
-    click(363, 64)  # the first of the four views
-    assert d.session.view_settings.settings.view == "raw" and not np.array_equal(before, d.canvas())
-    assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the panel looks around"
-    d.session.panel = False
-
-
-def check_a_list_of_choices_closes_with_esc_and_its_hints_hide_none_of_it(d: Driver) -> None:
-    from imgui_bundle import imgui
-
-    def listed() -> bool:
-        return imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
-
-    d.glfw.set_window_size(d.app.window, 900, 400)
-    d.until(lambda: d.session.size == (900, 400))
-    d.session.panel = True
-    d.point(800, 190)  # the filter's presets
-    d.button(d.glfw.PRESS)
-    d.button(d.glfw.RELEASE)
-    d.settle()
-    assert listed()
-    d.point(800, 281)
-    d.until(lambda: np.ptp(d.canvas()[276:296, 300:560], axis=(0, 1)).min() > 100, 5.0)  # its hint's text, beside the panel
-    d.key("ESCAPE")
-    assert not listed() and d.session.panel and d.session.interface and not d.app.closing
-    d.session.panel = False
-    d.glfw.set_window_size(d.app.window, *SIZE)
-    d.until(lambda: d.session.size == SIZE)
-
-
-def check_what_is_typed_into_a_slider_and_is_no_number_changes_nothing(d: Driver) -> None:
-    from viewer.window import panels
-
-    before, usual = d.session.view_settings.settings, panels.imgui.slider_float
-    panels.imgui.slider_float = lambda *_: (True, float("nan"))  # as imgui does, where one types "nan"
-    d.session.panel = True
-    try:
-        d.settle()
-    finally:
-        panels.imgui.slider_float, d.session.panel = usual, False
-    assert d.session.view_settings.settings == before
-
-
-def check_the_panel_folds_where_the_window_becomes_too_narrow(d: Driver) -> None:
-    def resize(*size):
-        d.glfw.set_window_size(d.app.window, *size)
-        d.until(lambda: d.session.size == size)
-
-    resize(900, 400)
-    d.session.panel = True
-    resize(880, 400)
-    assert d.session.panel, "there is room"
-    resize(330, 240)
-    assert not d.session.panel
-    resize(900, 400)
-    assert d.session.panel, "there is room again"
-    d.session.panel = False
-    resize(330, 240)
-    resize(900, 400)
-    assert not d.session.panel, "it had not been open"
-    d.session.panel = True
-    resize(330, 240)
-    d.session.panel = True  # brought back by hand: it stays
-    resize(320, 240)
-    assert d.session.panel
-    picture, shown = d.bare(), d.canvas()
-    changed = np.flatnonzero((picture != shown).any(axis=(0, 2)))
-    assert changed[0] >= 10 and changed[-1] <= 320 - 10, "it keeps within the window, and the figures make room for it"
-    d.session.panel = False
-    resize(*SIZE)
-
-
 def check_neural_view(d: Driver) -> None:
     d.key("4")
     assert d.session.view_settings.shown_settings.view == "neural"
     d.until(lambda: d.session.view_settings.network_load is None, 60.0)
     assert d.session.notices.message is None, d.session.notices.message
-    d.until(lambda: d.session.drawn == ("neural",) and not d.session.needs_picture)  # not the filled one of a size just changed
+    d.rest()
+    assert d.session.drawn == ("neural",)
     assert d.session.picture.stats["network"], (d.session.drawn, d.session.approximations)
     assert np.array_equal(d.bare(), d.rendered())
     d.key("V")

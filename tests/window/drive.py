@@ -12,11 +12,13 @@ from pathlib import Path
 
 import checks_files
 import checks_flight
+import checks_panels
+import checks_start
 import checks_window
 import numpy as np
-from driver import SIZE, Driver, room
+from driver import Driver, room
 
-PARTS = (checks_flight, checks_files, checks_window)
+PARTS = (checks_start, checks_flight, checks_panels, checks_files, checks_window)
 """In this order: each check begins where the one before left the window."""
 CHECKS = {
     name.removeprefix("check_"): made for part in PARTS for name, made in vars(part).items() if name.startswith("check_")
@@ -37,7 +39,7 @@ def check_headless(folder: Path) -> None:
     context = create_context()
     renderer = Renderer(context, room(seed=1))
     view = str(shot["view"])
-    frame = renderer.render(from_fov(*SIZE, FIELD_OF_VIEW, shot["matrix"]), Settings(view=view))
+    frame = renderer.render(from_fov(*shot["image"].shape[1::-1], FIELD_OF_VIEW, shot["matrix"]), Settings(view=view))
     assert np.array_equal(composite(frame.image(view)), shot["image"])
     renderer.release()
 

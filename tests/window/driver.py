@@ -1,4 +1,4 @@
-"""An App and the hand that drives it: events enter where GLFW's callbacks deliver them."""
+"""Drives an App: events enter where GLFW's callbacks deliver them."""
 
 import threading
 import time
@@ -24,7 +24,7 @@ def room(points: int = 50_000, seed: int = 5):
 
 
 class Driver:
-    """An App and a hand."""
+    """An App, and events for it.  A picture "bare" is that of the whole window with the interface hidden."""
 
     def __init__(self, folder: Path):
         import glfw
@@ -38,7 +38,6 @@ class Driver:
         self.session = self.app.session
         self.release = threading.Event()
         self.session.loads.open_scene = self._open
-        self.session.panel = False  # at this size it would cover half of the picture
 
     def _open(self, paths):
         from viewer.grid.open_scene import open_scene
@@ -61,6 +60,20 @@ class Driver:
         while not condition():
             assert time.monotonic() < end, "waited too long"
             self.app.step(wait=False)
+        self.settle()
+
+    def rest(self) -> None:
+        """Waits until the picture is the final one."""
+        self.until(lambda: not self.session.refining, 60.0)
+
+    def resize(self, *size: int) -> None:
+        self.glfw.set_window_size(self.app.window, *size)
+        self.until(lambda: self.session.window_size == size)
+
+    def click(self, x: float, y: float) -> None:
+        self.point(x, y)
+        self.button(self.glfw.PRESS)
+        self.button(self.glfw.RELEASE)
         self.settle()
 
     def key(self, name: str, action: str = "tap") -> None:
@@ -91,10 +104,11 @@ class Driver:
 
     def bare(self) -> np.ndarray:
         """The picture alone, at rest: the interface hidden."""
-        self.until(lambda: not (self.session.flight.moving or self.session.needs_picture))
         shown, self.session.interface = self.session.interface, False
         said, self.session.notices.toasts = self.session.notices.toasts, []
         try:
+            self.settle(1)
+            self.rest()
             return self.canvas()
         finally:
             self.session.interface, self.session.notices.toasts = shown, said
@@ -102,8 +116,10 @@ class Driver:
     def rendered(self) -> np.ndarray:
         from viewer.tools.background import composite
 
+        """What ``render`` makes of the present view, at the size of the window."""
         session = self.session
-        frame = self.app.viewport.renderer.render(session.camera, session.view_settings.settings)
+        camera = session.camera.resized(*session.window_size)
+        frame = self.app.viewport.renderer.render(camera, session.view_settings.settings)
         image = composite(frame.image(session.view_settings.settings.view))
         session.picture.dirty = True
         return image

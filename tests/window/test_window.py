@@ -30,11 +30,12 @@ def report(tmp_path_factory):
         assert display, "Xvfb did not start"
         environment = os.environ | {
             "DISPLAY": f":{display}", "POINTGLASS_CACHE": str(folder / "cache"),
+            "POINTGLASS_STATE": str(folder / "state"),
             "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
         }  # fmt: skip
         environment.pop("WAYLAND_DISPLAY", None)
         drive = [sys.executable, str(Path(__file__).with_name("drive.py")), str(folder)]
-        done = subprocess.run(drive, env=environment, capture_output=True, text=True, timeout=300)
+        done = subprocess.run(drive, env=environment, capture_output=True, text=True, timeout=400)
         path = folder / "report.json"
         found = json.loads(path.read_text()) if path.exists() else {}
         assert done.returncode == 0, f"the window ended with {done.returncode}\n{done.stdout}\n{done.stderr}"

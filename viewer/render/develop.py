@@ -118,7 +118,7 @@ class DevelopedViews:
             tint = lock = False  # of the frame before they were asked for
         if not needs(look, view, tint=tint, lock=lock):
             return plain
-        key = (look, tint, lock)
+        key = (look, tint, lock, frame.facts.get("network_pending"))  # the network may add its picture later
         made = self._made.get(view)
         if made is not None and made[0] is frame and made[1] == key:
             return made[2]

@@ -1,18 +1,27 @@
-"""The neural view: filled pixels through the bridge and the network into a picture.  torch is imported here, at first use."""
+"""The neural view: filled pixels through the bridge and the network into a picture.  torch is imported here, at first use.
+
+Two ways to run: :meth:`NeuralStage.infer` at once, for headless pictures; and :meth:`NeuralStage.start` with
+:meth:`NeuralStage.finish`, for a window, where the network runs on a thread of its own between the two calls.
+"""
 
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
 
 from model.engines import ENGINES, Runner
+from model.network_layout import PACKED_IN
 from model.reconstruct import Reconstructor, cuda_problem
 from model.weights import WeightsError
 from viewer.errors import DeviceError, InputError
 from viewer.render import shader
-from viewer.render.bridge import Network
+from viewer.render.bridge import Network, ReadBackBridge
 from viewer.render.choose_bridge import make_bridge
 from viewer.render.context import context_lost
 from viewer.render.cuda_bridge import device_failure
+from viewer.render.network_thread import NetworkThread
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable that names how the network runs on CUDA (a key of model.engines.ENGINES), for measurements."""
@@ -21,8 +30,8 @@ _networks: dict[tuple[str, bool, str | None, str, str], Reconstructor] = {}
 
 
 def load_network(quality: str, filtered: bool, weights: str | None, precision: str, device: str) -> Reconstructor:
-    """A network, loaded once a process.  weights: a file in place of the shipped ones.  Raises InputError where there are no
-    such weights."""
+    """A network, loaded once per process.  weights: a file used instead of the shipped weights.  Raises InputError where the
+    weights do not exist."""
     key = (quality, filtered, weights, precision, device)
     if key not in _networks:
         engine = os.environ.get(ENGINE_VARIABLE) or None
@@ -36,8 +45,8 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
         except WeightsError as error:
             raise InputError(str(error)) from None
         except Exception as error:
-            if said := device_failure(error):
-                raise DeviceError(said) from error
+            if text := device_failure(error):
+                raise DeviceError(text) from error
             raise
     return _networks[key]
 
@@ -45,9 +54,9 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
 class NeuralStage:
     """Owns the bridge and the picture for one size, quality and device, and on CUDA the network's graph for that size.
 
-    filtered: whether a depth filter ran, which decides the weights; weights: a file of one's own instead.
-    device: auto, cuda or cpu; ``cuda`` where CUDA does
-    not work raises DeviceError; ``auto`` falls back to the CPU, which ``device`` and ``name`` show.
+    filtered: whether a depth filter ran, which decides the weights.  weights: a file used instead.
+    device: auto, cuda or cpu.  ``cuda`` raises DeviceError where CUDA does not work; ``auto`` falls back to the CPU, which
+    ``device`` and ``name`` show.  presented: the camera of ``picture``, None while it holds none.
     """
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, weights: str | None,
@@ -60,6 +69,8 @@ class NeuralStage:
         self.network = load_network(quality, filtered, weights, precision, self.device)
         self.context = programs.context
         self._unpack = programs.compute("network_output.comp")
+        self.presented: object = None
+        self._thread = NetworkThread()
         self._runner: Runner | None = None
         try:
             if self.device == "cuda":
@@ -68,8 +79,8 @@ class NeuralStage:
         except Exception as error:
             if self._runner is not None:
                 self._runner.release()
-            if said := device_failure(error):
-                raise DeviceError(said) from error
+            if text := device_failure(error):
+                raise DeviceError(text) from error
             raise
         self.picture = self.context.texture(size, 4, dtype="f1")
 
@@ -92,19 +103,67 @@ class NeuralStage:
     def infer(self) -> Callable[[], float] | None:
         """Runs the network on what the fill pass wrote.  Returns what the bridge does.
 
-        Raises DeviceError where the GPU failed, was lost or has no memory left; asked for again, the stage is then made anew,
-        which finds out what still works.
+        Raises DeviceError where the GPU failed, was lost or has no memory left.  The stage is then marked as failed, and the
+        renderer makes a new one, which finds out what still works.
         """
-        network: Network = self.network if self._runner is None else self._runner
         try:
-            return self.bridge.run(network)
+            with self._thread.lock:
+                return self.bridge.run(self._run)
         except Exception as error:
-            lost = context_lost(self.context)
-            said = "the graphics driver was reset; start pointglass again" if lost else device_failure(error)
-            if said is None:
-                raise
-            self.key = ("failed",)
-            raise DeviceError(said) from error
+            self._fail(error)
+
+    @property
+    def _run(self) -> Network:
+        return self.network if self._runner is None else self._runner
+
+    def _fail(self, error: BaseException) -> NoReturn:
+        lost = context_lost(self.context)
+        text = "the graphics driver was reset; start pointglass again" if lost else device_failure(error)
+        if text is None:
+            raise error
+        self.key = ("failed",)
+        raise DeviceError(text) from error
+
+    @property
+    def deferrable(self) -> bool:
+        """Whether :meth:`start` can be used: pixels travel through host memory.  A mapped buffer never makes the host wait."""
+        return isinstance(self.bridge, ReadBackBridge)
+
+    def start(self, serial: int, wake: Callable[[], None]) -> None:
+        """Reads back what the fill pass wrote and starts the network on its own thread.
+
+        serial: identifies the picture.  wake: called on that thread at the end.
+        """
+        width, height = self.picture.size
+        self.context.memory_barrier()
+        packed = np.frombuffer(bytearray(self.bridge.input.read()), np.float16).reshape(height, width, PACKED_IN)
+        run = self._run
+
+        def work() -> np.ndarray:
+            import torch
+
+            made = run(torch.from_numpy(packed).to(run.device))
+            return np.ascontiguousarray(made.cpu().numpy())
+
+        self._thread.start(serial, work, wake)
+
+    def finish(self, serial: int, filled) -> float | None:
+        """Presents the picture ``serial`` if its network has ended; ``filled`` is of the same picture.
+
+        Returns the network's milliseconds, or None while it runs.  Raises DeviceError as :meth:`infer`.
+        """
+        done = self._thread.take(serial)
+        if done is None:
+            return None
+        if done.error is not None:
+            self._fail(done.error)
+        self.bridge.output.write(done.made)
+        self.present(filled)
+        return done.milliseconds
+
+    def drop(self) -> None:
+        """Forgets a picture whose network has not begun or whose result was not presented."""
+        self._thread.drop_waiting()
 
     def present(self, filled) -> None:
         """Writes the network's pixels into ``picture``, with the filled picture's alpha."""
@@ -116,7 +175,9 @@ class NeuralStage:
         self.context.memory_barrier()
 
     def release(self) -> None:
+        self._thread.close()
         self.bridge.release()
         if self._runner is not None:
-            self._runner.release()
+            with self._thread.lock:  # a run under way needs it to its end
+                self._runner.release()
         self.picture.release()

@@ -40,6 +40,11 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
     from viewer.render.neural import NeuralStage
 
+def camera_key(camera: "Camera") -> tuple:
+    """Equal for cameras that make the same picture."""
+    return (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world.tobytes())
+
+
 RASTERISERS: dict[str, type[Rasteriser]] = {"compute": ComputeRasteriser, "points": PointRasteriser}
 
 
@@ -67,6 +72,7 @@ class Renderer:
         self._trust: Trust | None = None
         self._noise: NoiseLevel | None = None
         self._neural: NeuralStage | None = None
+        self._wake, self._serial = wake, 0
         self._size = (0, 0)
 
     @property
@@ -76,14 +82,19 @@ class Renderer:
         return 1.0 / metres if metres else 1.0
 
     def render(self, camera: "Camera", settings: Settings, views: tuple[str, ...] | None = None,
-               history: Occlusion | None = None, *, streaming: bool = False, edits: Edits | None = None) -> Frame:
+               history: Occlusion | None = None, *, streaming: bool = False, defer_network: bool = False,
+               edits: Edits | None = None) -> Frame:
         """Makes the given views (default: that of the settings) of one camera.
 
         history: what was seen in the frame before, so that hidden cells need not be drawn; used, and brought up to date,
         where that cannot change the picture (compute rasteriser, no raw view) and otherwise left alone.
         streaming: do not wait for points that are not on the GPU yet.
         edits: clips, hidden stations and the colours of points; None: every point as it is.
+        defer_network: start the network on its own thread and return without the neural view, which :meth:`finish_network`
+        adds later; where points are missing it is not started.  The fact ``network_pending`` tells whether it runs.  The
+        neural view is there at once where pixels are mapped, or where one of the same camera still exists.
         """
+        self._serial += 1
         views = (settings.view,) if views is None else views
         edits = None if edits is None else edits.shown_in(views)
         for view in views:
@@ -154,13 +165,49 @@ class Renderer:
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
                 if neural:
-                    stages.run("network", neural.infer)
-                    stages.run("present", lambda: neural.present(fill.filled))
-                    textures["neural"] = neural.picture
+                    if defer_network and neural.deferrable:
+                        self._start_network(neural, camera, stages, facts, textures)
+                    else:
+                        neural.drop()
+                        stages.run("network", neural.infer)
+                        stages.run("present", lambda: neural.present(fill.filled))
+                        neural.presented = camera_key(camera)
+                        textures["neural"] = neural.picture
                     facts |= {"device": neural.device, "network": neural.name, "bridge": neural.bridge_name}
                     facts["approximations"] = [*facts["approximations"], *neural.approximations]
         stages.end()
-        return Frame({v: textures[v] for v in views}, rasteriser.depth, mask, facts, stages.times)
+        return Frame({v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
+
+    def _start_network(self, neural: "NeuralStage", camera: "Camera", stages: Stages, facts: dict, textures: dict) -> None:
+        """Starts the network for this picture, and keeps the picture before it where the camera is the same."""
+        key = camera_key(camera)
+        if neural.presented == key:
+            textures["neural"] = neural.picture
+        facts["camera_key"] = key
+        facts["network_pending"] = not self.pages.missing
+        if facts["network_pending"]:
+            serial = self._serial
+            stages.run("hand over", lambda: neural.start(serial, self._wake))
+        else:
+            neural.drop()
+
+    def finish_network(self, frame: Frame) -> bool:
+        """Adds the neural view to a frame that was rendered with ``defer_network``, if its network has ended.
+
+        Returns whether it was added: False while the network runs, and where another picture was rendered since.
+        Raises DeviceError where the network failed.
+        """
+        neural, fill = self._neural, self._fill
+        if neural is None or fill is None or not frame.facts.get("network_pending"):
+            return False
+        milliseconds = neural.finish(self._serial, fill.filled)
+        if milliseconds is None:
+            return False
+        neural.presented = frame.facts["camera_key"]
+        frame.textures["neural"] = neural.picture
+        frame.facts["network_pending"] = False
+        frame.times.add("network", milliseconds)
+        return True
 
     def _directions(self, camera: "Camera", edits: Edits | None) -> Directions:
         """What tells holes from background: the scan's surfaces; the picture alone where points of them were dropped."""

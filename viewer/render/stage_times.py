@@ -30,7 +30,14 @@ class Times:
         self._device: dict[str, Told] = {}
         self._milliseconds: dict[str, float] | None = None
         self.begun = self.submitted = self._known = clock()
-        self._device_ms = 0.0
+        self._device_ms = self._later_ms = 0.0
+
+    def add(self, stage: str, milliseconds: float) -> None:
+        """Adds a stage that ran elsewhere after the frame was submitted: the network on its own thread."""
+        self.host[stage] = milliseconds
+        self._later_ms += milliseconds
+        if self._milliseconds is not None:
+            self._milliseconds[stage] = milliseconds
 
     def note(self, stage: str, host_ms: float, device_ms: Told | None) -> None:
         """What a stage took on the host, and what will tell, waiting for it, how long on the device."""
@@ -54,9 +61,9 @@ class Times:
         """
         self.milliseconds()
         host = (self.submitted - self.begun) * 1e3
-        if not self._device:
-            return host
-        return max(host, min((self._known - self.begun) * 1e3, host + self._device_ms))
+        if self._device:
+            host = max(host, min((self._known - self.begun) * 1e3, host + self._device_ms))
+        return host + self._later_ms
 
 
 class Stages:

@@ -1,8 +1,9 @@
 """The window itself: events in, pictures out.  All state that matters lives in the Session.
 
 One loop: events -> session -> a picture, if it changed -> canvas -> interface -> screen.  Where nothing changes,
-nothing is drawn and the loop sleeps until an event.  Pointer positions arrive in logical pixels; pictures are made at
-the framebuffer's size.
+nothing is drawn and the loop sleeps until an event.  Nothing in the loop waits for a scan or for the network: both run on
+threads of their own and wake the loop.  Pointer positions arrive in logical pixels; pictures are made in pixels of the
+framebuffer.
 """
 
 import ctypes
@@ -20,9 +21,12 @@ from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.input import Input
 from viewer.window.interaction.table import toolbox
 from viewer.window.interaction.tool import ToolContext
-from viewer.window.loading import Loaded, open_scene
+from viewer.window.loading import Loaded, open_scene, preview_scene
+from viewer.window.open_dialog import OpenDialog
+from viewer.window.recent import RecentScan, remember
 from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
+from viewer.window.start_page import StartPage
 from viewer.window.viewport import Viewport
 
 if TYPE_CHECKING:
@@ -33,25 +37,27 @@ if TYPE_CHECKING:
 SIZE = (1280, 720)
 _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
 _NAP = 0.5  # seconds of sleep at most while idle
-_BREATH = 0.06  # seconds between interface frames while only the interface changes: a load's bar, a tooltip's delay
-_LONG = 50.0  # milliseconds a picture from which on what is said of it must fit at once, since the next one is far off
+_BREATH = 0.06  # seconds between interface frames while only the interface changes: a progress bar, a tooltip's delay
+_LONG = 50.0  # milliseconds per picture above which the interface is laid out twice: its next frame is far off
 _CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
 """A tool's cursor -> imgui's name.  imgui has no crosshair: the overlay draws it."""
+_WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record"}
+"""Actions that work, or say why they do not, on the start page."""
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
 def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
         start: "Camera | None" = None, columns: str | None = None) -> int:
-    """Opens the window on ``paths`` (none: an empty start page) until it is closed.  Returns the exit code, 0.
+    """Opens the window on ``paths`` (none: the start page) until it is closed.  Returns the exit code, 0.
 
-    cache: whether grids are kept for the next time.  match: scans to the same exposure.  memory: what points may take.
-    columns: of text files.  start: where the first visit begins, None where that makes sense.
+    cache: whether grids are kept for the next time.  match: give scans the same exposure.  memory: what points may take.
+    columns: of text files.  start: the first camera; None: one is chosen (viewer.window.start_viewpoint).
     Raises DeviceError where there is no display or no OpenGL 4.3.
     """
     app = App(settings, cache=cache, match=match, memory=memory, start=start, columns=columns)
     try:
         if paths:
-            app.session.loads.open(paths)
+            app.session.open(paths)
         while not app.closing:
             app.step()
     finally:
@@ -60,7 +66,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
 
 
 class App:
-    """Owns the window, the interface and the viewport.
+    """Owns the window, the interface and the viewport.  toolbox: the tools.  tools: their context.
 
     size: of the window, logical pixels.  folder: where captures go.  scale: of the interface; None: the screen's own.
     """
@@ -84,7 +90,10 @@ class App:
         self.session = Session(
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
-        )
+            preview_scene=partial(preview_scene, match=match, columns=columns),
+        )  # fmt: skip
+        self._dialog = OpenDialog()
+        self._start_page = StartPage(self.context)
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
         self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
@@ -101,6 +110,11 @@ class App:
             "split": lambda: self.session.view_settings.compare(not self.session.view_settings.split),
             "screenshot": self._save_actions.screenshot,
             "record": self._save_actions.record,
+            "open": lambda: self._dialog.show("files"),
+            "open_folder": lambda: self._dialog.show("folder"),
+            "demo": self._open_demo,
+            "close_scan": self.close_scan,
+            "profiler": lambda: setattr(self.session, "profiler", not self.session.profiler),
             "help": lambda: setattr(self.session, "help", not self.session.help),
             "interface": self.session.show_or_hide_interface,
             "escape": self.escape,
@@ -109,6 +123,7 @@ class App:
             if tool.key:
                 self._actions[f"tool_{tool.name}"] = partial(self.toolbox.select, tool.name, self.tools)
         self.input = Input(self)
+        self._measure_density()
 
     def _set_captured(self, captured: bool) -> None:
         self.input.set_captured(captured)
@@ -146,8 +161,40 @@ class App:
         self._awake_until = perf_counter() + _LINGER
 
     def act(self, action: str) -> None:
-        """Does what a control asks for, by the name it has in the table."""
-        self._actions[action]()
+        """Does what a control asks for, by its name in the table.  On the start page only what can be seen there acts."""
+        if self.session.scene is not None or action in _WITHOUT_SCENE:
+            self._actions[action]()
+
+    def _open_demo(self) -> None:
+        from viewer.errors import InputError
+        from viewer.tools.demo import demo_scan
+
+        try:
+            self.session.open([demo_scan()])
+        except InputError as error:
+            self.session.notices.say("The demo cannot be opened", str(error))
+
+    def open_recent(self, scan: RecentScan) -> None:
+        """Opens a scan of the start page."""
+        self.session.open([Path(path) for path in scan.paths])
+
+    def close_scan(self) -> None:
+        """Back to the start page."""
+        self._remember_scan()
+        self.session.close_scene()
+        self.viewport.clear()
+        self._start_page.renew()
+        self.glfw.set_window_title(self.window, "pointglass")
+
+    def _remember_scan(self) -> None:
+        """Puts the scan that is being left among the recent ones, with the picture on the screen."""
+        session = self.session
+        if session.scene is not None and session.paths and not session.preview:
+            remember(list(session.paths), session.title, session.scene.count, self.viewport.shown_picture())
+
+    def _measure_density(self) -> None:
+        width = self.glfw.get_window_size(self.window)[0]
+        self.session.density = self.session.window_size[0] / width if width and self.session.window_size[0] else 1.0
 
     def escape(self) -> None:
         """Lets go of the pointer, or closes one thing."""
@@ -171,16 +218,20 @@ class App:
         """One turn of the loop.  wait: sleep until something happens where nothing is to be done."""
         glfw, session = self.glfw, self.session
         arriving = self.viewport.note_arrivals()
+        if self.viewport.finish_network():
+            self.wake()
         change = session.next_change()
         loading = session.loads.current is not None or session.view_settings.network_load is not None
-        stirring = loading or perf_counter() < self._awake_until
+        stirring = loading or self._dialog.shown or perf_counter() < self._awake_until
         busy = arriving or session.needs_picture or self._settle > 0 or change == 0.0
         with to_its_end():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
-            if wait and (not busy or min(session.size) == 0):
+            if wait and (not busy or min(session.window_size) == 0):
                 glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
             else:
                 glfw.poll_events()
         message = session.notices.message
+        if chosen := self._dialog.poll():
+            session.open(chosen)
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
         if session.notices.message is not message:
@@ -189,8 +240,10 @@ class App:
             self.wake()
         if stirring:
             self._settle = max(self._settle, 1)
-        if min(session.size) == 0:
+        if min(session.window_size) == 0:
             return
+        self._measure_density()
+        session.arrange(self.theme.scale)
         if session.needs_picture:
             self.viewport.paint()
             self._settle = max(self._settle, 1)
@@ -206,18 +259,24 @@ class App:
 
     def _upload(self, loaded: Loaded) -> None:
         self.wake()
+        if loaded.paths != self.session.paths:
+            self._remember_scan()
         if self.viewport.upload(loaded):
             self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
 
     def _draw(self) -> None:
-        """The picture and the interface on the canvas, and that to the screen."""
+        """Draws the picture and the interface on the canvas, and copies that to the screen."""
         canvas = self.viewport.show()
         self._interface()
         canvas.to_screen()
 
     def _interface(self, *, shown: bool = True) -> None:
-        """shown: drawn as well, and not only laid out: a window is as large as its text was in the frame before."""
-        from viewer.window import dialogs, hud, panels
+        """shown: draw it, too, and not only lay it out: imgui sizes a window by its text in the frame before."""
+        from viewer.window import dialogs, hud
+        from viewer.window.look_panel import draw_look_panel
+        from viewer.window.scenes_panel import draw_scenes_panel
+        from viewer.window.status_bar import draw_status_bar
+        from viewer.window.view_switch import draw_view_switch
 
         imgui, session, look = self.imgui, self.session, self.theme
         imgui.backends.opengl3_new_frame()
@@ -228,17 +287,21 @@ class App:
             imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
         elif session.pointer is not None and not imgui.get_io().want_capture_mouse:
             imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[self.toolbox.active.cursor]))
-        if session.scene is not None and session.interface:
+        if session.scene is None and session.loads.current is None and not session.help:
+            self._start_page.draw(self, look)
+        if session.interface and session.scene is not None:
+            session.point = self.viewport.measured_point(session.pointer)
             self._overlays()
-        if not session.help:  # which covers the middle, and at small sizes everything
-            hud.draw_start(session, look)
-        if session.interface:
             hud.draw_handle(session, look, hovered=over)
-            if not session.help:
-                hud.draw_hud(session, look, fps=self.viewport.frame_rate)
-                panels.draw_panel(session, look)
+            draw_scenes_panel(self, look)
+            draw_look_panel(session, look)
+            draw_status_bar(session, look, fps=self.viewport.frame_rate)
+            if not session.help:  # which covers the middle of the picture
+                draw_view_switch(session, look)
+                hud.draw_profiler(session, look, fps=self.viewport.frame_rate)
                 hud.draw_recording(session, look)
-        hud.draw_toasts(session, look)  # hidden interface or not: they go by themselves
+                hud.draw_lost(session, look)
+        hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
         dialogs.draw_help(session, look, self.input.key_name)
         dialogs.draw_load(session, look)
         dialogs.draw_message(session, look)
@@ -263,7 +326,9 @@ class App:
         """Ends everything; a recording under way is saved."""
         if self.session.recording is not None:
             self._save_actions.record()
+        self._remember_scan()
         self.session.close()
+        self._start_page.release()
         self.viewport.release()
         imgui = self.imgui
         imgui.backends.opengl3_shutdown()

@@ -53,6 +53,8 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("DROP",), "Drop files", "drop", "open them as one scene", "mouse"),
     ),
     "Window": (
+        Control(("O",), "O", "open", "open scan files"),
+        Control(("F3",), "F3", "profiler", "show or hide where the time of a frame goes"),
         Control(("F1",), "F1", "help", "show or hide these controls"),
         Control(("F10",), "F10", "interface", "show or hide the interface"),
         Control(("ESCAPE",), "Esc", "escape", "close what is open, cancel a load"),

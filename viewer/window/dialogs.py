@@ -6,9 +6,9 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.window import theme
 from viewer.window.controls import CONTROLS, Control
-from viewer.window.hud import OVERLAY
 from viewer.window.session import Session
 from viewer.window.theme import Theme, fitted, text_in
+from viewer.window.widgets import DOCKED, button
 
 _MODAL = (
     imgui.WindowFlags_.no_decoration
@@ -24,18 +24,6 @@ _GROUP_WIDTH = 400.0
 def _centre() -> None:
     size = imgui.get_io().display_size
     imgui.set_next_window_pos(ImVec2(size.x / 2, size.y / 2), 0, ImVec2(0.5, 0.5))
-
-
-def _button(label: str, look: Theme, *, primary: bool) -> bool:
-    if primary:
-        imgui.push_style_color(imgui.Col_.button, theme.ACCENT)
-        imgui.push_style_color(imgui.Col_.button_hovered, theme.TEXT)
-        imgui.push_style_color(imgui.Col_.button_active, theme.DIM)
-        imgui.push_style_color(imgui.Col_.text, theme.ACCENT_TEXT)
-    pressed = imgui.button(label, ImVec2(look.px(110), 0))
-    if primary:
-        imgui.pop_style_color(4)
-    return pressed
 
 
 def draw_message(session: Session, look: Theme) -> None:
@@ -62,7 +50,7 @@ def draw_message(session: Session, look: Theme) -> None:
     imgui.dummy(ImVec2(width, look.px(4)))
     imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + width - look.px(110))
     enter = imgui.is_key_pressed(imgui.Key.enter) or imgui.is_key_pressed(imgui.Key.keypad_enter)
-    if _button("OK", look, primary=True) or enter:
+    if button("OK", look, width=look.px(110), primary=True) or enter:
         session.notices.message = None
         imgui.close_current_popup()
     imgui.end_popup()
@@ -78,7 +66,7 @@ def draw_help(session: Session, look: Theme, key_name: Callable[[Control], str])
     size, px = imgui.get_io().display_size, look.px
     _centre()
     imgui.set_next_window_size_constraints(ImVec2(0, 0), ImVec2(size.x - px(28), size.y - px(28)))
-    flags = OVERLAY & ~imgui.WindowFlags_.no_scrollbar
+    flags = DOCKED & ~imgui.WindowFlags_.no_scrollbar
     imgui.begin("help", None, flags | imgui.WindowFlags_.always_auto_resize)
     imgui.push_font(look.bold, theme.TITLE)
     imgui.text_unformatted("Controls")
@@ -124,8 +112,8 @@ def draw_load(session: Session, look: Theme) -> None:
     px = look.px
     width = min(px(420), imgui.get_io().display_size.x - px(80))
     _centre()
-    imgui.begin("load", None, OVERLAY | imgui.WindowFlags_.always_auto_resize)
-    if imgui.is_window_appearing() and session.notices.message is None:  # over figures, where there is no room beside
+    imgui.begin("load", None, DOCKED | imgui.WindowFlags_.always_auto_resize)
+    if imgui.is_window_appearing() and session.notices.message is None:  # above what lies over the picture
         imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
     imgui.push_font(look.bold, theme.FONT_SIZE)
     imgui.text_unformatted(fitted(work.title, width))
@@ -138,6 +126,6 @@ def draw_load(session: Session, look: Theme) -> None:
     text_in(theme.DIM, work.label[:1].upper() + work.label[1:] + share)
     imgui.same_line()
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x + width - px(110))
-    if _button("Cancel", look, primary=False):
+    if button("Cancel", look, width=look.px(110)):
         session.cancel_load()
     imgui.end()

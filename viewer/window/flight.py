@@ -39,6 +39,15 @@ class Flight:
         self._seen, self.state, self.home = seen, state, state
         self._moved = self._clock() - REST
 
+    def continue_in(self, seen: Survey) -> None:
+        """Another scene of the same place: the camera stays where it is."""
+        self._seen = seen
+
+    @property
+    def middle(self) -> np.ndarray:
+        """(3,) the middle of the scene, file coordinates."""
+        return np.zeros(3) if self._seen is None else (self._seen.low + self._seen.high) / 2
+
     @property
     def moving(self) -> bool:
         """Whether the camera moves now or did a moment ago."""

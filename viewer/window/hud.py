@@ -1,46 +1,26 @@
-"""What is laid over the picture: what it is and what it cost, the handle of a comparison, passing messages."""
+"""What lies over the picture: the profiler, the handle of a comparison, the arrow back to the scene, passing messages."""
 
+import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from viewer.text import counted
 from viewer.window import theme
 from viewer.window.session import Session
+from viewer.window.status_bar import count_text
 from viewer.window.theme import Theme, fitted, packed, text_in
+from viewer.window.view_switch import TITLES
+from viewer.window.widgets import FLOATING, MARGIN, PASSIVE
 
-OVERLAY = (
-    imgui.WindowFlags_.no_decoration
-    | imgui.WindowFlags_.no_move
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_focus_on_appearing
-    | imgui.WindowFlags_.no_nav
-)
-PASSIVE = OVERLAY | imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_inputs
-MARGIN = 14.0
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
 
 
-def count_text(number: int) -> str:
-    """A count a person takes in at a glance: 950, 12.3 k, 1.04 M, 2.10 G."""
-    for unit, size in (("G", 1e9), ("M", 1e6), ("k", 1e3)):
-        if number >= size:
-            return f"{number / size:.3g} {unit}" if number / size >= 100 else f"{number / size:#.3g} {unit}"
-    return str(number)
-
-
-def _panel_alone(session: Session, look: Theme) -> bool:
-    """Whether the panel is open where the window has no room for anything beside it."""
-    return session.panel and session.scene is not None and imgui.get_io().display_size.x < look.px(theme.NARROW)
-
-
-def draw_hud(session: Session, look: Theme, *, fps: float | None) -> None:
-    """Top left.  fps: frames a second while something moves, None at rest."""
-    stats, px = session.picture.stats, look.px
-    if session.scene is None or stats is None or _panel_alone(session, look):
+def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
+    """Top left of the picture (F3).  fps: frames per second while something moves, None at rest."""
+    stats, px, area = session.picture.stats, look.px, session.layout.picture
+    if session.scene is None or stats is None or not session.profiler:
         return
-    imgui.set_next_window_pos(ImVec2(px(MARGIN), px(MARGIN)))
-    imgui.set_next_window_bg_alpha(0.9)
-    imgui.begin("hud", None, PASSIVE)
+    imgui.set_next_window_pos(ImVec2(area.left + px(MARGIN), area.top + px(52)))
+    imgui.begin("profiler", None, PASSIVE)
     imgui.push_font(look.bold, theme.FONT_SIZE)
     imgui.text_unformatted(fitted(session.title, px(_TITLE_WIDTH)))
     imgui.pop_font()
@@ -119,12 +99,13 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
     """The line between two views, its grip, and what is on either side."""
     if not session.view_settings.split or session.scene is None:
         return
-    px, draw, size = look.px, imgui.get_background_draw_list(), imgui.get_io().display_size
-    x, middle = round(session.view_settings.split_at * size.x), size.y / 2
+    px, draw, area = look.px, imgui.get_background_draw_list(), session.layout.picture
+    top, bottom = area.top, area.top + area.height
+    x, middle = area.left + round(session.view_settings.split_at * area.width), (top + bottom) / 2
     active = hovered or session.dragging_handle
     line = theme.ACCENT if active else theme.TEXT
-    draw.add_rect_filled(ImVec2(x - px(2), 0), ImVec2(x + px(2), size.y), packed(theme.PANEL, 0.45))
-    draw.add_rect_filled(ImVec2(x - px(1), 0), ImVec2(x + px(1), size.y), packed(line))
+    draw.add_rect_filled(ImVec2(x - px(2), top), ImVec2(x + px(2), bottom), packed(theme.PANEL, 0.45))
+    draw.add_rect_filled(ImVec2(x - px(1), top), ImVec2(x + px(1), bottom), packed(line))
     draw.add_circle_filled(ImVec2(x, middle), px(15), packed(theme.PANEL, 0.95), 32)
     draw.add_circle(ImVec2(x, middle), px(15), packed(line), 32, px(2))
     for side in (-1, 1):
@@ -133,26 +114,27 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
             ImVec2(tip, middle), ImVec2(wing, middle - side * px(5)), ImVec2(wing, middle + side * px(5)), packed(line)
         )
     for view, side in zip(session.drawn, (-1, 1)):
-        text = imgui.calc_text_size(view)
+        title = TITLES[view]
+        text = imgui.calc_text_size(title)
         pad, gap = ImVec2(px(10), px(5)), px(14)
         left = x - gap - text.x - 2 * pad.x if side < 0 else x + gap
-        top = size.y - px(MARGIN) - text.y - 2 * pad.y
-        corner = ImVec2(left + text.x + 2 * pad.x, top + text.y + 2 * pad.y)
-        draw.add_rect_filled(ImVec2(left, top), corner, packed(theme.PANEL), px(5))
-        draw.add_text(ImVec2(left + pad.x, top + pad.y), packed(theme.TEXT), view)
+        high = bottom - px(MARGIN) - text.y - 2 * pad.y
+        corner = ImVec2(left + text.x + 2 * pad.x, high + text.y + 2 * pad.y)
+        draw.add_rect_filled(ImVec2(left, high), corner, packed(theme.PANEL), px(5))
+        draw.add_text(ImVec2(left + pad.x, high + pad.y), packed(theme.TEXT), title)
 
 
 def draw_toasts(session: Session, look: Theme) -> None:
-    """Bottom centre, the latest lowest; above the labels of a comparison."""
-    size, px = imgui.get_io().display_size, look.px
-    bottom = size.y - px(MARGIN + 46)
+    """Bottom centre of the picture, the latest lowest; above the labels of a comparison."""
+    area, px = session.layout.picture, look.px
+    bottom = area.top + area.height - px(MARGIN + 46)
     lines = [toast.text for toast in session.notices.toasts]
     if session.view_settings.network_load is not None:
         lines.append("Loading the network…")
     for number, text in enumerate(reversed(lines)):
-        imgui.set_next_window_pos(ImVec2(size.x / 2, bottom), 0, ImVec2(0.5, 1.0))
+        imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, bottom), 0, ImVec2(0.5, 1.0))
         imgui.begin(f"toast{number}", None, PASSIVE)
-        imgui.push_text_wrap_pos(min(px(640), 0.8 * size.x))
+        imgui.push_text_wrap_pos(min(px(640), 0.8 * area.width))
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         bottom -= imgui.get_window_height() + px(8)
@@ -160,46 +142,39 @@ def draw_toasts(session: Session, look: Theme) -> None:
 
 
 def draw_recording(session: Session, look: Theme) -> None:
-    """A red dot and the number of frames, top centre or where the figures have made room, while frame times are recorded."""
+    """A red dot and the number of frames, below the view switch, while frame times are recorded."""
     if session.recording is None:
         return
-    size, px = imgui.get_io().display_size, look.px
-    at_left = _panel_alone(session, look)
-    place = ImVec2(px(MARGIN) if at_left else size.x / 2, px(MARGIN))
-    imgui.set_next_window_pos(place, 0, ImVec2(0.0 if at_left else 0.5, 0.0))
+    area, px = session.layout.picture, look.px
+    imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, area.top + px(56)), 0, ImVec2(0.5, 0.0))
     imgui.begin("recording", None, PASSIVE)
     at, line = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
-    imgui.get_window_draw_list().add_circle_filled(
-        ImVec2(at.x + px(6), at.y + line / 2), px(5), imgui.get_color_u32((0.93, 0.33, 0.31, 1.0)), 24
-    )
+    imgui.get_window_draw_list().add_circle_filled(ImVec2(at.x + px(6), at.y + line / 2), px(5), packed(theme.BAD), 24)
     imgui.dummy(ImVec2(px(14), line))
     imgui.same_line()
-    frames = counted(len(session.recording), "frame")
-    imgui.text_unformatted(frames if at_left else f"{frames} · F9 stops")
+    imgui.text_unformatted(f"{counted(len(session.recording), 'frame')} · F9 stops")
     imgui.end()
 
 
-def draw_start(session: Session, look: Theme) -> None:
-    """The empty start page."""
-    if session.scene is not None or session.loads.current is not None:
+def draw_lost(session: Session, look: Theme) -> None:
+    """Where the picture shows nothing: how to get back, and an arrow to the scene."""
+    if not session.lost or session.scene is None:
         return
-    size, px, draw = imgui.get_io().display_size, look.px, imgui.get_background_draw_list()
-    half = ImVec2(min(px(260), 0.42 * size.x), min(px(110), 0.36 * size.y))
-    centre = ImVec2(size.x / 2, size.y / 2)
-    draw.add_rect(
-        ImVec2(centre.x - half.x, centre.y - half.y), ImVec2(centre.x + half.x, centre.y + half.y),
-        packed(theme.LINE), px(12), px(2),
-    )  # fmt: skip
-    explained = (KNOWN_FILES, f"{KNOWN_FOLDERS} folders; several make one scene")
-    lines = (
-        ("Drop a scan here", look.bold, theme.TITLE + 4, theme.TEXT, -54),
-        *(
-            (text, look.regular, theme.FONT_SIZE, theme.DIM, 28 * number - 12)
-            for number, text in enumerate((*explained, "F1 shows the controls"))
-        ),
-    )
-    for text, font, height, colour, offset in lines:
-        imgui.push_font(font, height)
-        width = imgui.calc_text_size(text).x
-        draw.add_text(ImVec2(centre.x - width / 2, centre.y + px(offset)), packed(colour), text)
-        imgui.pop_font()
+    px, area, draw = look.px, session.layout.picture, imgui.get_background_draw_list()
+    middle = np.array([area.left + area.width / 2, area.top + area.height / 2])
+    along = session.direction_to_scene
+    start, tip = middle + along * px(70), middle + along * px(110)
+    side = np.array([-along[1], along[0]]) * px(9)
+    base = tip - along * px(16)
+    for colour, width in ((theme.SHADE, px(7)), (theme.ACCENT, px(4))):
+        draw.add_line(ImVec2(*start), ImVec2(*base), packed(colour), width)
+    draw.add_triangle_filled(ImVec2(*tip), ImVec2(*(base + side)), ImVec2(*(base - side)), packed(theme.ACCENT))
+    imgui.set_next_window_pos(ImVec2(*middle), 0, ImVec2(0.5, 0.5))
+    imgui.begin("lost", None, FLOATING)
+    imgui.text_unformatted("Nothing in sight: Home, F")
+    if imgui.button("Home"):
+        session.go_home()
+    imgui.same_line()
+    if imgui.button("Whole scene"):
+        session.frame_scene()
+    imgui.end()

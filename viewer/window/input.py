@@ -183,8 +183,7 @@ class Input:
         """Hides the pointer and lets it move without end, or shows it where it was hidden."""
         glfw, window = self._host.glfw, self._host.window
         glfw.set_input_mode(window, glfw.CURSOR, glfw.CURSOR_DISABLED if captured else glfw.CURSOR_NORMAL)
-        if not captured:
-            self.pointer = glfw.get_cursor_pos(window)
+        self.pointer = glfw.get_cursor_pos(window)  # the next event counts from here
 
     @property
     def over_handle(self) -> bool:

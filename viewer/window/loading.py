@@ -1,13 +1,13 @@
-"""What is loaded off the main thread, a scan or a network, and what a person should be told about it."""
+"""What is loaded off the window's thread, a scan or a network, and what a person is told about it."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer.errors import PointglassError
+from viewer.errors import Cancelled, PointglassError
 from viewer.settings import Settings
-from viewer.window.notices import Notices
+from viewer.window.notices import Notices, ScanNotice
 from viewer.window.start_viewpoint import Survey, survey
 from viewer.window.worker import Worker
 
@@ -17,26 +17,37 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a load brings back: the scene and what the start needs to know of it, both made off the main thread."""
+    """What a load brings back, made off the window's thread.
+
+    seen: what the start viewpoint needs to know.  paths: the files.  preview: a coarse scene that the complete one follows.
+    follows_preview: the complete scene of a preview that is shown: the camera stays.
+    problems: (file, one line) of those that could not be opened.
+    """
 
     scene: "Scene"
     seen: Survey
+    paths: tuple[Path, ...] = ()
+    preview: bool = False
+    follows_preview: bool = False
+    problems: tuple[tuple[Path, str], ...] = ()
 
 
-def notes(meta: dict) -> list[str]:
-    """What a person should know about a scan: the reader's warnings, and what its colours are where not as scanned."""
-    told, colour = list(meta.get("warnings", [])), meta.get("colour") or {}
-    if colour.get("source", "rgb") != "rgb" and not any("colour" in note for note in told):
-        told.insert(0, str(colour.get("note") or f"coloured by {colour['source']}"))
+def scan_notices(meta: dict) -> list[ScanNotice]:
+    """What a person should know about a scan: the reader's warnings, and how its colours differ from the file's."""
+    colour = meta.get("colour") or {}
+    notices = [ScanNotice(text) for text in meta.get("warnings", [])]
+    if colour.get("source", "rgb") != "rgb" and not any("colour" in notice.text for notice in notices):
+        notices.insert(0, ScanNotice(str(colour.get("note") or f"coloured by {colour['source']}")))
     kinds = {"exposures": "stations", "passes": "runs of points"}
     matched = [name for key, name in kinds.items() if (meta.get(key) or {}).get("applied")]
     if matched:
-        told.append(f"brightness matched between {' and '.join(matched)}; started with --exposures as-scanned it is left")
-    return told
+        text = f"The brightness of {' and of '.join(matched)} was made equal."
+        notices.append(ScanNotice(text, "as_scanned", "Keep colours as scanned"))
+    return notices
 
 
 def network_key(settings: Settings) -> tuple:
-    """What of the settings decides on the network."""
+    """The settings that decide which network is used."""
     return settings.quality, settings.filter != "off", settings.weights, settings.precision, settings.device
 
 
@@ -45,12 +56,28 @@ def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, col
     from viewer.grid import open_scene as grid_scene
     from viewer.readers.formats import takes_columns
 
-    columns = columns if any(map(takes_columns, paths)) else None  # not of what is dropped into the window later
+    columns = columns if any(map(takes_columns, paths)) else None  # not of files that are dropped into the window later
     return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns)
 
 
+def preview_scene(paths: list[Path], *, match: bool = True, columns: str | None = None) -> "Scene | None":
+    """A coarse scene within about a second; None where the complete one opens as fast."""
+    from viewer.grid import cache
+    from viewer.grid.open_scene import as_paths
+    from viewer.grid_folder import is_grid
+
+    files = as_paths(paths)
+    if any(is_grid(file) for file in files) or (cache.folder_of(files, match, columns) / "meta.json").is_file():
+        return None
+    try:
+        from viewer.grid.preview import preview_scene as coarse  # type: ignore[import-not-found]
+    except ImportError:
+        return None
+    return coarse(files)
+
+
 def load_network(settings: Settings) -> None:
-    """Imports torch and reads the weights, off the main thread, so that the first neural frame only has to run."""
+    """Imports torch and reads the weights, off the window's thread, so that the first neural frame only has to run."""
     from model.reconstruct import cuda_problem
     from viewer.errors import DeviceError
     from viewer.render import neural
@@ -62,38 +89,97 @@ def load_network(settings: Settings) -> None:
     neural.load_network(settings.quality, settings.filter != "off", settings.weights, settings.precision, device)
 
 
+def expanded(paths: Sequence[Path]) -> list[Path]:
+    """The paths, with each folder that is no scan itself replaced by the scans that lie in it."""
+    from viewer.grid_folder import is_grid
+    from viewer.readers.formats import entry_of, is_scan
+
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir() and not is_grid(path) and entry_of(path) == path:
+            inside = [file for file in sorted(path.iterdir()) if not file.name.startswith(".") and is_scan(file)]
+            found += inside or [path]
+        else:
+            found.append(path)
+    return found
+
+
+def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") -> "tuple[Scene, list[Path], list]":
+    """Opens ``files`` as one scene and leaves out those that cannot be opened.
+
+    Returns the scene, the files it holds, and (file, one line) of the others.  Raises the last error where none is left.
+    """
+    problems: list[tuple[Path, str]] = []
+    while True:
+        try:
+            return open_scene(files), files, problems
+        except Cancelled:
+            raise
+        except PointglassError as error:
+            named = [file for file in files if str(error).startswith((str(file), file.name))]
+            if len(files) == 1 or not named:
+                raise
+            problems.append((named[0], str(error)))
+            files = [file for file in files if file != named[0]]
+
+
 class ScanLoads:
     """The load of scans under way, one at a time, and those given up that still clean up after themselves.
 
     current: the load under way, else None.  prepare: the scans to read of what is opened (of a project, its scans); raises
-    PointglassError.  open_scene, wake: what it depends on, replaceable in tests.
+    PointglassError.  open_scene, preview_scene, wake: replaceable in tests.
     """
 
-    def __init__(self, notices: Notices, open_scene: "Callable[[list[Path]], Scene]", wake: Callable[[], None]):
+    def __init__(self, notices: Notices, open_scene: "Callable[..., Scene]", wake: Callable[[], None],
+                 preview_scene: "Callable[..., Scene | None]" = preview_scene):
         self._notices, self._wake = notices, wake
-        self.open_scene = open_scene
+        self.open_scene, self.preview_scene = open_scene, preview_scene
         self.prepare: Callable[[Sequence[Path]], list[Path]] = list
         self.current: Worker | None = None
+        self._preview: Loaded | None = None
         self._abandoned: list[Worker] = []
 
-    def open(self, paths: Sequence[Path]) -> None:
-        """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then."""
+    def open(self, paths: Sequence[Path], *, as_scanned: bool = False) -> None:
+        """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then.
+
+        as_scanned: colours are left as the files have them, whatever was chosen at the start.
+        """
         self.cancel()
         try:
-            files = self.prepare(paths)
+            given, colours = self.prepare(paths), {"match": False} if as_scanned else {}
         except PointglassError as error:
             self._notices.say("This project cannot be opened", str(error))
             return
 
         def work() -> Loaded:
-            scene = self.open_scene(files)
-            return Loaded(scene, survey(scene))
+            files = expanded(given)
+            previewed = self._first_picture(files, colours, lambda: self.current is worker[0] and not worker[0].cancelled)
+            scene, opened, problems = open_each(files, lambda some: self.open_scene(some, **colours))
+            return Loaded(scene, survey(scene), tuple(opened), follows_preview=previewed, problems=tuple(problems))
 
-        names = files[0].name if len(files) == 1 else f"{len(files)} files"
-        self.current = Worker(work, f"Opening {names}", self._wake)
+        names = given[0].name if len(given) == 1 else f"{len(given)} files"
+        worker: list[Worker] = []
+        self.current = Worker(work, f"Opening {names}", self._wake, start=False)
+        worker.append(self.current)
+        self.current.start()
+
+    def _first_picture(self, files: list[Path], colours: dict, wanted: Callable[[], bool]) -> bool:
+        """Makes the preview, on the worker's thread.  Returns whether there is one.  Errors are left to the complete load."""
+        try:
+            scene = self.preview_scene(files, **colours)
+        except Cancelled:
+            raise
+        except (PointglassError, MemoryError, OSError):
+            return False
+        if scene is None or not wanted():
+            return False
+        self._preview = Loaded(scene, survey(scene), tuple(files), preview=True)
+        self._wake()
+        return True
 
     def cancel(self) -> None:
         """Stops the load under way; the scene stays."""
+        self._preview = None
         if self.current is not None:
             self.current.cancel()
             self._abandoned.append(self.current)
@@ -102,15 +188,24 @@ class ScanLoads:
     def poll(self) -> Loaded | None:
         """A scene that has been loaded since the last call, or None.  An error becomes a dialog."""
         self._abandoned = [work for work in self._abandoned if not work.finished]
-        if self.current is None or not self.current.finished:
+        if self.current is None:
             return None
+        if not self.current.finished:
+            preview, self._preview = self._preview, None
+            return preview
         work, self.current = self.current, None
+        self._preview = None
         if work.error is not None:
             self._notices.say("This scan cannot be opened", work.error)
-        return work.result if not work.cancelled else None
+        loaded = work.result if not work.cancelled else None
+        if loaded is not None and loaded.problems:
+            lines = "\n\n".join(text for _, text in loaded.problems)
+            number = len(loaded.problems)
+            self._notices.say(f"{number} of {number + len(loaded.paths)} files could not be opened", lines)
+        return loaded
 
     def close(self) -> None:
-        """Stops the load, and waits until what was being written is gone."""
+        """Stops the load, and waits until what was being written is removed."""
         self.cancel()
         for work in self._abandoned:
             work.join(15.0)

@@ -1,6 +1,6 @@
-"""What a person is told: a message that stays until it is closed, and toasts that go by themselves.
+"""What a person is told: a dialog that stays until it is closed, toasts that go by themselves, and notices about the scan.
 
-No window: ``dialogs`` and ``hud`` draw what is here.  Times are seconds on the session's clock.
+No window: ``dialogs``, ``hud`` and ``scenes_panel`` draw what is here.  Times are seconds on the session's clock.
 """
 
 import re
@@ -35,13 +35,24 @@ class Toast:
     of_scene: bool = False
 
 
+@dataclass(frozen=True)
+class ScanNotice:
+    """Something to know about the scan shown; it stays in the scene list.  action: what can be done about it, a key that
+    the session knows, "" for nothing; label: its button."""
+
+    text: str
+    action: str = ""
+    label: str = ""
+
+
 class Notices:
-    """message: the dialog that is open, else None.  toasts: three at most, the latest last."""
+    """message: the dialog that is open, else None.  toasts: three at most, the latest last.  of_scan: about the scan shown."""
 
     def __init__(self, clock: Callable[[], float]):
         self._clock = clock
         self.message: Message | None = None
         self.toasts: list[Toast] = []
+        self.of_scan: list[ScanNotice] = []
 
     def say(self, title: str, text: str) -> None:
         """Opens a dialog.  text: as for the command line."""
@@ -61,6 +72,7 @@ class Notices:
     def leave_scene(self) -> None:
         """Forgets what was said about the scene that is no longer shown."""
         self.toasts = [toast for toast in self.toasts if not toast.of_scene]
+        self.of_scan = []
 
     def expire(self) -> bool:
         """Forgets the toasts whose time is over.  Returns whether there were any."""

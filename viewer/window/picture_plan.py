@@ -1,6 +1,6 @@
 """The picture on the screen: how it was made, how the next one is to be made, and whether it is still the right one.
 
-No GL: whoever draws asks for a plan and says what came of it.
+No GL: the viewport asks for a plan and reports what was made.
 """
 
 from collections.abc import Sequence
@@ -11,51 +11,70 @@ from viewer.window.adaptive_lod import AdaptiveLod
 
 @dataclass(frozen=True)
 class Plan:
-    """How to make the next picture.  views: left first.  level: of detail.  hides: cells that the last frame hid are left
-    out.  moving: while the camera moves."""
+    """How to make the next picture.  views: left first.  level: of detail.  hides: cells hidden in the last frame are left
+    out.  moving: while the camera moves.  scale: of the internal resolution, 1 is the picture's own.
+    deferred: the network runs on its own thread, and the filled view stands in until it has ended."""
 
     views: tuple[str, ...]
     level: float | None
     hides: bool = False
     moving: bool = False
+    scale: float = 1.0
+    deferred: bool = False
 
 
 class Picture:
-    """dirty: whether it must be made again, as it is or otherwise.  made: how it was made, None where there is none.
-    approximations: what of it is not exact.  stats: what it, or the one before it, cost, as ``Frame.stats``.
-    pace: what a picture may leave out."""
+    """dirty: whether it must be made again.  made: how it was made, None where there is none.  pending: the plan whose
+    network is still running, or whose points are still arriving; None otherwise.
+    approximations: what of the picture is not exact.  stats: its cost, or that of the one before, as ``Frame.stats``.
+    adaptive_lod: what a picture may leave out."""
 
     def __init__(self) -> None:
         self.adaptive_lod = AdaptiveLod()
         self.dirty = True
         self.made: Plan | None = None
+        self.pending: Plan | None = None
         self.stats: dict | None = None
         self.approximations: Sequence[str] = ()
 
     def begin(self, points: int) -> None:
         """A scene of so many points is shown now, and there is no picture of it yet."""
         self.adaptive_lod.begin(points)
-        self.dirty, self.made, self.stats, self.approximations = True, None, None, ()
+        self.dirty, self.made, self.pending, self.stats, self.approximations = True, None, None, None, ()
 
     def renew(self) -> None:
-        """The camera is elsewhere, or the settings are others: what was refined at rest is of no use."""
+        """The camera was moved at once, or the settings changed: refinement starts again."""
         self.dirty = True
         self.adaptive_lod.jump()
 
     def plan(self, views: Sequence[str], lod: float | None, *, moving: bool, resizing: bool = False) -> Plan:
         """The picture to make now.  views, lod: as chosen."""
-        stand_ins = tuple(self.adaptive_lod.stand_in(view, moving=moving, resizing=resizing) for view in views)
-        levels = [level for level in (lod, self.adaptive_lod.level(moving=moving)) if level is not None]
-        return Plan(stand_ins, min(levels) if levels else None, self.adaptive_lod.hides(moving=moving), moving)
+        adaptive = self.adaptive_lod
+        drawn = tuple(adaptive.stand_in(view, moving=moving, resizing=resizing) for view in views)
+        levels = [level for level in (lod, adaptive.level(moving=moving)) if level is not None]
+        return Plan(drawn, min(levels) if levels else None, adaptive.hides(moving=moving), moving,
+                    adaptive.scale(moving=moving), deferred="neural" in drawn and not moving)
 
     def lacks(self, plan: Plan) -> bool:
-        """Whether something of ``plan`` is missing, or the view is another."""
-        made = self.made
-        return made is None or (made.views, made.level) != (plan.views, plan.level) or (made.hides and not plan.hides)
+        """Whether something of ``plan`` is missing and nothing that is under way will bring it."""
+        made = self.pending or self.made
+        return (made is None or (made.views, made.level, made.scale) != (plan.views, plan.level, plan.scale)
+                or (made.hides and not plan.hides))
 
-    def drew(self, plan: Plan, *, hides: bool, approximations: Sequence[str]) -> None:
-        """It was made as planned.  hides: hidden cells were left out indeed."""
-        self.dirty, self.made, self.approximations = False, replace(plan, hides=hides), approximations
+    def drew(self, plan: Plan, *, hides: bool, approximations: Sequence[str], shown: tuple[str, ...] | None = None,
+             pending: bool = False) -> None:
+        """It was made as planned.  hides: hidden cells were left out indeed.  shown: the views on the screen, where they are
+        not the planned ones.  pending: the planned views follow."""
+        self.dirty, self.approximations = False, approximations
+        self.made = replace(plan, hides=hides, views=shown or plan.views)
+        self.pending = plan if pending else None
+
+    def completed(self, approximations: Sequence[str], stats: dict) -> None:
+        """The network of the pending picture has ended and its view is on the screen."""
+        assert self.pending is not None
+        self.made, self.pending = self.pending, None
+        self.approximations, self.stats = approximations, stats
+        self.adaptive_lod.ran_network(stats["stages"]["network"])
 
     def learn(self, plan: Plan, stats: dict) -> None:
         """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""

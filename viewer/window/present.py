@@ -1,7 +1,7 @@
 """The last pass: a view's texture, or two split at a line, over a background; and the canvas it is drawn on.
 
-Everything the window shows is drawn on a canvas of our own and copied to the screen last, because the canvas can be
-read back (the screen's own buffer cannot, reliably).  Pictures have row 0 on top.
+Everything in the window is drawn on this canvas and copied to the screen last, because the canvas can be read back (the
+screen's buffer cannot, reliably).  Pictures have row 0 on top.
 """
 
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ def split_column(split: float, width: int) -> int:
 
 
 class Canvas:
-    """Owns the picture the window shows, (width, height) pixels.  Row 0 of :meth:`read` is the top."""
+    """Owns what the window shows, (width, height) pixels.  Row 0 of :meth:`read` is the top."""
 
     def __init__(self, context: "moderngl.Context", programs: "Programs", size: tuple[int, int]):
         self._context, self.size = context, size
@@ -34,21 +34,30 @@ class Canvas:
         self._draw_copy = context.vertex_array(self._copy, [])
 
     def show(self, left: "moderngl.Texture | None", right: "moderngl.Texture | None" = None, column: int = 0,
-             background: str = "plain") -> None:
-        """Draws ``left``, and ``right`` from pixel ``column`` on where it is given, over a key of COLOURS; without either, the
-        plain background."""
+             background: str = "plain", area: tuple[int, int, int, int] | None = None) -> None:
+        """Draws ``left``, and ``right`` from pixel column ``column`` of the picture on where it is given, over a background (a
+        key of COLOURS); without either, the plain background.
+
+        area: left, top, width and height of the picture on the canvas, pixels; None: all of it.
+        """
         self.framebuffer.use()
         self._context.enable_only(0)
-        red, green, blue = (c / 255 for c in PLAIN)
-        if left is None:
+        x, y, width, height = area or (0, 0, *self.size)
+        if left is None or (width, height) != self.size:
+            red, green, blue = (c / 255 for c in PLAIN)
             self.framebuffer.clear(red, green, blue, 1.0)
+        if left is None:
             return
+        bottom = self.size[1] - y - height
+        self.framebuffer.viewport = (x, bottom, width, height)
         left.use(0)
         (right or left).use(1)
         self._compose["left"], self._compose["right"] = 0, 1
-        self._compose["column"] = column if right is not None else self.size[0]
+        self._compose["origin"], self._compose["size"] = (x, bottom), (width, height)
+        self._compose["column"] = column if right is not None else width
         self._compose["top"], self._compose["bottom"] = COLOURS[background]
         self._draw_compose.render(vertices=3)
+        self.framebuffer.viewport = (0, 0, *self.size)
 
     def to_screen(self) -> None:
         """Copies the canvas to the window."""

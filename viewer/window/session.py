@@ -16,16 +16,20 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
+from viewer.text import counted
 from viewer.tools.document import Document
 from viewer.window import loading
 from viewer.window.capture import FrameTimes
 from viewer.window.flight import Flight
+from viewer.window.layout import Layout, Panels, Rect, arrange
 from viewer.window.navigation import looking
-from viewer.window.notices import Notices
+from viewer.window.notices import Notices, ScanNotice
 from viewer.window.picture_plan import Picture, Plan
-from viewer.window.start_viewpoint import FIELD_OF_VIEW, start_state
+from viewer.window.start_viewpoint import FIELD_OF_VIEW, darkness, start_state
 from viewer.window.view_settings import ViewSettings
 from viewer.window.work import Work
 
@@ -41,10 +45,14 @@ _RESIZED = 0.3
 class Session:
     """State of one window.
 
-    size: of the framebuffer, pixels; (0, 0) while minimised.  scene: the one shown, None at first.
+    size: of the picture, pixels; window_size: of the framebuffer; both (0, 0) while minimised.
+    scene: the one shown, None at first.
     work: the document that a person works on, and its history.  origin: left and top of the picture, framebuffer pixels.
     density: framebuffer pixels per logical pixel.  pointer: where it is over the picture, its pixels, else None.
-    help, interface, panel: which of them are open.  dragging_handle: whether the mouse holds the comparison's line.
+    point: the measured point under it, (3,) file coordinates, else None.  paths: the files of the scene.
+    lost: whether the picture shows nothing of the scene.  preview: whether the scene is coarse and the complete one follows.
+    help, interface, profiler, panels: which of them are open.  layout: where they are.
+    dragging_handle: whether the mouse holds the comparison's line.
     recording: the frame times being recorded, else None.
     start: where the first visit begins; None: where that makes sense (viewer.window.start_viewpoint).
     open_scene, load_network, clock, wake: what it depends on, replaceable in tests.
@@ -60,13 +68,14 @@ class Session:
         clock: Callable[[], float] = perf_counter,
         wake: Callable[[], None] = lambda: None,
         start: Camera | None = None,
+        preview_scene: "Callable[..., Scene | None]" = lambda paths, **_: None,
     ):
         self._clock, self._start = clock, start
-        self.size = size
+        self.size = self.window_size = size
         self._resized = -_RESIZED
         self.scene: Scene | None = None
         self.notices = Notices(clock)
-        self.loads = loading.ScanLoads(self.notices, open_scene, wake)
+        self.loads = loading.ScanLoads(self.notices, open_scene, wake, preview_scene)
         self.loads.prepare = lambda paths: self.work.begin(paths)
         self.flight = Flight(clock)
         self.picture = Picture()
@@ -74,8 +83,13 @@ class Session:
         self.work = Work()
         self.origin, self.density = (0, 0), 1.0
         self.pointer: tuple[float, float] | None = None
+        self.point: np.ndarray | None = None
+        self.paths: tuple[Path, ...] = ()
+        self.preview = self.lost = False
         self.dragging_handle = False
-        self.help, self.interface, self.panel = False, True, True
+        self.help, self.interface, self.profiler = False, True, False
+        self.panels = Panels()
+        self.layout = Layout(Rect(0.0, 0.0, *map(float, size)))
         self.recording: FrameTimes | None = None
         self._shown_at: deque[tuple[float, tuple[int, int]]] = deque()  # of pictures whose cost is not known yet
 
@@ -117,10 +131,12 @@ class Session:
         self.shown(plan, hides="occlusion" in stats, approximations=stats["approximations"])
         self.learn(plan, stats)
 
-    def shown(self, plan: Plan, *, hides: bool, approximations: Sequence[str]) -> None:
-        """A picture was made as planned, and what it cost is told later, in the order that pictures were made.  hides: hidden
-        cells were left out indeed."""
-        self.picture.drew(plan, hides=hides, approximations=approximations)
+    def shown(self, plan: Plan, *, hides: bool, approximations: Sequence[str], shown: tuple[str, ...] | None = None,
+              pending: bool = False) -> None:
+        """A picture was made as planned; :meth:`learn` is called later, in the order that pictures were made.  hides: hidden
+        cells were left out indeed.  shown: the views on the screen where they are not the planned ones; pending: those
+        follow, when the network has run or more points have arrived."""
+        self.picture.drew(plan, hides=hides, approximations=approximations, shown=shown, pending=pending)
         self.view_settings.worked()
         self._shown_at.append((self._clock(), self.size))
 
@@ -131,10 +147,34 @@ class Session:
         if self.recording is not None:
             self.recording.add(now, stats, size, plan.views)
 
+    def completed(self, approximations: Sequence[str], stats: dict) -> None:
+        """The network of the last picture has run and its view is on the screen."""
+        plan = self.picture.pending
+        self.picture.completed(approximations, stats)
+        if self.recording is not None and plan is not None:
+            self.recording.add(self._clock(), stats, self.size, plan.views)
+
+    @property
+    def exact(self) -> bool:
+        """Whether the picture on the screen is what the settings ask for, with nothing left out."""
+        made, full = self.picture.made, self.full_plan
+        return (made is not None and not self.refining and not made.hides
+                and (made.views, made.level, made.scale) == (full.views, full.level, full.scale)
+                and not (self.picture.stats or {}).get("points_missing"))
+
+    @property
+    def refining(self) -> bool:
+        """Whether a better picture than that on the screen will follow by itself."""
+        if self.scene is None or min(self.size) == 0:
+            return False
+        coming = self.picture.pending is not None or self.drawn != self.view_settings.sides
+        return coming or self.flight.moving or self.needs_picture
+
     def failed(self, text: str) -> None:
         """A picture could not be made: says so and goes back to the settings that worked last."""
         self.notices.say("This picture cannot be made", text)
         self._shown_at.clear()
+        self.picture.pending = None
         back = self.view_settings.fall_back()
         # with nothing left to try the window shows no picture until something changes
         self.picture.dirty, self.picture.made = back, None if back else self.plan
@@ -149,8 +189,14 @@ class Session:
     def approximations(self) -> list[str]:
         """Everything about the picture on the screen that is not exact, in words."""
         made = list(self.picture.approximations)
+        picture = self.picture.made
+        if picture is not None and picture.scale < 1.0:
+            made.append(f"internal resolution {100 * picture.scale:.0f} %")
         if self.drawn != self.view_settings.sides and "neural" in self.view_settings.sides:
-            made.append("filled while moving" if self._resizing_for <= 0 else "filled while resizing")
+            resizing = "while resizing" if self._resizing_for > 0 else "until the network has run"
+            made.append(f"filled {'while moving' if self.flight.moving else resizing}")
+        elif self.picture.pending is not None:
+            made.append("network running: this picture has the settings before")
         return made
 
     # -- time and movement -------------------------------------------------------------------------------------------
@@ -214,7 +260,29 @@ class Session:
         self.dragging_handle = False
 
     def resize(self, size: tuple[int, int]) -> None:
-        """The framebuffer's size in pixels; (0, 0) while minimised."""
+        """The framebuffer's size in pixels; (0, 0) while minimised.  The picture has all of it until :meth:`arrange`."""
+        if size != self.window_size:
+            self.window_size = size
+            self._place((0, 0), size)
+
+    def arrange(self, scale: float) -> None:
+        """Gives the picture the space that panels and status bar leave.  scale: interface pixels per design unit."""
+        if min(self.window_size) == 0:
+            return
+        width, height = (pixels / self.density for pixels in self.window_size)
+        self.panels.fit(width, scale)
+        if self.scene is None or not self.interface:
+            self.layout = Layout(Rect(0.0, 0.0, width, height))
+        else:
+            self.layout = arrange(width, height, scale, self.panels)
+        picture = self.layout.picture
+        left, top = round(picture.left * self.density), round(picture.top * self.density)
+        right = round((picture.left + picture.width) * self.density)
+        bottom = round((picture.top + picture.height) * self.density)
+        self._place((left, top), (max(right - left, 1), max(bottom - top, 1)))
+
+    def _place(self, origin: tuple[int, int], size: tuple[int, int]) -> None:
+        self.origin = origin
         if size != self.size:
             self.size, self._resized = size, self._clock()
             self.picture.renew()
@@ -222,8 +290,15 @@ class Session:
     # -- scenes ------------------------------------------------------------------------------------------------------
 
     def open(self, paths: Sequence[Path]) -> None:
-        """Opens ``paths`` as one scene."""
+        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them."""
         self.loads.open(paths)
+
+    def act_on_notice(self, action: str) -> None:
+        """Does what a ScanNotice offers."""
+        if action == "as_scanned":
+            self.loads.open(self.paths, as_scanned=True)
+        elif action == "open_fully":
+            self.loads.open(self.paths)
 
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
@@ -231,24 +306,51 @@ class Session:
         return self.loads.poll()
 
     def accept(self, loaded: loading.Loaded) -> None:
-        """The scene was uploaded: visit it."""
-        self.scene = loaded.scene
+        """The scene was uploaded: visit it.  After its preview, and with other colours, the camera stays where it is."""
+        stays = self.scene is not None and (loaded.follows_preview or (bool(loaded.paths) and loaded.paths == self.paths))
+        self.scene, self.paths, self.preview = loaded.scene, loaded.paths, loaded.preview
         self._shown_at.clear()
-        width, height = self.size if min(self.size) > 0 else (16, 9)
-        state, start = start_state(loaded.scene, loaded.seen, width / height), self._start
-        if start is not None:
-            state, self._start = looking(start.position, start.view_rotation[2], state.speed), None
-        document = self.work.accept()
-        if document.view is not None:
-            seen_from = document.view.camera(16, 9)
-            state = looking(seen_from.position, seen_from.view_rotation[2], state.speed)
-            self.view_settings.request(document.settings)
-            self.view_settings.background = document.background
-        self.flight.begin(state, loaded.seen)
+        self.point = None
+        document = self.work.document if stays and not self.work.opens_project else self.work.accept()
+        if stays:
+            self.flight.continue_in(loaded.seen)
+        else:
+            width, height = self.size if min(self.size) > 0 else (16, 9)
+            state, start = start_state(loaded.scene, loaded.seen, width / height), self._start
+            if start is not None:
+                state, self._start = looking(start.position, start.view_rotation[2], state.speed), None
+            if document.view is not None:
+                seen_from = document.view.camera(16, 9)
+                state = looking(seen_from.position, seen_from.view_rotation[2], state.speed)
+                self.view_settings.request(document.settings)
+                self.view_settings.background = document.background
+            self.flight.begin(state, loaded.seen)
         self.picture.begin(loaded.scene.count)
         self.notices.leave_scene()
-        for note in loading.notes(loaded.scene.meta)[:3]:
-            self.notices.toast(note, seconds=_NOTE_SECONDS, of_scene=True)
+        if loaded.preview:
+            return
+        self.notices.of_scan = loading.scan_notices(loaded.scene.meta)
+        if dark := darkness(loaded.seen):
+            self.notices.of_scan.append(dark)
+        for notice in self.notices.of_scan[:2]:
+            self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
+
+    def close_scene(self) -> None:
+        """Back to the start page.  The viewport must release its renderer before."""
+        self.loads.cancel()
+        self.scene, self.paths, self.preview, self.point = None, (), False, None
+        self.flight.let_go()
+        self.notices.leave_scene()
+        self.picture.begin(0)
+        self._shown_at.clear()
+
+    @property
+    def direction_to_scene(self) -> np.ndarray:
+        """(2,) unit vector, right and down in the picture, in which the scene lies."""
+        camera = self.camera
+        x, y, z = camera.view_rotation @ (self.flight.middle - camera.position)
+        length = float(np.hypot(x, y))
+        return np.array([x, y]) / length if length > 1e-9 * abs(z) + 1e-300 else np.array([0.0, -1.0])
 
     @property
     def title(self) -> str:
@@ -259,9 +361,12 @@ class Session:
         return Path(sources[0]).name + (f" and {len(sources) - 1} more" if len(sources) > 1 else "")
 
     def cancel_load(self) -> None:
-        """Gives the load under way up and says so; the scene stays."""
+        """Gives the load under way up and says so; the scene stays, and so does a preview."""
         self.loads.cancel()
         self.notices.toast("Loading cancelled")
+        if self.preview:
+            text = f"This is a preview of {counted(self.scene.count, 'point')}." if self.scene is not None else ""
+            self.notices.of_scan = [ScanNotice(text, "open_fully", "Load all points")]
 
     def close(self) -> None:
         """Stops workers, and waits until what they were writing is gone."""

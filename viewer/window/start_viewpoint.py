@@ -11,6 +11,7 @@ import numpy as np
 
 from viewer.camera import Camera, from_fov
 from viewer.window.navigation import FlyState, looking
+from viewer.window.notices import ScanNotice
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -21,6 +22,7 @@ EYE_HEIGHT = 1.6  # metres
 _SAMPLE = 400_000
 _TOO_COARSE = 0.12  # metres between points: from there on, what stands at eye height cannot be made out
 _BLACK = 8  # of 255
+_DARK = 0.22  # median level below which a scan counts as dark
 _CANDIDATES = 40  # places to stand that are looked around from
 _AZIMUTHS = 72
 _CROSSING = 12.0  # seconds to fly across the scene
@@ -30,7 +32,8 @@ _CROSSING = 12.0  # seconds to fly across the scene
 class Survey:
     """points: (n, 3) float64.  lit: (n,) bool, not black: nobody photographed the black ones.
     low, high: (3,) float64, where 98 % of them lie along each axis.
-    spacing, metre, speed: file units (a second).  limits: slowest and fastest flying speed."""
+    spacing, metre, speed: file units (a second).  limits: slowest and fastest flying speed.
+    brightness: median level of the lit points, 0 to 1."""
 
     points: np.ndarray
     lit: np.ndarray
@@ -40,6 +43,7 @@ class Survey:
     metre: float
     speed: float
     limits: tuple[float, float]
+    brightness: float = 0.5
 
 
 def survey(scene: "Scene") -> Survey:
@@ -55,7 +59,18 @@ def survey(scene: "Scene") -> Survey:
     diagonal = max(float(np.linalg.norm(high - low)), 10 * scene.step)
     spacing = min(max(float(scene.spacing), scene.step), diagonal)
     speed = max(diagonal / _CROSSING, 5 * spacing)
-    return Survey(points, rgb.max(axis=1) > _BLACK, low, high, spacing, metre, speed, (min(spacing, speed) / 4, 4 * diagonal))
+    level = rgb.max(axis=1)
+    lit = level > _BLACK
+    brightness = float(np.median(level[lit])) / 255 if lit.any() else 0.0
+    limits = (min(spacing, speed) / 4, 4 * diagonal)
+    return Survey(points, lit, low, high, spacing, metre, speed, limits, brightness)
+
+
+def darkness(seen: Survey) -> ScanNotice | None:
+    """A notice about a scan whose points are dark, else None."""
+    if seen.brightness >= _DARK:
+        return None
+    return ScanNotice(f"This scan is dark: half of its points are below {100 * seen.brightness:.0f} % of full brightness.")
 
 
 def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:

@@ -1,6 +1,7 @@
-"""How the interface looks: one dark, quiet style, one accent, one typeface, at any pixel density.
+"""How the interface looks: one dark style, one accent colour, one typeface, at any pixel density.
 
-Sizes are logical pixels at scale 1; ``scale`` is pixels of the window per logical pixel.
+Sizes are logical pixels at scale 1; ``scale`` is pixels of the window per logical pixel.  Contrast (WCAG 2.1) is at least
+4.5:1 for text and 3:1 for the edge or body of every control; tests/unit/test_window_theme.py computes it.
 """
 
 from pathlib import Path
@@ -10,8 +11,6 @@ from imgui_bundle import ImVec2, ImVec4, imgui
 FONT_SIZE = 16.0
 SMALL = 14.0
 TITLE = 20.0
-NARROW = 660.0
-"""Logical pixels of the window below which figures and panel have not room side by side: the panel takes it alone."""
 
 
 def _colour(text: str, alpha: float = 1.0) -> ImVec4:
@@ -22,12 +21,14 @@ def _colour(text: str, alpha: float = 1.0) -> ImVec4:
 TEXT = _colour("#E9EBEE")
 DIM = _colour("#A3A9B3")
 ACCENT = _colour("#5CC4C0")
+SLIDER = _colour("#4AA39F")
 ACCENT_TEXT = _colour("#0E1B1B")
-PANEL = _colour("#1D2025", 0.94)
+PANEL = _colour("#1D2025", 0.96)
 FIELD = _colour("#2C3038")
 FIELD_OVER = _colour("#383D47")
 FIELD_DOWN = _colour("#454B57")
 LINE = _colour("#3A3F49")
+EDGE = _colour("#828996")
 WARN = _colour("#F0B95B")
 BAD = _colour("#F27A76")
 SHADE = _colour("#0B0D10", 0.75)
@@ -79,23 +80,44 @@ class Theme:
         style.frame_rounding, style.grab_rounding = 5, 4
         style.scrollbar_size, style.scrollbar_rounding = 10, 5
         style.grab_min_size = 14
-        style.window_border_size, style.popup_border_size, style.frame_border_size = 1, 1, 0
+        style.window_border_size, style.popup_border_size, style.frame_border_size = 0, 1, 1
         style.window_title_align = ImVec2(0.0, 0.5)
         style.separator_text_border_size = 1
         style.separator_text_padding = ImVec2(0, 6)
         colours = {
             "text": TEXT, "text_disabled": DIM, "window_bg": PANEL, "popup_bg": _colour("#23262C", 0.98),
-            "border": LINE, "separator": LINE, "frame_bg": FIELD, "frame_bg_hovered": FIELD_OVER,
+            "border": EDGE, "separator": LINE, "frame_bg": FIELD, "frame_bg_hovered": FIELD_OVER,
             "frame_bg_active": FIELD_DOWN, "button": FIELD, "button_hovered": FIELD_OVER, "button_active": FIELD_DOWN,
             "header": _colour("#5CC4C0", 0.28), "header_hovered": FIELD_OVER, "header_active": FIELD_DOWN, "check_mark": ACCENT,
-            "slider_grab": _colour("#5CC4C0", 0.5), "slider_grab_active": _colour("#5CC4C0", 0.7),
+            "slider_grab": SLIDER, "slider_grab_active": ACCENT,
             "plot_histogram": ACCENT, "nav_cursor": ACCENT,
             "text_selected_bg": _colour("#5CC4C0", 0.35), "modal_window_dim_bg": _colour("#000000", 0.45),
             "title_bg": PANEL, "title_bg_active": PANEL, "scrollbar_bg": _colour("#000000", 0.0),
-            "scrollbar_grab": FIELD_DOWN,
+            "scrollbar_grab": EDGE,
         }  # fmt: skip
         for name, value in colours.items():
             style.set_color_(getattr(imgui.Col_, name), value)
+
+
+def luminance(colour: ImVec4) -> float:
+    """Relative luminance (WCAG 2.1) of an opaque sRGB colour, 0 to 1."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in (colour.x, colour.y, colour.z)]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(one: ImVec4, other: ImVec4) -> float:
+    """Contrast ratio (WCAG 2.1) of two opaque colours, 1 to 21."""
+    dark, light = sorted((luminance(one), luminance(other)))
+    return (light + 0.05) / (dark + 0.05)
+
+
+def over(colour: ImVec4, behind: ImVec4) -> ImVec4:
+    """A colour laid over an opaque one."""
+    share = colour.w
+    red, green, blue = (
+        share * a + (1 - share) * b for a, b in zip((colour.x, colour.y, colour.z), (behind.x, behind.y, behind.z))
+    )
+    return ImVec4(red, green, blue, 1.0)
 
 
 def packed(colour: ImVec4, alpha: float | None = None) -> int:

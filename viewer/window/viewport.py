@@ -24,6 +24,7 @@ from viewer.window.session import Session
 if TYPE_CHECKING:
     import moderngl
 
+    from viewer.camera import Camera
     from viewer.grid.scene import Scene
     from viewer.render.frame import Frame
     from viewer.render.renderer import Renderer
@@ -33,11 +34,18 @@ _NO_MEMORY = "not enough memory for its points"
 _UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
 
 
+def scaled(camera: "Camera", scale: float) -> "Camera":
+    """The same view with sides of ``scale`` times the pixels."""
+    if scale == 1.0:
+        return camera
+    return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
+
+
 class Viewport:
     """Makes the pictures that a session plans, and tells it what came of them.
 
-    renderer: of the scene shown, None at first.  canvas: what the window shows, None until something was
-    shown.  frame: the last picture that the renderer made.
+    renderer: of the scene shown, None at first.  frame: the last picture, None where there is none.
+    canvas: what the window shows, None until something was shown.
     memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
     """
 
@@ -53,6 +61,7 @@ class Viewport:
         self._untold: tuple[Plan, Frame] | None = None  # of a picture whose cost the session has not heard
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
+        self._points_read: np.ndarray | None = None  # depth of the last picture, read when it is first asked for
         self._problem: str | None = None
         self._intervals: deque[float] = deque(maxlen=20)
         self._last_picture = 0.0
@@ -101,6 +110,14 @@ class Viewport:
     def _forget(self, renderer: "Renderer | None") -> None:
         """Takes another renderer, of which there is no picture yet."""
         self.renderer, self.frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
+        self._points_read = None
+
+    def clear(self) -> None:
+        """Releases the scene; the canvas shows the background."""
+        if self.renderer is not None:
+            self.renderer.release()
+        self._forget(None)
+        self._intervals.clear()
 
     def note_arrivals(self) -> bool:
         """While no picture moves, which would take in its own: takes in points that have come, has the picture made again if it
@@ -124,16 +141,18 @@ class Viewport:
         if renderer is None:
             return
         plan = session.plan
+        views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
         try:
             self.frame = renderer.render(
-                session.camera, replace(session.view_settings.settings, lod=plan.level), self._with_measured(plan.views),
-                self._seen if plan.hides else None, streaming=True, edits=session.work.edits,
+                scaled(session.camera, plan.scale), replace(session.view_settings.settings, lod=plan.level),
+                self._with_measured(views), self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
+                edits=session.work.edits,
             )  # fmt: skip
         except (PointglassError, MemoryError) as error:
             self.frame = self._untold = None
             session.failed(str(error) or _NO_MEMORY)
             return
-        self._shown = plan.views
+        self._shown = tuple(view if view in self.frame.textures else "filled" for view in plan.views)
         now = perf_counter()
         if now - self._last_picture < 1.0:
             self._intervals.append(now - self._last_picture)
@@ -141,6 +160,8 @@ class Viewport:
             self._intervals.clear()
         self._last_picture = now
         self._tell(plan, self.frame)
+        self._points_read = None
+        session.lost = self._empty(self.frame, plan)
         if (problem := renderer.pages.problem) != self._problem:
             self._problem = problem
             if problem:
@@ -152,6 +173,43 @@ class Viewport:
         more = ("filtered",) if work.tint or (work.document.lock_measured and "neural" in views) else ()
         return tuple(dict.fromkeys((*views, *more)))
 
+    def _empty(self, frame: "Frame", plan: "Plan") -> bool:
+        """Whether a picture shows no point; only looked at at rest, and never while points are missing."""
+        if plan.moving:
+            return False
+        return not frame.facts["points_missing"] and not np.isfinite(frame.depth()).any()
+
+    def measured_point(self, position: tuple[float, float] | None) -> np.ndarray | None:
+        """(3,) file coordinates: the nearest measured surface at a position in pixels of the picture, at rest; else None."""
+        frame, session = self.frame, self._session
+        if position is None or frame is None or session.flight.moving or session.needs_picture:
+            return None
+        column, row = int(np.floor(position[0])), int(np.floor(position[1]))
+        texture = frame.depth_texture
+        if texture.size != session.size or not (0 <= column < texture.width and 0 <= row < texture.height):
+            return None
+        if self._points_read is None:
+            self._points_read = frame.depth()
+        depth = float(self._points_read[row, column])
+        return session.camera.unproject([(column + 0.5, row + 0.5)], depth)[0] if np.isfinite(depth) else None
+
+    def finish_network(self) -> bool:
+        """Shows the neural view of the last picture if its network has ended since.  Returns whether it did."""
+        plan, frame, renderer = self._session.picture.pending, self.frame, self.renderer
+        if plan is None or frame is None or renderer is None or self._session.needs_picture:
+            return False
+        try:
+            if not renderer.finish_network(frame):
+                return False
+        except PointglassError as error:
+            self.frame = self._untold = None
+            self._session.failed(str(error))
+            return True
+        self._shown = plan.views
+        stats = frame.stats
+        self._session.completed(stats["approximations"], stats)
+        return True
+
     def _tell(self, plan: "Plan", frame: "Frame") -> None:
         """Tells the session that a picture was made, and what it cost: while something moves, where that is known without
         keeping the GPU waiting, which is when the next one is on its way."""
@@ -160,8 +218,14 @@ class Viewport:
             facts = frame.facts
             self._session.shown(plan, hides="occlusion" in facts, approximations=facts["approximations"])
             self._untold = plan, frame
-        else:
-            self._session.drew(plan, frame.stats)
+            return
+        stats, pending = frame.stats, "network_pending" in frame.facts
+        if not pending:
+            self._session.drew(plan, stats)
+            return
+        self._session.shown(plan, hides="occlusion" in stats, approximations=stats["approximations"],
+                            shown=self._shown, pending=True)
+        self._session.learn(plan, stats)
 
     def settle(self) -> None:
         """Tells what the last picture of a movement cost, which no other follows."""
@@ -177,18 +241,16 @@ class Viewport:
         return len(self._intervals) / max(sum(self._intervals), 1e-9)
 
     def show(self) -> Canvas:
-        """The last picture, or the background where there is none, on a canvas of the framebuffer's size."""
-        size, chosen = self._session.size, self._session.view_settings
-        split_at, background = chosen.split_at, chosen.background
-        if self.canvas is None or self.canvas.size != size:
+        """The last picture in its place, or the background where there is none, on a canvas of the window's size."""
+        session, chosen = self._session, self._session.view_settings
+        if self.canvas is None or self.canvas.size != session.window_size:
             if self.canvas is not None:
                 self.canvas.release()
-            self.canvas = Canvas(self._context, self._programs, size)
+            self.canvas = Canvas(self._context, self._programs, session.window_size)
+        area = (*session.origin, *session.size)
         sides = [self._developed(view) for view in self._shown] if self.frame is not None else []
-        if len(sides) == 2:
-            self.canvas.show(sides[0], sides[1], split_column(split_at, size[0]), background)
-        else:
-            self.canvas.show(sides[0] if sides else None, background=background)
+        column = split_column(chosen.split_at, session.size[0])
+        self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
         return self.canvas
 
     def _developed(self, view: str) -> "moderngl.Texture":
@@ -196,6 +258,15 @@ class Viewport:
         assert self.frame is not None
         work = self._session.work
         return self._views.texture(self.frame, view, work.document.look, tint=work.tint, lock=work.document.lock_measured)
+
+    def shown_picture(self) -> np.ndarray | None:
+        """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
+        if self.frame is None or not self._shown:
+            return None
+        try:
+            return composite(read_picture(self._developed(self._shown[-1])), self._session.view_settings.background)
+        except Exception:  # a lost context has no picture; this is only a thumbnail
+            return None
 
     def full_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: what is shown, without the interface and at full quality; None without a scene.
@@ -206,10 +277,13 @@ class Viewport:
         if self.renderer is None or min(session.size) == 0:
             return None
         plan, sides, background = session.full_plan, session.view_settings.sides, session.view_settings.background
-        frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides),
-                                     edits=session.work.edits)
-        self.frame, self._shown = frame, sides
-        self._tell(plan, frame)
+        if self.frame is not None and session.exact:
+            frame = self.frame
+        else:
+            frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides),
+                                         edits=session.work.edits)
+            self.frame, self._shown = frame, sides
+            self._tell(plan, frame)
         images = [read_picture(self._developed(view)) for view in sides]
         image = composite(images[0], background)
         if len(sides) == 2:

@@ -65,6 +65,11 @@ class Work:
     def _drawn_anew(self, before: Document) -> bool:
         return any(getattr(before, name) != getattr(self.document, name) for name in _DRAWN_ANEW)
 
+    @property
+    def opens_project(self) -> bool:
+        """Whether what is being opened is a project."""
+        return self._next[1] is not None
+
     def begin(self, paths: Sequence[Path]) -> list[Path]:
         """Scans, or one project, are to be opened.  Returns the scans to read: of a project those that are visible.
 

@@ -1,4 +1,4 @@
-"""Long work on a thread of its own, watched from the window: what it does, how far it is, a way to stop it."""
+"""Long work on a thread of its own, watched from the window: what it does, its progress, and a way to stop it."""
 
 import threading
 import traceback
@@ -10,14 +10,15 @@ from viewer.progress import set_sink
 
 
 class Worker:
-    """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) when it has ended.
+    """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) when it has ended.  start: at once, not by
+    :meth:`start`.
 
-    title: what it is all about.  label, done, total: the latest progress (total 0: unknown).
+    title: what it does as a whole.  label, done, total: the latest progress (total 0: unknown).
     finished: result or error are there.
     error: the one line a person reads, or None.  cancelled: asked to stop; its result must not be used.
     """
 
-    def __init__(self, work: Callable[[], Any], title: str, wake: Callable[[], None] = lambda: None):
+    def __init__(self, work: Callable[[], Any], title: str, wake: Callable[[], None] = lambda: None, *, start: bool = True):
         self.title, self.label, self.done, self.total = title, "", 0, 0
         self.result: Any = None
         self.error: str | None = None
@@ -25,6 +26,11 @@ class Worker:
         self._wake = wake
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(work,), name=f"pointglass {title}", daemon=True)
+        if start:
+            self._thread.start()
+
+    def start(self) -> None:
+        """Starts work that was made with ``start=False``."""
         self._thread.start()
 
     @property

@@ -19,7 +19,7 @@ class WhatIsReal(Tool):
 
     def __init__(self) -> None:
         self._frame: Frame | None = None
-        self._view = ""
+        self._seen = ("", False)  # the view of it that was counted, and whether its network was still running
         self.shares: Shares | None = None
 
     def selected(self, context: ToolContext) -> None:
@@ -34,13 +34,14 @@ class WhatIsReal(Tool):
     def _count(self, context: ToolContext) -> None:
         """Counts the pixels of the picture at rest, once per picture; while something moves the last numbers stay."""
         frame, view = context.viewport.frame, context.session.drawn[-1]
-        if frame is None or context.session.flight.moving or (frame is self._frame and view == self._view):
+        if frame is None or context.session.flight.moving or view not in frame.textures:
             return
-        if view not in frame.textures:
+        pending = bool(frame.facts.get("network_pending"))
+        if frame is self._frame and (view, pending) == self._seen:
             return
         measured = frame.image("filtered") if "filtered" in frame.textures else None
         self.shares = shares(view, frame.image(view), frame.mask(), measured)
-        self._frame, self._view = frame, view
+        self._frame, self._seen = frame, (view, pending)
 
     def lines(self) -> list[tuple[int, str]]:
         """(provenance, text) of the legend's rows; repainted only where there is such a pixel."""

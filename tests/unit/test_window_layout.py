@@ -1,0 +1,75 @@
+"""The layout without a window: what the picture gets, and when panels fold.  Recent scans, kept on disk."""
+
+import numpy as np
+import pytest
+
+from viewer.window.layout import LOOK, NARROW, RAIL, SCENES, Panels, arrange
+from viewer.window.recent import MOST, load_thumbnail, recent_scans, remember
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_nothing_overlaps_and_nothing_lies_outside_the_window(seed):
+    rng = np.random.default_rng(seed)
+    scale = float(rng.choice([1.0, 1.5, 2.0]))
+    width, height = float(rng.integers(320, 4000)), float(rng.integers(200, 2200))
+    panels = Panels(bool(rng.integers(2)), bool(rng.integers(2)))
+    made = arrange(width, height, scale, panels)
+    assert made.scenes is not None and made.look is not None and made.status is not None
+    for rect in (made.picture, made.scenes, made.look, made.status):
+        assert rect.left >= 0 and rect.top >= 0 and rect.width > 0 and rect.height > 0
+        assert rect.left + rect.width <= width + 1e-9 and rect.top + rect.height <= height + 1e-9
+    assert made.picture.top + made.picture.height <= made.status.top + 1e-9
+    if not made.covering:
+        assert made.scenes.width <= made.picture.left + 1e-9
+        assert made.picture.left + made.picture.width <= made.look.left + 1e-9
+    used = made.picture.width + made.picture.left + (width - made.picture.left - made.picture.width)
+    assert used == pytest.approx(width)
+
+
+def test_open_panels_take_their_width_and_folded_ones_a_rail():
+    made = arrange(1600.0, 900.0, 1.0, Panels(True, False))
+    assert (made.picture.left, made.picture.width) == (SCENES, 1600.0 - SCENES - RAIL)
+    made = arrange(1600.0, 900.0, 1.0, Panels(False, True))
+    assert (made.picture.left, made.picture.width) == (RAIL, 1600.0 - RAIL - LOOK)
+
+
+def test_panels_fold_once_where_it_becomes_narrow_and_open_again_as_they_were():
+    panels = Panels(True, False)
+    panels.fit(NARROW + 1, 1.0)
+    assert (panels.scenes, panels.look) == (True, False)
+    panels.fit(NARROW - 1, 1.0)
+    assert (panels.scenes, panels.look) == (False, False)
+    panels.look = True  # opened by hand: it stays
+    panels.fit(NARROW - 50, 1.0)
+    assert panels.look
+    panels.fit(NARROW + 1, 1.0)
+    assert (panels.scenes, panels.look) == (True, True)
+    panels.fit(1.5 * NARROW, 2.0)
+    assert (panels.scenes, panels.look) == (False, False), "narrow by the screen's scale"
+
+
+def test_recent_scans_are_the_latest_first_each_once_and_keep_their_thumbnail(tmp_path, monkeypatch):
+    monkeypatch.setenv("POINTGLASS_STATE", str(tmp_path / "state"))
+    assert recent_scans() == []
+    rng = np.random.default_rng()
+    picture = rng.integers(0, 255, (90, 400, 3), np.uint8)
+    files = [tmp_path / f"{number}.laz" for number in range(MOST + 3)]
+    for number, file in enumerate(files):
+        remember([file], file.name, number, picture)
+    remember([files[5]], "again", 99, None)
+    kept = recent_scans()
+    assert len(kept) == MOST and kept[0].title == "again" and kept[1].title == files[-1].name
+    shown = load_thumbnail(kept[0])
+    assert shown is not None and shown.shape == (200, 320, 3), "the thumbnail of the first visit"
+    pictures = {path.name for path in (tmp_path / "state").glob("*.png")}
+    assert pictures == {scan.thumbnail.name for scan in kept}, "those of forgotten scans are gone"
+    assert not list((tmp_path / "state").glob("*.partial")) and kept[0].missing.startswith(str(files[5]))
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", '[{"paths": 3}]', "null"])
+def test_a_damaged_list_of_recent_scans_is_empty_and_is_written_anew(tmp_path, monkeypatch, text):
+    monkeypatch.setenv("POINTGLASS_STATE", str(tmp_path))
+    (tmp_path / "recent.json").write_text(text)
+    assert recent_scans() == []
+    remember([tmp_path / "a.laz"], "a", 1, None)
+    assert [scan.title for scan in recent_scans()] == ["a"]

@@ -1,0 +1,102 @@
+"""Runs the network on a thread of its own, one picture at a time, so that whoever draws the interface never waits for it.
+
+No OpenGL here: the caller reads the packed input back before, and uploads the result after.  torch releases Python's lock
+while it computes.
+"""
+
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+_NICENESS = 5
+"""Added to the thread's niceness where the system has one per thread (Linux): the interface goes first on few cores."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """One run.  serial: as given to :meth:`NetworkThread.start`.  made: what the work returned, None where it failed.
+    milliseconds: of the run.  error: what was raised, or None."""
+
+    serial: int
+    made: np.ndarray | None
+    milliseconds: float
+    error: BaseException | None = None
+
+
+class NetworkThread:
+    """One worker thread, started with the first run.  A run under way cannot be interrupted; of those that wait only the
+    latest is kept.
+
+    lock: held during a run.  Hold it to run the same network on another thread.
+    """
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self._state = threading.Condition()
+        self._waiting: tuple[int, Callable[[], np.ndarray], Callable[[], None]] | None = None
+        self._running: int | None = None
+        self._finished: Finished | None = None
+        self._thread: threading.Thread | None = None
+        self._closed = False
+
+    def start(self, serial: int, work: Callable[[], np.ndarray], wake: Callable[[], None]) -> None:
+        """Runs ``work`` as soon as the run before it has ended.  wake: called on the thread when it has."""
+        with self._state:
+            self._waiting, self._finished = (serial, work, wake), None
+            if self._thread is None:
+                self._thread = threading.Thread(target=self._loop, name="pointglass network", daemon=True)
+                self._thread.start()
+            self._state.notify_all()
+
+    def take(self, serial: int) -> Finished | None:
+        """The run ``serial`` if it has ended, else None.  Older results are dropped."""
+        with self._state:
+            done = self._finished
+            if done is None:
+                return None
+            self._finished = None
+            return done if done.serial == serial else None
+
+    def drop_waiting(self) -> None:
+        """Forgets the run that has not begun and the result that was not taken."""
+        with self._state:
+            self._waiting = self._finished = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a run is under way or waits."""
+        with self._state:
+            return self._running is not None or self._waiting is not None
+
+    def close(self) -> None:
+        """Ends the thread after the run under way; does not wait for it."""
+        with self._state:
+            self._waiting, self._finished, self._closed = None, None, True
+            self._state.notify_all()
+
+    def _loop(self) -> None:
+        if hasattr(os, "setpriority") and os.uname().sysname == "Linux":
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+        while True:
+            with self._state:
+                self._state.wait_for(lambda: self._waiting is not None or self._closed)
+                if self._waiting is None:
+                    return
+                (serial, work, wake), self._waiting = self._waiting, None
+                self._running = serial
+            begun, made, failed = perf_counter(), None, None
+            try:
+                with self.lock:
+                    begun = perf_counter()
+                    made = work()
+            except BaseException as error:  # raised again where the result is taken
+                failed = error
+            with self._state:
+                self._running = None
+                if self._waiting is None and not self._closed:
+                    self._finished = Finished(serial, made, (perf_counter() - begun) * 1e3, failed)
+            wake()

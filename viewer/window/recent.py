@@ -1,0 +1,107 @@
+"""Recent scans with a thumbnail each, kept in the user's state folder (POINTGLASS_STATE if set).
+
+``recent.json`` is a list, the latest first; thumbnails are PNG files beside it.  Both are written atomically.  A damaged or
+unreadable list counts as empty: it is a convenience, and the next scan writes it anew.
+"""
+
+import hashlib
+import io
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from model.common.atomic_write import write_whole
+
+MOST = 12
+"""Scans that are remembered."""
+THUMBNAIL = (320, 200)
+"""Pixels."""
+_FILE = "recent.json"
+
+
+def state_dir() -> Path:
+    """Folder of what the window remembers: POINTGLASS_STATE if set, else the user's state folder.  Not created here."""
+    if configured := os.environ.get("POINTGLASS_STATE"):
+        return Path(configured).expanduser()
+    from platformdirs import user_state_path
+
+    return user_state_path("pointglass", appauthor=False)
+
+
+@dataclass(frozen=True)
+class RecentScan:
+    """paths: absolute, as opened together.  title: in a few words.  points: their number."""
+
+    paths: tuple[str, ...]
+    title: str
+    points: int
+
+    @property
+    def thumbnail(self) -> Path:
+        """Its picture, which may be missing."""
+        name = hashlib.sha256("\n".join(self.paths).encode()).hexdigest()[:24]
+        return state_dir() / f"{name}.png"
+
+    @property
+    def missing(self) -> str:
+        """Why it cannot be opened, "" where all of its files are there."""
+        gone = [path for path in self.paths if not Path(path).exists()]
+        return f"{gone[0]} is not there any more" if gone else ""
+
+
+def recent_scans() -> list[RecentScan]:
+    """The scans remembered, the latest first."""
+    try:
+        rows = json.loads((state_dir() / _FILE).read_text("utf-8"))
+        return [RecentScan(tuple(map(str, row["paths"])), str(row["title"]), int(row["points"])) for row in rows][:MOST]
+    except (OSError, ValueError, TypeError, KeyError):
+        return []
+
+
+def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | None) -> None:
+    """Puts a scan first in the list, with a thumbnail of ``picture`` (H, W, 3) uint8 where there is one.
+
+    What cannot be written is left out: closing a scan must not fail for want of a thumbnail.
+    """
+    scan = RecentScan(tuple(str(path.absolute()) for path in paths), title, points)
+    before = recent_scans()
+    kept = [scan, *(other for other in before if other.paths != scan.paths)][:MOST]
+    try:
+        state_dir().mkdir(parents=True, exist_ok=True)
+        if picture is not None:
+            _save_thumbnail(scan.thumbnail, picture)
+        text = json.dumps([asdict(row) for row in kept], indent=1)
+        write_whole(state_dir() / _FILE, lambda beside: beside.write_text(text, "utf-8"))
+        for gone in set(before) - set(kept):
+            if gone.paths != scan.paths:
+                gone.thumbnail.unlink(missing_ok=True)
+    except OSError:
+        return
+
+
+def _save_thumbnail(path: Path, picture: np.ndarray) -> None:
+    """The middle of the picture in the thumbnail's aspect ratio, reduced."""
+    from PIL import Image
+
+    height, width = picture.shape[:2]
+    across = min(width, round(height * THUMBNAIL[0] / THUMBNAIL[1]))
+    down = min(height, round(width * THUMBNAIL[1] / THUMBNAIL[0]))
+    left, top = (width - across) // 2, (height - down) // 2
+    image = Image.fromarray(np.ascontiguousarray(picture[top : top + down, left : left + across]))
+    buffer = io.BytesIO()
+    image.resize(THUMBNAIL, Image.Resampling.BOX).save(buffer, "PNG")
+    write_whole(path, lambda beside: beside.write_bytes(buffer.getvalue()))
+
+
+def load_thumbnail(scan: RecentScan) -> np.ndarray | None:
+    """(H, W, 3) uint8, or None where there is no readable picture."""
+    from PIL import Image
+
+    try:
+        with Image.open(scan.thumbnail) as image:
+            return np.asarray(image.convert("RGB"))
+    except (OSError, ValueError):
+        return None

@@ -1,0 +1,135 @@
+"""The scene list at the left: the scans shown, what is known of them, the tools, and notices with their actions."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imgui_bundle import ImVec2, imgui
+
+from viewer.window import theme
+from viewer.window.session import Session
+from viewer.window.status_bar import count_text, units_text
+from viewer.window.theme import Theme, fitted, packed, text_in
+from viewer.window.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small
+
+if TYPE_CHECKING:
+    from viewer.window.app import App
+
+
+def draw_scenes_panel(app: "App", look: Theme) -> None:
+    """At the left, open or folded to its icons."""
+    session, place = app.session, app.session.layout.scenes
+    if place is None:
+        return
+    if not session.panels.scenes:
+        _folded(app, look)
+        return
+    begin_docked("scenes", place, look)
+    imgui.push_font(look.regular, theme.FONT_SIZE - 1)
+    heading("Scans", look)
+    imgui.same_line(place.width - look.px(14) - imgui.calc_text_size("<<").x - look.px(14))
+    if imgui.small_button("<<##fold scenes"):
+        session.panels.scenes = False
+    hint("Fold the scene list", look)
+    _scans(session, look)
+    _open_buttons(app, look)
+    heading("Tools", look)
+    _tools(app, look)
+    _viewpoints(session, look)
+    _notices(session, look)
+    imgui.pop_font()
+    imgui.end()
+
+
+def _folded(app: "App", look: Theme) -> None:
+    session, place = app.session, app.session.layout.scenes
+    assert place is not None
+    begin_docked("scenes folded", place, look, padding=(5, 6), scroll=False)
+    imgui.push_font(look.bold, theme.FONT_SIZE)
+    if rail_button(">>##scenes", "Show the scene list", look):
+        session.panels.scenes = True
+    if rail_button("O", "Open scans", look):
+        app.act("open")
+    for tool in app.toolbox.tools:
+        if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), look, lit=tool is app.toolbox.active):
+            app.toolbox.select(tool.name, app.tools)
+    if rail_button("H##home", "Back to the start viewpoint (Home)", look):
+        session.go_home()
+    if session.notices.of_scan:
+        at = imgui.get_cursor_screen_pos()
+        if rail_button(f"{len(session.notices.of_scan)}##notices", "Notices about this scan", look):
+            session.panels.scenes = True
+        side = place.width - look.px(10)
+        dot = ImVec2(at.x + side - look.px(5), at.y + look.px(5))
+        imgui.get_window_draw_list().add_circle_filled(dot, look.px(4), packed(theme.WARN), 16)
+    imgui.pop_font()
+    imgui.end()
+
+
+def _explained(tool) -> str:
+    return f"{tool.label}: {tool.help}" + (f" (key {tool.key})" if tool.key else "")
+
+
+def _scans(session: Session, look: Theme) -> None:
+    scene = session.scene
+    assert scene is not None
+    sources = scene.meta.get("sources") or ["points in memory"]
+    width = imgui.get_content_region_avail().x
+    for source in sources[:8]:
+        imgui.text_unformatted(fitted(Path(source).name, width))
+        hint(source, look)
+    if len(sources) > 8:
+        text_in(theme.DIM, f"and {len(sources) - 8} more")
+    imgui.push_font(look.regular, theme.SMALL)
+    rows = [("points", f"{scene.count:,}".replace(",", "\u2009") if scene.count < 1e6 else count_text(scene.count))]
+    rows.append(("format", str(scene.meta.get("format") or "unknown")))
+    rows.append(("units", units_text(scene.meta)))
+    extent = scene.bounds[1] - scene.bounds[0]
+    rows.append(("extent", " x ".join(f"{length:.4g}" for length in extent)))
+    rows.append(("spacing", f"{scene.spacing:.3g}"))
+    facts(rows, look, "scan facts")
+    imgui.pop_font()
+    if session.preview and session.loads.current is not None:
+        small("Preview; all points follow.", look, theme.WARN)
+
+
+def _open_buttons(app: "App", look: Theme) -> None:
+    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
+    if button("Open…", look, width=width, explained="Choose scan files"):
+        app.act("open")
+    imgui.same_line(0, look.px(8))
+    if button("Close", look, width=width, explained="Back to the start page"):
+        app.act("close_scan")
+
+
+def _tools(app: "App", look: Theme) -> None:
+    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
+    for number, tool in enumerate(app.toolbox.tools):
+        if number % 2:
+            imgui.same_line(0, look.px(8))
+        lit = tool is app.toolbox.active
+        if button(f"{tool.label}##{tool.name}", look, width=width, primary=lit, explained=_explained(tool)):
+            app.toolbox.select(tool.name, app.tools)
+    app.toolbox.active.panel(imgui, app.tools)
+
+
+def _viewpoints(session: Session, look: Theme) -> None:
+    heading("Viewpoint", look)
+    width = (imgui.get_content_region_avail().x - look.px(8)) / 2
+    if button("Start", look, width=width, explained="Back to the start viewpoint (key Home)"):
+        session.go_home()
+    imgui.same_line(0, look.px(8))
+    if button("Whole scene", look, width=width, explained="See the whole scene from here (key F)"):
+        session.frame_scene()
+
+
+def _notices(session: Session, look: Theme) -> None:
+    if not session.notices.of_scan:
+        return
+    heading("Notices", look)
+    for number, notice in enumerate(session.notices.of_scan):
+        imgui.push_id(number)
+        small(notice.text, look, theme.TEXT)
+        if notice.action and link(notice.label):
+            session.act_on_notice(notice.action)
+        imgui.dummy(ImVec2(0, look.px(2)))
+        imgui.pop_id()
