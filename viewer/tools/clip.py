@@ -114,7 +114,7 @@ def contains(clips: Iterable[Clip], xyz: np.ndarray) -> np.ndarray:
     kept = np.ones(len(xyz), bool)
     inside_any: dict[int, np.ndarray] = {}
     for clip in active(clips):
-        inside = (np.abs((xyz - np.array(clip.centre)) @ normals(clip).T) <= 1.0).all(axis=1)
+        inside = np.all(np.abs((xyz - np.array(clip.centre)) @ normals(clip).T) <= 1.0, axis=1)
         kind = group(clip)
         inside_any[kind] = inside_any[kind] | inside if kind in inside_any else inside
     for kind, inside in inside_any.items():
@@ -135,7 +135,8 @@ def may_contain(clips: Iterable[Clip], centre: np.ndarray, half: float) -> np.nd
         if clip.removes:
             possible &= ~(way + reach <= 1.0).all(axis=1)
             continue
-        touches, kind = (way - reach <= 1.0).all(axis=1), group(clip)
+        touches = np.all(way - reach <= 1.0, axis=1)
+        kind = group(clip)
         any_inside[kind] = any_inside[kind] | touches if kind in any_inside else touches
     for touches in any_inside.values():
         possible &= touches

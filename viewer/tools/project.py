@@ -107,7 +107,7 @@ def _from_json(kind, data, where: str):
         if len(options) > 1:
             name = data.get("type") if isinstance(data, dict) else None
             chosen = _TYPES.get(name) if isinstance(name, str) else None
-            if chosen not in options:
+            if chosen not in options or not isinstance(data, dict):
                 raise InputError(f"{where}.type {name!r}: expected one of {', '.join(part.__name__ for part in options)}")
             return _from_json(chosen, {key: item for key, item in data.items() if key != "type"}, where)
         return _from_json(options[0], data, where)
