@@ -53,7 +53,8 @@ def one_camera(tmp_path_factory) -> Path:
 def test_a_picture_without_the_network_loads_no_torch(one_camera, tmp_path):
     demo = assets_dir() / "demo.laz"
     for view in ("raw", "filtered", "filled"):  # the first builds the grid, the others find it in the cache
-        loaded = modules_after(RENDER, demo, "--cameras", one_camera, "--out", tmp_path / view, "--view", view, "--size", "80x60")
+        loaded = modules_after(RENDER, demo, "--cameras", one_camera, "--out", tmp_path / view, "--view", view,
+                               "--size", "80x60")
         assert not loaded & set(NEVER), view
         assert view == "raw" or not loaded & set(NOT_FROM_CACHE), view
 
@@ -61,3 +62,11 @@ def test_a_picture_without_the_network_loads_no_torch(one_camera, tmp_path):
 @pytest.mark.gl
 def test_a_picture_without_the_network_loads_no_torch_from_python():
     assert not modules_after(FROM_PYTHON, assets_dir() / "demo.laz") & set(NEVER)
+
+
+def test_loops_of_other_code_may_still_use_blas():
+    """model.common.jit keeps numba from loading scipy's BLAS at start; np.dot in a loop of other code works all the same."""
+    code = ("import sys, json, numpy as np, model.common.jit, numba; early = sorted(sys.modules)\n"
+            "a = np.arange(6.0).reshape(2, 3); assert (numba.njit(lambda x, y: np.dot(x, y))(a, a.T) == a @ a.T).all()\n"
+            "print(json.dumps(early))")
+    assert "scipy.linalg" not in modules_after(code)

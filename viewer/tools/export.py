@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from viewer.errors import InputError
-from viewer.numerals import whole_number
 from viewer.progress import progress
 from viewer.settings import Settings
+from viewer.text import whole_number
 from viewer.tools.background import as_saved
 from viewer.tools.files import out_folder, write_array, write_json, write_png, write_together
 from viewer.tools.provenance import provenance, views_with_mask

@@ -6,7 +6,7 @@ import numpy as np
 
 from viewer.camera import Camera
 from viewer.errors import InputError
-from viewer.numerals import whole_number
+from viewer.text import whole_number
 from viewer.tools.camera_formats.parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
 
 _MODELS = {  # name: (focal lengths, parameters behind cx cy, all of them distortion)
