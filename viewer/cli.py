@@ -5,11 +5,13 @@ SIGTERM.  Nothing imports this module, and it imports nothing heavy before a com
 """
 
 import argparse
+import contextlib
 import gc
 import json
 import logging
 import os
 import sys
+import threading
 from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
@@ -29,10 +31,26 @@ def _view(options: argparse.Namespace) -> int:
     for path in options.scans:
         if not path.exists():
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
+    if options.scans:
+        _preload()
     from viewer.window.app import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
                memory=memory_of(options), columns=options.columns)
+
+
+def _preload() -> None:
+    """Imports, on another thread, what the first picture needs, while this one opens the window and the driver makes a context.
+
+    scipy.ndimage is for views in the open (viewer.render.occupancy).  Errors come again, and are reported, where it is used.
+    """
+
+    def load() -> None:
+        with contextlib.suppress(Exception):
+            import viewer.render.renderer  # isort: skip  # noqa: F401
+            import scipy.ndimage  # isort: skip  # noqa: F401
+
+    threading.Thread(target=load, name="pointglass preload", daemon=True).start()
 
 
 def _demo(options: argparse.Namespace) -> int:

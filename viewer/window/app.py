@@ -7,6 +7,7 @@ the framebuffer's size.
 
 import ctypes
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -48,12 +49,18 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     columns: of text files.  start: where the first visit begins, None where that makes sense.
     Raises DeviceError where there is no display or no OpenGL 4.3.
     """
-    app = App(settings, cache=cache, match=match, memory=memory, start=start, columns=columns)
+    neural_later = bool(paths) and settings.view == "neural"  # torch would slow the first picture down: import it after that
+    first = replace(settings, view="filled") if neural_later else settings
+    app = App(first, cache=cache, match=match, memory=memory, start=start, columns=columns)
     try:
         if paths:
             app.session.loads.open(paths)
         while not app.closing:
             app.step()
+            if neural_later and app.session.picture.made is not None:
+                neural_later = False
+                if app.session.drawn == ("filled",):  # else another view was chosen meanwhile
+                    app.act("view_neural")
     finally:
         app.close()
     return 0
