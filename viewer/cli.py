@@ -98,6 +98,12 @@ def _video(options: argparse.Namespace) -> int:
     return run(options, settings)
 
 
+def _export(options: argparse.Namespace) -> int:
+    from viewer.tools.exporting.command import run
+
+    return run(options)
+
+
 def _check_weights(settings: Settings) -> None:
     """Refuses weights that do not fit before the scan is read."""
     if settings.view == "neural":
@@ -182,8 +188,8 @@ def _doctor(options: argparse.Namespace) -> int:
 _LONGEST = 1500  # characters of a message
 
 _RUN = {
-    "view": _view, "demo": _demo, "render": _render, "video": _video, "info": _info, "convert": _convert, "bench": _bench,
-    "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
+    "view": _view, "demo": _demo, "render": _render, "video": _video, "export": _export, "info": _info, "convert": _convert,
+    "bench": _bench, "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
 }
 
 
