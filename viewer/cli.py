@@ -22,6 +22,7 @@ from viewer.commands import COMMANDS, make_parser
 from viewer.errors import Cancelled, InputError, PointglassError, is_opengl_error
 from viewer.options import memory_of, settings_of
 from viewer.progress import progress
+from viewer.settings import Settings
 from viewer.text import counted
 
 _log = logging.getLogger(__name__)
@@ -69,12 +70,7 @@ def _render(options: argparse.Namespace) -> int:
     if options.shard:
         part, parts = parse_shard(options.shard)
         cameras = cameras[part::parts]
-    if settings.view == "neural":
-        with importing():
-            from model.reconstruct import fitting_weights
-
-        own = Path(settings.weights) if settings.weights else None
-        fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)  # refuses before the scan is read
+    _check_weights(settings)
 
     from viewer.grid.open_scene import open_scene
     from viewer.render.context import create_context
@@ -92,6 +88,30 @@ def _render(options: argparse.Namespace) -> int:
         context.release()
     print(f"{counted(count, 'picture')} in {options.out}")
     return 0
+
+
+def _video(options: argparse.Namespace) -> int:
+    from viewer.tools.film.command import run
+
+    settings = settings_of(options)
+    _check_weights(settings)
+    return run(options, settings)
+
+
+def _export(options: argparse.Namespace) -> int:
+    from viewer.tools.exporting.command import run
+
+    return run(options)
+
+
+def _check_weights(settings: Settings) -> None:
+    """Refuses weights that do not fit before the scan is read."""
+    if settings.view == "neural":
+        with importing():
+            from model.reconstruct import fitting_weights
+
+        own = Path(settings.weights) if settings.weights else None
+        fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)
 
 
 def _info(options: argparse.Namespace) -> int:
@@ -168,8 +188,8 @@ def _doctor(options: argparse.Namespace) -> int:
 _LONGEST = 1500  # characters of a message
 
 _RUN = {
-    "view": _view, "demo": _demo, "render": _render, "info": _info, "convert": _convert, "bench": _bench,
-    "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
+    "view": _view, "demo": _demo, "render": _render, "video": _video, "export": _export, "info": _info, "convert": _convert,
+    "bench": _bench, "simulate": _simulate, "train": _train, "evaluate": _evaluate, "doctor": _doctor,
 }
 
 

@@ -40,6 +40,24 @@ def _render_options(parser: argparse.ArgumentParser) -> None:
     add_memory(parser)
 
 
+def _video_options(parser: argparse.ArgumentParser) -> None:
+    from viewer.tools.film.command import add_arguments
+
+    add_scans(parser)
+    add_exposures(parser)
+    add_arguments(parser)
+    add_settings(parser)
+    add_memory(parser)
+
+
+def _export_options(parser: argparse.ArgumentParser) -> None:
+    from viewer.tools.exporting.command import add_arguments
+
+    add_scans(parser)
+    add_exposures(parser)
+    add_arguments(parser)
+
+
 def _info_options(parser: argparse.ArgumentParser) -> None:
     add_scans(parser)
     parser.add_argument("--json", action="store_true", help="print everything that is known, as JSON")
@@ -99,6 +117,8 @@ _COMMANDS: dict[str, tuple[str, Callable[[argparse.ArgumentParser], None]]] = {
     "view": ("open the window (the same as `pointglass SCAN`)", _view_options),
     "demo": ("show the shipped scan, in a window or as pictures", _demo_options),
     "render": ("render pictures of a list of cameras", _render_options),
+    "video": ("film a camera path as a video, a sequence of pictures or a panorama", _video_options),
+    "export": ("write the measured points, or those inside boxes, as LAZ, LAS, PLY or E57", _export_options),
     "info": ("show what a scan contains", _info_options),
     "convert": ("build the grid of a scan in a folder", _convert_options),
     "bench": ("measure run time, errors and stability", _bench_options),
