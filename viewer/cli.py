@@ -65,8 +65,16 @@ def _render(options: argparse.Namespace) -> int:
     from viewer.tools.export import export_pictures, parse_shard, parse_size
 
     settings, memory = settings_of(options), memory_of(options)
+    background, exposures, shot = options.background, options.exposures, None
     size = parse_size(options.size) if options.size else None
-    cameras = read_cameras(options.cameras, size=size)
+    if options.like:
+        from viewer.tools.shot_metadata import describe_shot, differences, read_shot
+
+        shot = read_shot(options.like)
+        settings, background, exposures = shot.settings, shot.background, shot.exposures
+        cameras = [shot.camera if size is None else shot.camera.resized(*size)]
+    else:
+        cameras = read_cameras(options.cameras, size=size)
     if options.shard:
         part, parts = parse_shard(options.shard)
         cameras = cameras[part::parts]
@@ -77,12 +85,15 @@ def _render(options: argparse.Namespace) -> int:
     from viewer.render.renderer import Renderer
 
     context = create_context()
-    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched",
-                       columns=options.columns)
+    scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns)
+    if shot:
+        for line in differences(shot, describe_shot(scene, shot.camera, settings, background=background, exposures=exposures)):
+            print(f"pointglass: {options.like}: {line}; the picture may differ", file=sys.stderr)
     renderer = Renderer(context, scene, memory=memory)
     _end_of_start()
     try:
-        count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=options.background)
+        count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=background,
+                                exposures=exposures)
     finally:
         renderer.release()
         context.release()

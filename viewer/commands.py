@@ -26,8 +26,11 @@ def _demo_options(parser: argparse.ArgumentParser) -> None:
 def _render_options(parser: argparse.ArgumentParser) -> None:
     add_scans(parser)
     add_exposures(parser)
-    parser.add_argument("--cameras", type=Path, required=True, metavar="F",
-                        help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
+    cameras = parser.add_mutually_exclusive_group(required=True)
+    cameras.add_argument("--cameras", type=Path, metavar="F",
+                         help="transforms.json, camera_path.json, a COLMAP folder or a TUM trajectory")
+    cameras.add_argument("--like", type=Path, metavar="SHOT.png",
+                         help="draw a picture again that pointglass saved: with its camera, settings, background and exposures")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR",
                         help="folder for the pictures, one NAME.png for each camera")
     parser.add_argument("--size", metavar="WxH", help="picture size in pixels (default: that of each camera)")
