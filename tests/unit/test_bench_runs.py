@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
-from viewer.bench import approximations, culling, errors, frames, scaling, views
+from viewer.bench import approximation_errors as errors
+from viewer.bench import approximations, culling, scaling
+from viewer.bench import frame_times as frames
 from viewer.bench import memory_headroom as room
-from viewer.bench.stability.stations import scanned
+from viewer.bench.stability.station_claims import scanned
 from viewer.errors import InputError
 from viewer.paths import cache_dir
+from viewer.tools import viewpoints as views
 
 
 @pytest.fixture(scope="module")

@@ -148,7 +148,7 @@ def withheld_points(path: Path, seed: int) -> WithheldPoints:
     """Opens a scan to be tuned on.  Raises InputError where its points have no colours, or are too few."""
     from viewer.grid.open_scene import open_scene
     from viewer.tools.heldout.judged_viewpoints import judged_viewpoints
-    from viewer.tools.heldout.points import points_of
+    from viewer.tools.heldout.scan_points import points_of
 
     scene = open_scene(path)
     scan, spacing = points_of(scene, path, most=MOST_POINTS, seed=seed)

@@ -1,5 +1,5 @@
 """Points that are hard to draw, measured: a crowd in one pixel, one alone in a million, doubles, no numbers, colours at
-their ends; and the same frame twice.  Rows as in :mod:`viewer.bench.stability.frames`.
+their ends; and the same frame twice.  Rows as in :mod:`viewer.bench.stability.frame_claims`.
 """
 
 from dataclasses import replace
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.linear_light import TO_LINEAR, TO_SRGB
-from viewer.bench.stability.frames import Stand, arrays_of, different, place_at, row
+from viewer.bench.stability.frame_claims import Stand, arrays_of, different, place_at, row
 from viewer.bench.stability.scenes import axis_camera, direction, placed, view_inside, walls
-from viewer.bench.stability.stations import scanned
+from viewer.bench.stability.station_claims import scanned
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.grid.scene import Scene
 from viewer.render.renderer import RASTERISERS

@@ -2,7 +2,7 @@
 
 The place of :mod:`viewer.bench.stability.scenes`, each point seen by one of some scanners in it, each of which saw it in a
 light
-of its own: a weight that is wrong shows in the picture.  Rows as in :mod:`viewer.bench.stability.frames`; the truth takes its
+of its own: a weight that is wrong shows in the picture.  Rows as in :mod:`viewer.bench.stability.frame_claims`; the truth takes its
 weights in float64 from the points and the scanners' places as given.
 """
 
@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.station_constants import HEAVIEST
-from viewer.bench.stability import frames
-from viewer.bench.stability.exact import Agreement, agreement, exact_picture
-from viewer.bench.stability.frames import Stand, arrays_of, different, place_at, row
+from viewer.bench.stability import frame_claims
+from viewer.bench.stability.exact_claims import Agreement, agreement, exact_picture
+from viewer.bench.stability.frame_claims import Stand, arrays_of, different, place_at, row
 from viewer.bench.stability.scenes import ROOM, axis_camera, direction, placed, view_inside, walls
 from viewer.errors import InputError
 from viewer.grid.open_scene import scene_from_arrays
@@ -105,7 +105,7 @@ def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequenc
     def scene_at(factor: float, origin: np.ndarray) -> Scene:
         return scene_of(place * factor + origin, rgb, scan, places * factor + origin)
 
-    return frames.exactness(stand, seed, size, exponents, shifts, scene_at, "weighed, bytes changed")
+    return frame_claims.exactness(stand, seed, size, exponents, shifts, scene_at, "weighed, bytes changed")
 
 
 def hard_places(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.stability.exact import Agreement, agreement, depth_faults, exact_picture
+from viewer.bench.stability.exact_claims import Agreement, agreement, depth_faults, exact_picture
 from viewer.bench.stability.scenes import DECADES, axis_camera, direction, panels, placed, view_inside, walls
 from viewer.errors import InputError
 from viewer.grid.open_scene import scene_from_arrays

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.bench.stability import frames, points, stations
-from viewer.bench.stability.exact import depth_faults
-from viewer.bench.stability.network import network_rows
+from viewer.bench.stability import frame_claims, point_claims, station_claims
+from viewer.bench.stability.exact_claims import depth_faults
+from viewer.bench.stability.network_claims import network_rows
 from viewer.bench.stability.scenes import axis_camera
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.progress import progress
@@ -22,17 +22,18 @@ LARGEST = (16384, 16384)
 _LARGEST_NEEDS = 10 << 30  # bytes: colour, depth, and both once more on the way back, doubled
 
 
-def largest_picture(stand: frames.Stand, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
+def largest_picture(stand: frame_claims.Stand, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
     """The raw view at the device's largest size; where memory does not allow it, a row that says so."""
     name = f"pixels wrong at {size[0]}x{size[1]}, raw"
     free = available_memory() or 0
     if free < _LARGEST_NEEDS:
-        return [{**frames.row(name, 0, 0), "skipped": f"{free / 2**30:.1f} GiB free, {_LARGEST_NEEDS / 2**30:.0f} needed"}]
+        why = f"{free / 2**30:.1f} GiB free, {_LARGEST_NEEDS / 2**30:.0f} needed"
+        return [{**frame_claims.row(name, 0, 0), "skipped": why}]
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(-1, 1, (200_000, 3)) + [0, 2, 0]
     scene = scene_from_arrays(xyz, np.full(xyz.shape, 255, np.uint8))
     camera = axis_camera(size)
-    return [frames.row(name, depth_faults(stand.depth(scene, camera), xyz, camera, scene), 0)]
+    return [frame_claims.row(name, depth_faults(stand.depth(scene, camera), xyz, camera, scene), 0)]
 
 
 def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path | None = None) -> dict:
@@ -41,13 +42,13 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
     from viewer.render.context import create_context, describe_device
 
     context, other = create_context(), create_context()
-    stand = frames.Stand(context)
+    stand = frame_claims.Stand(context)
     rows: list[dict] = []
     curves: list[dict] = []
     table: list[dict] = []
 
     def along_curves() -> list[dict]:
-        found, made = frames.curves(stand, seed, size)
+        found, made = frame_claims.curves(stand, seed, size)
         curves.extend(made)
         return found
 
@@ -62,22 +63,22 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     sections: dict[str, Callable[[], list[dict]]] = {
         "scale and origin": along_curves,
-        "exact": lambda: frames.exactness(stand, seed, size),
-        "range": lambda: frames.wide_range(stand, seed, size),
-        "lens": lambda: frames.lenses(stand, seed, size) + frames.rolled(stand, seed),
-        "cell faces": lambda: frames.cell_faces(stand, seed, size),
-        "camera plane": lambda: frames.camera_plane(stand, seed),
-        "size": lambda: frames.sizes(stand, seed) + largest_picture(stand, seed),
+        "exact": lambda: frame_claims.exactness(stand, seed, size),
+        "range": lambda: frame_claims.wide_range(stand, seed, size),
+        "lens": lambda: frame_claims.lenses(stand, seed, size) + frame_claims.rolled(stand, seed),
+        "cell faces": lambda: frame_claims.cell_faces(stand, seed, size),
+        "camera plane": lambda: frame_claims.camera_plane(stand, seed),
+        "size": lambda: frame_claims.sizes(stand, seed) + largest_picture(stand, seed),
         "points": lambda: [
-            *points.crowd(stand, seed), *points.crowd(stand, seed, 2_000_000, 255), *points.lonely(stand, seed),
-            *points.doubles(stand, seed), *points.no_numbers(stand, seed, size), *points.levels(stand, seed),
+            *point_claims.crowd(stand, seed), *point_claims.crowd(stand, seed, 2_000_000, 255),
+            *point_claims.lonely(stand, seed), *point_claims.doubles(stand, seed), *point_claims.no_numbers(stand, seed, size), *point_claims.levels(stand, seed),
         ],
         "scanners": lambda: [
-            *stations.anywhere(stand, seed, size, frames.SCALES, frames.ORIGINS), *stations.exactness(stand, seed, size),
-            *stations.hard_places(stand, seed, size), *stations.heavy(stand, seed),
+            *station_claims.anywhere(stand, seed, size, frame_claims.SCALES, frame_claims.ORIGINS),
+            *station_claims.exactness(stand, seed, size), *station_claims.hard_places(stand, seed, size), *station_claims.heavy(stand, seed),
         ],
         "network": networks,
-        "the same again": lambda: points.repeats(stand, other, seed, size),
+        "the same again": lambda: point_claims.repeats(stand, other, seed, size),
     }
     try:
         context.__enter__()  # the second to be made is the current one
@@ -110,7 +111,7 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
         for away in dict.fromkeys(entry["origin"] for entry in curves):
             mine = [entry for entry in curves if entry["origin"] == away and name in entry]
             axis.plot([e["scale"] for e in mine], [e[name] for e in mine], ".-", label=f"origin {away:g}")
-        axis.axhline(frames.LIMITS[name], color="black", linestyle="--", linewidth=1, label="limit")
+        axis.axhline(frame_claims.LIMITS[name], color="black", linestyle="--", linewidth=1, label="limit")
         axis.set(xscale="log", xlabel="scale", ylabel=label)
         if name != "filled":
             axis.set_yscale("log")

@@ -16,8 +16,8 @@ from model.project import SoftZ, frame, network_input, pixels
 from model.reconstruct import PRECISIONS, Reconstructor, fitting_weights
 from model.unet import INPUT_CHANNELS
 from model.weights import weights_name
-from viewer.bench.stability.exact import exact_view
-from viewer.bench.stability.frames import SCALES, row
+from viewer.bench.stability.exact_claims import exact_view
+from viewer.bench.stability.frame_claims import SCALES, row
 from viewer.bench.stability.scenes import view_inside, walls
 
 PRECISION_LIMITS = {"fp32": (5e-4, 1.5e-4), "bf16": (0.12, 0.01), "fp16": (0.02, 0.002)}
