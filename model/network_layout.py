@@ -10,7 +10,7 @@ CLOSED = 6
 VOID = 7
 """Channel: share of the pixel that is background, 0..1."""
 DEPTH_FEATURE_SCALE = 0.25
-"""Depth feature units in a doubling of depth (model.project.depth_feature)."""
+"""Depth feature units in a doubling of depth (model.projection.depth_feature)."""
 DEPTH_FEATURE_LIMIT = 2.0
 """The depth feature is clipped to plus and minus this."""
 NOISE_SCALE = 20.0

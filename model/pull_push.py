@@ -8,7 +8,7 @@ Dally 1998; Marroquim et al. 2007).  Measured pixels never change, except where 
 Gaps are filled from the background.  A gap wider than the point spacing of the nearer surface cannot belong to that surface:
 it would have been measured.  So among the four children of the pull, and the four samples of the push, those clearly nearer
 than the farthest of them are left out at levels whose pixels are wider than their surface's point spacing.  The depth feature
-(model/project.py, :func:`~model.project.depth_feature`) tells both: a difference of two features is a depth ratio, and a
+(model/projection.py, :func:`~model.projection.depth_feature`) tells both: a difference of two features is a depth ratio, and a
 feature alone is the point spacing in pixels.  Both decisions are linear ramps in the feature, so that a picture changes
 continuously with the camera.
 """

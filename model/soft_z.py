@@ -1,6 +1,6 @@
 """The soft z-buffer's depth tolerance: which points a pixel averages (paper, "Point Cloud Projection").
 
-Shared by the shaders' host code and the torch reference implementation (model/project.py); imports no torch.
+Shared by the shaders' host code and the torch reference implementation (model/projection.py); imports no torch.
 """
 
 from dataclasses import dataclass

@@ -55,21 +55,28 @@ def _preload() -> None:
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from viewer.tools.demo import run_demo
+    from viewer.tools.demo import demo_camera, demo_pictures, demo_scan, has_display
 
-    return run_demo(options.out, settings_of(options))
+    settings = settings_of(options)
+    if has_display():
+        from viewer.window.app import run
+
+        return run([demo_scan()], settings, start=demo_camera())
+    files = demo_pictures(options.out, settings)
+    print(f"no display here: {len(files) - 1} pictures (raw, filtered, filled, neural) in {options.out.resolve()}")
+    print(f"look at {files[0].resolve()} first")
+    return 0
 
 
 def _render(options: argparse.Namespace) -> int:
     from viewer.tools.camera_files import read_cameras
     from viewer.tools.export import export_pictures, parse_shard, parse_size
+    from viewer.tools.shot_metadata import describe_shot, differences, read_shot
 
     settings, memory = settings_of(options), memory_of(options)
     background, exposures, shot = options.background, options.exposures, None
     size = parse_size(options.size) if options.size else None
     if options.like:
-        from viewer.tools.shot_metadata import describe_shot, differences, read_shot
-
         shot = read_shot(options.like)
         settings, background, exposures = shot.settings, shot.background, shot.exposures
         cameras = [shot.camera if size is None else shot.camera.resized(*size)]

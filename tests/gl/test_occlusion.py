@@ -11,7 +11,7 @@ import torch
 from clouds import room
 
 from model import depth_filter
-from model.project import SoftZ
+from model.projection import SoftZ
 from model.pyramid import parents
 from viewer.bench.occlusion_walk import LEVELS, LIMIT, VIEWS, compare, walk
 from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene

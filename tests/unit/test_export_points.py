@@ -9,8 +9,8 @@ from viewer.grid.open_scene import open_scene, scene_from_arrays
 from viewer.grid.scene import unpack
 from viewer.tools.clip import contains
 from viewer.tools.exporting.command import export
-from viewer.tools.exporting.formats import WRITERS
-from viewer.tools.exporting.points import Selection, clips_of, parse_box
+from viewer.tools.exporting.point_writers import WRITERS
+from viewer.tools.exporting.selection import Selection, clips_of, parse_box
 
 
 def random_scene(seed, count=30_000, origin=(0.0, 0.0, 0.0), size=12.0, scans=2):
@@ -93,7 +93,7 @@ def test_nothing_is_left_where_nothing_can_be_written(tmp_path, capsys, monkeypa
     scene = random_scene(6)
     with pytest.raises(InputError, match="leave no point"):
         export(Selection(scene, clips_of(["100,100,100,101,101,101"])), tmp_path / "a.laz")
-    monkeypatch.setattr("viewer.tools.exporting.points.BLOCK", 4096)
+    monkeypatch.setattr("viewer.tools.exporting.selection.BLOCK", 4096)
     calls = []
 
     def full(self, label):

@@ -10,8 +10,8 @@ from viewer.errors import InputError
 from viewer.tools.camera_files import write_camera_path
 from viewer.tools.film.command import read_path
 from viewer.tools.film.encode import write_folder, write_mp4
+from viewer.tools.film.equirectangular import Panorama
 from viewer.tools.film.frames import averaged
-from viewer.tools.film.panorama import Panorama
 from viewer.tools.film.path import interpolate
 
 SIZE = (64, 48)

@@ -139,7 +139,8 @@ def _camera(found: dict, where: str) -> Camera:
         lens = [found[key] for key in ("width", "height", "fx", "fy", "cx", "cy")]
         if any(isinstance(value, bool) or not isinstance(value, (int, float)) for value in lens):
             raise TypeError
-        return Camera(*lens, np.array(found["camera_to_world"], np.float64), str(found["name"]))
+        width, height, fx, fy, cx, cy = lens
+        return Camera(width, height, fx, fy, cx, cy, np.array(found["camera_to_world"], np.float64), str(found["name"]))
     except (TypeError, KeyError, ValueError):
         raise InputError(f"{where}: its camera is damaged") from None
     except InputError as error:

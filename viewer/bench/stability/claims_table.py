@@ -71,11 +71,13 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
         "size": lambda: frame_claims.sizes(stand, seed) + largest_picture(stand, seed),
         "points": lambda: [
             *point_claims.crowd(stand, seed), *point_claims.crowd(stand, seed, 2_000_000, 255),
-            *point_claims.lonely(stand, seed), *point_claims.doubles(stand, seed), *point_claims.no_numbers(stand, seed, size), *point_claims.levels(stand, seed),
+            *point_claims.lonely(stand, seed), *point_claims.doubles(stand, seed),
+            *point_claims.no_numbers(stand, seed, size), *point_claims.levels(stand, seed),
         ],
         "scanners": lambda: [
             *station_claims.anywhere(stand, seed, size, frame_claims.SCALES, frame_claims.ORIGINS),
-            *station_claims.exactness(stand, seed, size), *station_claims.hard_places(stand, seed, size), *station_claims.heavy(stand, seed),
+            *station_claims.exactness(stand, seed, size), *station_claims.hard_places(stand, seed, size),
+            *station_claims.heavy(stand, seed),
         ],
         "network": networks,
         "the same again": lambda: point_claims.repeats(stand, other, seed, size),

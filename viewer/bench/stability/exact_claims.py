@@ -36,13 +36,13 @@ def exact_view(xyz: np.ndarray, camera: "Camera") -> np.ndarray:
 
 def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: float, scan: np.ndarray | None = None,
                   places: np.ndarray | None = None) -> Truth:
-    """The picture by ``model.project`` in float64 from unpacked points, with the presets ``auto``.  spacing: file units.
+    """The picture by ``model.projection`` in float64 from unpacked points, with the presets ``auto``.  spacing: file units.
 
     scan, places: (N,) and (S, 3) file coordinates, where points count by where their scanners stood; None: all alike.
     """
     import torch
 
-    from model.project import SoftZ, frame, network_input, pixels
+    from model.projection import SoftZ, frame, network_input, pixels
     from model.station_weights import station_weights
 
     x, y, z = torch.from_numpy(exact_view(xyz, camera)).unbind(1)

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from model.network_layout import CLOSED, PACKED_IN
-from model.project import SoftZ, frame, network_input, pixels
+from model.projection import SoftZ, frame, network_input, pixels
 from model.reconstruct import PRECISIONS, Reconstructor, fitting_weights
 from model.unet import INPUT_CHANNELS
 from model.weights import weights_name
@@ -54,7 +54,7 @@ def masks(seed: int, size: tuple[int, int]) -> dict[str, torch.Tensor]:
 
 
 def scaled(seed: int, size: tuple[int, int], scales: Sequence[float] = SCALES) -> dict[float, torch.Tensor]:
-    """(H, W, 8) half floats by scale: one view of the procedural place, by model.project in float32."""
+    """(H, W, 8) half floats by scale: one view of the procedural place, by model.projection in float32."""
     place, rgb = walls(seed)
     camera = view_inside(seed, size)
     spacing = float(np.sqrt(208.0 / len(place)))  # of the room's own walls; only its changing with the scale matters

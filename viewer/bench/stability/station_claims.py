@@ -1,9 +1,8 @@
 """Scans that say where their scanners stood, under stress: weights by the eye's direction, trust, and the tones it brings.
 
 The place of :mod:`viewer.bench.stability.scenes`, each point seen by one of some scanners in it, each of which saw it in a
-light
-of its own: a weight that is wrong shows in the picture.  Rows as in :mod:`viewer.bench.stability.frame_claims`; the truth takes its
-weights in float64 from the points and the scanners' places as given.
+light of its own: a wrong weight shows in the picture.  Rows as in :mod:`viewer.bench.stability.frame_claims`; the truth takes
+its weights in float64 from the points and the scanner positions as given.
 """
 
 from collections.abc import Sequence

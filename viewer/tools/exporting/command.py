@@ -7,8 +7,8 @@ from pathlib import Path
 from model.common.atomic_write import passes_through, write_whole
 from viewer.errors import InputError
 from viewer.text import bytes_text, counted
-from viewer.tools.exporting.formats import WRITERS, bytes_needed, writer_for
-from viewer.tools.exporting.points import Selection, clips_of
+from viewer.tools.exporting.point_writers import WRITERS, bytes_needed, writer_for
+from viewer.tools.exporting.selection import Selection, clips_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

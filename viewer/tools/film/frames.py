@@ -9,7 +9,7 @@ from model.common.linear_light import TO_LINEAR, TO_SRGB
 from viewer.errors import InputError
 from viewer.settings import Settings
 from viewer.tools.background import composite
-from viewer.tools.film.panorama import Panorama
+from viewer.tools.film.equirectangular import Panorama
 
 if TYPE_CHECKING:
     from viewer.camera import Camera

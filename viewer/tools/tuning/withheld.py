@@ -22,7 +22,7 @@ from model.evaluation.heldout import Viewpoint
 from model.evaluation.methods import OURS, Sight, sight, soft_z
 from model.noise import NoiseModel
 from model.noise_level import seen_noise
-from model.project import measured_input, rasterise
+from model.projection import measured_input, rasterise
 from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.errors import InputError
-from viewer.tools.exporting.points import BLOCK, Selection
+from viewer.tools.exporting.selection import BLOCK, Selection
 
 if TYPE_CHECKING:
     import pye57
