@@ -39,7 +39,7 @@ def read_mesh(path: Path) -> ColouredMesh:
     rgb = np.clip(np.nan_to_num(np.rint(rgb)), 0, 255).astype(np.uint8)
     triangles = np.zeros((0, 3), np.int64)
     if faces is not None and len(faces):
-        name = next((name for name in _LISTS["face"] if name in faces.dtype.names), None)
+        name = next((name for name in _LISTS["face"] if name in (faces.dtype.names or ())), None)
         if name is None or faces[name].ndim != 2:
             raise DataError(f"{path}: faces that are no triangles; download it again")
         triangles = np.asarray(faces[name], np.int64)
