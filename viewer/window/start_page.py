@@ -93,6 +93,7 @@ class StartPage:
 
     def _drop_area(self, look: Theme) -> None:
         px, width = look.px, imgui.get_content_region_avail().x
+        imgui.dummy(ImVec2(0, px(4)))
         at, height, draw = imgui.get_cursor_screen_pos(), px(104), imgui.get_window_draw_list()
         corner = ImVec2(at.x + width, at.y + height)
         draw.add_rect_filled(at, corner, packed(theme.PANEL), px(10))
