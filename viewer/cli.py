@@ -105,6 +105,10 @@ def _view(options: argparse.Namespace) -> int:
     for path in options.scans:
         if not path.exists():
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
+    if any(path.suffix.lower() == ".pointglass" for path in options.scans):
+        from viewer.tools.project import check_projects
+
+        check_projects(options.scans)  # refused before a window opens
     from viewer.window.app import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",

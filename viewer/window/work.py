@@ -8,13 +8,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from viewer.camera import Camera
-from viewer.errors import InputError
 from viewer.render.edits import Edits
 from viewer.settings import Settings
 from viewer.tools.document import Document, ScanFile, moved
 from viewer.tools.history import History
 from viewer.tools.pick import Picked
-from viewer.tools.project import is_project, read_project, write_project
+from viewer.tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
 
 _DRAWN_ANEW = ("scans", "clips", "look")
 """Fields of the document that decide what the renderer draws."""
@@ -79,23 +78,24 @@ class Work:
         if not projects:
             self._next = Document(tuple(ScanFile(str(path)) for path in paths)), None
             return list(paths)
-        if len(paths) > 1:
-            raise InputError(f"{projects[0]}: a project is opened by itself, not together with other files")
+        check_projects(list(paths))
         document = read_project(projects[0])
-        scans = [Path(scan.path) for scan in document.scans if scan.visible]
-        if not scans:
-            raise InputError(f"{projects[0]}: no scan of this project is visible; nothing to open")
-        for scan in scans:
-            if not scan.exists():
-                raise InputError(f"{projects[0]}: its scan {scan} is not there; move it back or change the path in the project")
         self._next = document, projects[0]
-        return scans
+        return scans_of(projects[0], document)
 
     def accept(self) -> Document:
         """What :meth:`begin` began is shown now.  Returns its document."""
         document, self.project = self._next
         self.history, self.under_pointer, self._next = History(document), None, (Document(), None)
         return document
+
+    @property
+    def project_path(self) -> Path | None:
+        """Where the project is saved: its file, else beside the first scan; None where no scan is open."""
+        if self.project is not None or not self.document.scans:
+            return self.project
+        first = Path(self.document.scans[0].path)
+        return first.with_name(first.stem + SUFFIX)
 
     def save_project(self, path: Path, camera: Camera, settings: Settings, background: str) -> None:
         """Writes the document with what the window shows now.  Raises InputError naming the file."""

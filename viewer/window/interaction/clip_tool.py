@@ -232,8 +232,9 @@ class ClipTool(Tool):
             if changed and np.isfinite(thickness) and thickness > 0:
                 self._store(context, f"Thickness of {clip.name}", replace(clip, thickness=float(thickness)), "thickness")
         for degrees in (-15.0, 15.0):
-            if ui.button(f"turn {degrees:+.0f} deg"):
+            if ui.button(f"turn {degrees:+.0f}°"):
                 self._store(context, f"Turn {clip.name}", turned(clip, degrees, np.array(context.document.up)))
-            ui.same_line()
+            if degrees < 0:
+                ui.same_line()
         if ui.button("Delete"):
             edit(context, f"Delete {clip.name}", clips=without(context.document.clips, self.chosen))
