@@ -14,20 +14,23 @@ from viewer.tools.document import Document, ScanFile, moved
 from viewer.tools.history import History
 from viewer.tools.pick import Picked
 from viewer.tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
+from viewer.window.photo_layer import ShownPhoto
 
 _DRAWN_ANEW = ("scans", "clips", "look")
 """Fields of the document that decide what the renderer draws."""
 
 
 class Work:
-    """history: of the document.  project: the file it was read from or saved to, else None.  tint: whether pixels are coloured
-    by provenance.  under_pointer: the measured point under the pointer, None where there is none or something moves."""
+    """history: of the document.  project: the file it was read from or saved to, else None.
+    tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
+    under_pointer: the measured point under the pointer, None where there is none or something moves."""
 
     def __init__(self) -> None:
         self.history = History(Document())
         self.project: Path | None = None
         self.tint = False
         self.under_pointer: Picked | None = None
+        self.photo: ShownPhoto | None = None
         self._next: tuple[Document, Path | None] = Document(), None  # what is being opened
 
     @property
