@@ -16,7 +16,7 @@ from viewer.tools.pick import Picked
 from viewer.tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
 from viewer.window.photo_layer import ShownPhoto
 
-_DRAWN_ANEW = ("scans", "clips", "look")
+_DRAWN_ANEW = ("hidden_stations", "clips", "look")
 """Fields of the document that decide what the renderer draws."""
 
 
@@ -42,8 +42,7 @@ class Work:
     def edits(self) -> Edits:
         """What the document does to the points that are drawn."""
         document = self.document
-        hidden = frozenset(number for scan in document.scans for number in scan.hidden_stations)
-        return Edits(document.clips, hidden, document.look, document.up)
+        return Edits(document.clips, frozenset(document.hidden_stations), document.look, document.up)
 
     def edit(self, label: str, gesture: object = None, **changes: object) -> bool:
         """Changes fields of the document as one step that can be undone.  Returns whether a new picture is needed.

@@ -98,8 +98,7 @@ class Pointing:
         scale = height / camera.height
         document = context.session.work.document
         hidden = np.zeros(256, bool)
-        for scan in document.scans:
-            hidden[list(scan.hidden_stations)] = True
+        hidden[list(document.hidden_stations)] = True
 
         def kept(xyz: np.ndarray, scans: np.ndarray) -> np.ndarray:
             return contains(document.clips, xyz) & ~hidden[scans]

@@ -11,7 +11,7 @@ import numpy as np
 
 from viewer.readers.e57_photographs import StationPhoto, read_station_photos
 from viewer.tools.pick import station_name
-from viewer.window.interaction.editing import metres_per_unit
+from viewer.window.interaction.editing import edit, metres_per_unit
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
 from viewer.window.navigation import looking
 from viewer.window.photo_layer import ShownPhoto
@@ -120,6 +120,14 @@ class Stations(Tool):
             ui.text_wrapped("The scanner positions are unknown: neither the file nor the order of its points tells.")
         for number, name, place, inferred in found:
             ui.push_id(number)
+            hidden = context.document.hidden_stations
+            changed, on = ui.checkbox("##visible", number not in hidden)
+            if ui.is_item_hovered():
+                ui.set_tooltip("show the points of this station")
+            if changed:
+                kept = tuple(other for other in hidden if other != number)
+                edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
+            ui.same_line()
             if ui.button(name):
                 self.stand_at(context, place)
             if ui.is_item_hovered():
