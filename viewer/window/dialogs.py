@@ -24,6 +24,7 @@ _GROUP_WIDTH = 400.0
 def _centre() -> None:
     size = imgui.get_io().display_size
     imgui.set_next_window_pos(ImVec2(size.x / 2, size.y / 2), 0, ImVec2(0.5, 0.5))
+    imgui.set_next_window_bg_alpha(1.0)
 
 
 def draw_message(session: Session, look: Theme) -> None:

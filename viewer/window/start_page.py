@@ -58,8 +58,10 @@ class StartPage:
         imgui.set_next_window_pos(ImVec2(size.x / 2, size.y / 2), 0, ImVec2(0.5, 0.5))
         imgui.set_next_window_size_constraints(ImVec2(width, 0), ImVec2(width, size.y - px(24)))
         imgui.push_style_color(imgui.Col_.window_bg, (0, 0, 0, 0))
+        imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
         flags = (DOCKED & ~imgui.WindowFlags_.no_scrollbar) | imgui.WindowFlags_.always_auto_resize
         imgui.begin("start", None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
+        imgui.pop_style_var()
         imgui.pop_style_color()
         imgui.push_font(look.bold, theme.TITLE + 8)
         imgui.text_unformatted("pointglass")
@@ -93,6 +95,7 @@ class StartPage:
 
     def _drop_area(self, look: Theme) -> None:
         px, width = look.px, imgui.get_content_region_avail().x
+        imgui.dummy(ImVec2(0, px(4)))
         at, height, draw = imgui.get_cursor_screen_pos(), px(104), imgui.get_window_draw_list()
         corner = ImVec2(at.x + width, at.y + height)
         draw.add_rect_filled(at, corner, packed(theme.PANEL), px(10))

@@ -80,7 +80,7 @@ class Theme:
         style.frame_rounding, style.grab_rounding = 5, 4
         style.scrollbar_size, style.scrollbar_rounding = 10, 5
         style.grab_min_size = 14
-        style.window_border_size, style.popup_border_size, style.frame_border_size = 0, 1, 1
+        style.window_border_size, style.popup_border_size, style.frame_border_size = 1, 1, 1
         style.window_title_align = ImVec2(0.0, 0.5)
         style.separator_text_border_size = 1
         style.separator_text_padding = ImVec2(0, 6)

@@ -31,9 +31,11 @@ def begin_docked(name: str, rect: Rect, look: Theme, *, padding: tuple[float, fl
     imgui.set_next_window_size(ImVec2(rect.width, rect.height))
     imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(look.px(padding[0]), look.px(padding[1])))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.push_style_var(imgui.StyleVar_.window_border_size, 0.0)
+    imgui.set_next_window_bg_alpha(1.0)
     flags = DOCKED & ~imgui.WindowFlags_.no_scrollbar if scroll else DOCKED
     imgui.begin(name, None, flags | imgui.WindowFlags_.no_bring_to_front_on_focus)
-    imgui.pop_style_var(2)
+    imgui.pop_style_var(3)
 
 
 def heading(text: str, look: Theme) -> None:
