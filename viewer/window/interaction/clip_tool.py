@@ -200,9 +200,11 @@ class ClipTool(Tool):
     def panel(self, ui: Any, context: ToolContext) -> None:
         full = len(active(context.document.clips)) >= MOST_CLIPS
         ui.begin_disabled(full)
-        for kind, label in (("box", "+ Box"), ("level", "+ Plan slab"), ("upright", "+ Section slab")):
+        for kind, label in (("box", "+ Box"), ("level", "+ Plan"), ("upright", "+ Section")):
             if ui.button(label):
                 self.add(context, kind)
+            if kind != "upright":
+                ui.same_line()
         ui.end_disabled()
         if full:
             ui.text_wrapped(f"{MOST_CLIPS} clips can be active at once; turn one off.")
