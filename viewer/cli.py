@@ -32,6 +32,10 @@ def _view(options: argparse.Namespace) -> int:
     for path in options.scans:
         if not path.exists():
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
+    if any(path.suffix.lower() == ".pointglass" for path in options.scans):
+        from viewer.tools.project import check_projects
+
+        check_projects(options.scans)  # refused before a window opens
     if options.scans:
         _preload()
     from viewer.window.app import run

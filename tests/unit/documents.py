@@ -26,8 +26,8 @@ def random_document(random, scans: list[str]) -> Document:
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     rows = tuple(vector(row) for row in axes)
     return Document(
-        scans=tuple(ScanFile(path, bool(random.random() < 0.5), tuple(map(int, random.integers(0, 9, 3))), 0.3048, "EPSG:25832")
-                    for path in scans),
+        scans=tuple(ScanFile(path, bool(random.random() < 0.5), 0.3048, "EPSG:25832") for path in scans),
+        hidden_stations=tuple(map(int, random.integers(0, 256, 3))),
         up=vector(axes[1]),
         view=random_view(random, "last view"),
         viewpoints=tuple(random_view(random, f"view {i}") for i in range(3)),

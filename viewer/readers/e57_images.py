@@ -58,7 +58,7 @@ def read_photographs(path: Path, *, longest: int = 1024, most: int | None = None
     check_file(path)
     photos: list[Photo] = []
     with open_e57(path) as file:
-        entries, warnings = _entries(path, file.root())
+        entries, warnings = listed_photographs(path, file.root())
         weight = np.cumsum([6 if entry.spherical else 1 for entry in entries])
         if most is not None and len(entries) and weight[-1] > most:
             steps = np.floor((weight - 1) * (most / weight[-1]))
@@ -79,15 +79,19 @@ class _Entry:
 
     label: str
     name: str
-    spherical: bool
+    kind: str
     node: object
     pose: np.ndarray
     scan: int | None
     room: int
 
+    @property
+    def spherical(self) -> bool:
+        return self.kind == "spherical"
 
-def _entries(path: Path, root) -> tuple[list[_Entry], list[str]]:
-    """What images2D lists and has a geometry known here, and a warning for every other image."""
+
+def listed_photographs(path: Path, root, read: tuple[str, ...] = ("pinhole", "spherical")) -> tuple[list[_Entry], list[str]]:
+    """What images2D lists and has one of the geometries ``read``, and a warning for every other image."""
     entries, warnings = [], []
     scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(_structures(root, "data3D"))}
     for number, image in enumerate(_structures(root, "images2D")):
@@ -95,7 +99,7 @@ def _entries(path: Path, root) -> tuple[list[_Entry], list[str]]:
         label = f"{path}: photograph {name!r}"
         kinds = ("pinhole", "spherical", "cylindrical", "visualReference")
         kind = next((k for k in kinds if child(image, f"{k}Representation", "Structure") is not None), None)
-        if kind not in ("pinhole", "spherical"):
+        if kind not in read:
             why = {
                 None: "has no representation the standard names", "cylindrical": "is cylindrical, which is not read",
                 "visualReference": "is for looking at only: no camera is stored with it",
@@ -112,7 +116,7 @@ def _entries(path: Path, root) -> tuple[list[_Entry], list[str]]:
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = placed
             scan, room = scans.get(text_of(image, "associatedData3DGuid")), path.stat().st_size
-            entries.append(_Entry(label, name, kind == "spherical", node, pose, scan, room))
+            entries.append(_Entry(label, name, kind, node, pose, scan, room))
     return entries, warnings
 
 
@@ -123,7 +127,7 @@ def _structures(root, name: str) -> list:
     return [node for node in nodes if isinstance(node, library().StructureNode)]
 
 
-def _value(entry: _Entry, name: str, *, positive: bool = True) -> float:
+def number_of(entry: _Entry, name: str, *, positive: bool = True) -> float:
     node: object = entry.node
     value = value_of(node[name]) if node.isDefined(name) else None  # type: ignore[attr-defined, index]
     if value is None or not np.isfinite(value) or (positive and value <= 0):
@@ -145,7 +149,7 @@ def _header(entry: _Entry, name: str, data: io.BytesIO):
     """The opened, not yet decoded picture; refused where its size is not the declared one or too large."""
     from PIL import JpegImagePlugin, PngImagePlugin, UnidentifiedImageError
 
-    declared = int(_value(entry, "imageWidth")), int(_value(entry, "imageHeight"))
+    declared = int(number_of(entry, "imageWidth")), int(number_of(entry, "imageHeight"))
     kinds = {b"\xff\xd8": JpegImagePlugin.JpegImageFile, b"\x89P": PngImagePlugin.PngImageFile}  # some writers mix the tags up
     kind = kinds.get(data.getvalue()[:2])
     if kind is None:
@@ -163,7 +167,7 @@ def _header(entry: _Entry, name: str, data: io.BytesIO):
     return image
 
 
-def _decode(entry: _Entry, scale: tuple[float, float]) -> tuple[np.ndarray, np.ndarray | None]:
+def decoded(entry: _Entry, scale: tuple[float, float]) -> tuple[np.ndarray, np.ndarray | None]:
     """The picture averaged down by ``scale`` (<= 1) from its top left corner, and where it is valid (None: everywhere).
 
     A last column or row that would not be covered fully is left out: the scale is exact.
@@ -200,24 +204,24 @@ def _decode(entry: _Entry, scale: tuple[float, float]) -> tuple[np.ndarray, np.n
 
 
 def _pinhole(entry: _Entry, longest: int) -> Photo:
-    focal = _value(entry, "focalLength")
-    fx, fy = focal / _value(entry, "pixelWidth"), focal / _value(entry, "pixelHeight")
-    width, height = _value(entry, "imageWidth"), _value(entry, "imageHeight")
+    focal = number_of(entry, "focalLength")
+    fx, fy = focal / number_of(entry, "pixelWidth"), focal / number_of(entry, "pixelHeight")
+    width, height = number_of(entry, "imageWidth"), number_of(entry, "imageHeight")
     if not (0.02 * width < fx < 200 * width and 0.02 * height < fy < 200 * height):
         raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels; export it again")
-    cx, cy = (_value(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
+    cx, cy = (number_of(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
     if not (-width <= cx <= 2 * width and -height <= cy <= 2 * height):
         raise InputError(f"{entry.label}: principal point {cx:g}, {cy:g} far outside its picture; export it again")
     fl = min(fx, fy)  # pixels that are not square are made so
     fl *= min(1.0, longest / max(width * fl / fx, height * fl / fy))
-    picture, trusted = _decode(entry, (fl / fx, fl / fy))
+    picture, trusted = decoded(entry, (fl / fx, fl / fy))
     return Photo(entry.name, picture, fl, cx * fl / fx, cy * fl / fy, entry.pose, trusted, entry.scan)
 
 
 def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
     """The cube faces of a panorama, as fine as it, those it does not reach left out."""
-    full = np.array([_value(entry, "imageWidth"), _value(entry, "imageHeight")])
-    pitch = np.array([_value(entry, "pixelWidth"), _value(entry, "pixelHeight")])
+    full = np.array([number_of(entry, "imageWidth"), number_of(entry, "imageHeight")])
+    pitch = np.array([number_of(entry, "pixelWidth"), number_of(entry, "pixelHeight")])
     with np.errstate(over="ignore"):
         spans = full * pitch
     if full[0] == 2 * full[1] and spans.max() < 0.1:
@@ -228,7 +232,7 @@ def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
         raise InputError(f"{entry.label} spans {width:.4g} x {height:.4g} degrees; export it again")
     side = int(min(longest, np.ceil(2 / pitch.max())))
     scale = np.maximum(1, np.rint(full * np.minimum(1.0, pitch * side / 2))) / full  # a face's middle has 2 / side rad a pixel
-    picture, trusted = _decode(entry, (float(scale[0]), float(scale[1])))
+    picture, trusted = decoded(entry, (float(scale[0]), float(scale[1])))
     pitch = pitch / scale
     around = spans[0] > 2 * np.pi * 0.999
     photos = []

@@ -14,13 +14,13 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from viewer.grid.scene import unpack
-from viewer.render.cull import DrawList
 from viewer.tools.clip import MOST_CLIPS, Clip, active, group, may_contain, normals
 from viewer.tools.look import COLOUR_BY, LEVELS, Look, table_of
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.grid.scene import Scene
+    from viewer.render.cull import DrawList
 
 BLOCK = np.dtype([
     ("clip_rows", "<f4", (3 * MOST_CLIPS, 4)), ("clip_groups", "<u4", 4), ("hidden", "<u4", 8), ("upward", "<f4", 4),
@@ -117,7 +117,7 @@ def _extremes(edits: Edits, scene: "Scene", camera: "Camera | None") -> tuple[fl
     return 0.0, float(np.linalg.norm(corners - eye, axis=1).max())
 
 
-def without_clipped_cells(draw: DrawList, edits: Edits, scene: "Scene") -> DrawList:
+def without_clipped_cells(draw: "DrawList", edits: Edits, scene: "Scene") -> "DrawList":
     """The draw list without the runs of cells of which clips leave nothing."""
     clips = active(edits.clips)
     if not clips or len(draw.cells) == 0:

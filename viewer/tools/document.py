@@ -36,13 +36,12 @@ UP_AXES: dict[str, Vector] = {
 class ScanFile:
     """One scan file or folder of the document.
 
-    path: as opened; the project file stores it relative to itself.  hidden_stations: numbers of the scans inside the file
-    that are not shown.  metres_per_unit, crs: assigned by the person; None: as the file says.
+    path: as opened; the project file stores it relative to itself.  visible: whether it is read when the project opens.
+    metres_per_unit, crs: assigned by the person; None: as the file says.
     """
 
     path: str
     visible: bool = True
-    hidden_stations: tuple[int, ...] = ()
     metres_per_unit: float | None = None
     crs: str | None = None
 
@@ -114,11 +113,13 @@ class Annotation:
 class Document:
     """Everything that a project file keeps.
 
+    hidden_stations: numbers of the scene's stations (as in Scene.meta["scans"]) that are not drawn.
     up: the direction that is up, unit vector of the file's frame.  view: where the camera stands; None: not opened yet.
     lock_measured: pixels that were measured are shown as measured in the neural view, too.
     """
 
     scans: tuple[ScanFile, ...] = ()
+    hidden_stations: tuple[int, ...] = ()
     up: Vector = UP_AXES["z"]
     view: Viewpoint | None = None
     viewpoints: tuple[Viewpoint, ...] = ()
@@ -134,6 +135,8 @@ class Document:
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
             raise InputError(f"up {self.up!r}: expected a unit vector")
+        if not all(0 <= number < 256 for number in self.hidden_stations):
+            raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
         if self.background not in BACKGROUNDS:
             raise InputError(f"background {self.background!r}: expected one of {', '.join(BACKGROUNDS)}")
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.grid.scene import packed, positions, unpack
-from viewer.tools import pick_kernels
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -120,6 +119,8 @@ def pick(scene: "Scene", camera: "Camera", measured: np.ndarray, depth: np.ndarr
 
 def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], front: float) -> tuple[np.ndarray, np.ndarray]:
     """Running numbers of the points in a pixel from its depth to where its surface ends; (n, 3) depth and pixel position."""
+    from viewer.tools import pick_kernels  # numba: only once something is picked
+
     near = front * (1.0 - _DEPTH_SLACK)
     far = max(front * (1.0 + _SOFT_RELATIVE), front + _SOFT_SPACINGS * scene.spacing)
     left, top = pixel[0] - _PIXEL_SLACK, pixel[1] - _PIXEL_SLACK
@@ -156,6 +157,8 @@ def station_name(scene: "Scene", scan: int) -> str:
 
 def surface_around(scene: "Scene", position) -> Surface:
     """Spacing and noise of the measured points around a place, (3,) file coordinates."""
+    from viewer.tools import pick_kernels  # numba: only once something is picked
+
     coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
     place = np.asarray(position, np.float64) - scene.origin
     radius = _FIRST_BALL * (scene.spacing or scene.cell_size / 16)

@@ -70,6 +70,26 @@ def read_project(path: Path) -> Document:
     return _with_paths(document, lambda p: str(path.parent / p))
 
 
+def scans_of(path: Path, document: Document) -> list[Path]:
+    """The visible scans of a project read from ``path``.  Raises InputError where there is none, or one is missing."""
+    scans = [Path(scan.path) for scan in document.scans if scan.visible]
+    if not scans:
+        raise InputError(f"{path}: no scan of this project is visible; nothing to open")
+    for scan in scans:
+        if not scan.exists():
+            raise InputError(f"{path}: its scan {scan} is not there; move it back or change the path in the project")
+    return scans
+
+
+def check_projects(paths: list[Path]) -> None:
+    """Raises InputError where the project among ``paths`` cannot be opened, or is not alone."""
+    projects = [path for path in paths if is_project(path)]
+    if projects and len(paths) > 1:
+        raise InputError(f"{projects[0]}: a project is opened by itself, not together with other files")
+    for path in projects:
+        scans_of(path, read_project(path))
+
+
 def _relative(path: str, folder: Path) -> str:
     """A path as the project file stores it: relative to ``folder`` where at most MOST_UP folders up lead to it."""
     whole, base = Path(os.path.abspath(path)), Path(os.path.abspath(folder))

@@ -14,7 +14,7 @@ COLOURS: dict[int, tuple[int, int, int]] = {
 }  # fmt: skip
 """sRGB; chosen to be told apart with any colour vision (green, violet, orange differ in lightness and hue)."""
 NAMES: dict[int, str] = {
-    MEASURED: "measured", REPAINTED: "measured, repainted by the network", FILLED: "filled", BACKGROUND: "background",
+    MEASURED: "measured", REPAINTED: "measured, then repainted", FILLED: "filled", BACKGROUND: "background",
 }  # fmt: skip
 TINT = 160
 """Of 256: how much of a pixel is its tint; the rest is its brightness."""

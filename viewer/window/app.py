@@ -297,8 +297,9 @@ class App:
         if session.scene is None and session.loads.current is None and not session.help:
             self._start_page.draw(self, look)
         if session.interface and session.scene is not None:
-            session.point = self.viewport.measured_point(session.pointer)
             self._overlays()
+            picked = session.work.under_pointer
+            session.point = None if picked is None else np.array(picked.position)
             hud.draw_handle(session, look, hovered=over)
             draw_scenes_panel(self, look)
             draw_look_panel(session, look)

@@ -14,14 +14,15 @@ from viewer.window.interaction.table import TOOLS
 class Control:
     """keys: GLFW key names without ``KEY_``, or mouse gestures; any of them does it.  action: what the code calls.
 
-    kind: ``hold`` acts while down, ``press`` acts once, ``modifier`` changes what held keys do, ``mouse`` is a gesture.
+    kind: ``hold`` acts while down, ``press`` acts once, ``modifier`` changes what held keys do, ``mouse`` is a gesture,
+    ``chord`` a key with Ctrl that all tools share (viewer.window.interaction.editing).
     """
 
     keys: tuple[str, ...]
     name: str
     action: str
     help: str
-    kind: Literal["hold", "press", "modifier", "mouse"] = "press"
+    kind: Literal["hold", "press", "modifier", "mouse", "chord"] = "press"
 
 
 CONTROLS: dict[str, tuple[Control, ...]] = {
@@ -52,6 +53,10 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("F9",), "F9", "record", "start or stop recording frame times to CSV"),
         Control(("DROP",), "Drop files", "drop", "open them as one scene", "mouse"),
     ),
+    "Work": (
+        Control(("CTRL_Z",), "Ctrl+Z", "undo", "undo; Ctrl+Y or Ctrl+Shift+Z redoes", "chord"),
+        Control(("CTRL_S",), "Ctrl+S", "save", "save the project: clips, measurements, look, viewpoint", "chord"),
+    ),
     "Window": (
         Control(("O",), "O", "open", "open scan files"),
         Control(("F3",), "F3", "profiler", "show or hide where the time of a frame goes"),
@@ -69,7 +74,7 @@ ALL: tuple[Control, ...] = tuple(control for group in CONTROLS.values() for cont
 
 def by_key() -> dict[str, Control]:
     """Key name -> control, for the keyboard."""
-    return {key: control for control in ALL if control.kind != "mouse" for key in control.keys}
+    return {key: control for control in ALL if control.kind not in ("mouse", "chord") for key in control.keys}
 
 
 def table_markdown() -> str:

@@ -55,7 +55,7 @@ class Input:
         self._button: Literal["", "left", "right", "middle"] = ""
         self._modifiers = Modifiers()
         self._travelled = 0.0
-        self._last_click = (-1.0, "")
+        self._last_click = (-1.0, "", (0.0, 0.0))  # when, with which button, where
         self._connect()
 
     def _connect(self) -> None:
@@ -168,8 +168,10 @@ class Input:
     def _release(self, name: str) -> None:
         now, clicks = self._clock(), 0
         if self._travelled <= _CLICK:
-            clicks = 2 if self._last_click[1] == name and now - self._last_click[0] <= _DOUBLE_CLICK else 1
-            self._last_click = (now, name if clicks == 1 else "")
+            before, button, place = self._last_click
+            near = abs(self.pointer[0] - place[0]) + abs(self.pointer[1] - place[1]) <= _CLICK
+            clicks = 2 if button == name and near and now - before <= _DOUBLE_CLICK else 1
+            self._last_click = (now, name if clicks == 1 else "", self.pointer)
         if not self._host.session.dragging_handle:
             self._tool("release", clicks=clicks)
         self._host.session.dragging_handle, self._button = False, ""

@@ -131,6 +131,7 @@ class ScanLoads:
     def __init__(self, notices: Notices, open_scene: "Callable[..., Scene]", wake: Callable[[], None],
                  preview_scene: "Callable[..., Scene | None]" = preview_scene):
         self._notices, self._wake = notices, wake
+        self.wake = wake
         self.open_scene, self.preview_scene = open_scene, preview_scene
         self.prepare: Callable[[Sequence[Path]], list[Path]] = list
         self.current: Worker | None = None

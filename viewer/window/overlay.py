@@ -126,6 +126,12 @@ class OverlayCanvas:
             align = (0.0 if offset[0] >= 0 else 1.0, 0.0 if offset[1] >= 0 else 1.0)
             self.text(tuple(places[0] + shift), text, colour, align=align)
 
+    def divider(self, x: float) -> None:
+        """A vertical line across the picture at a position of the interface."""
+        _, top, _, height = self.area
+        for shade, width in (("shade", 3.0), ("text", 1.0)):
+            self.draw_list.add_line(ImVec2(x, top), ImVec2(x, top + height), _shade(shade), self.look.px(width))
+
     def text(self, at: tuple[float, float], text: str, colour: str = "text", *,
              align: tuple[float, float] = (0.0, 0.0)) -> None:
         """Text on a dark plate at a position of the interface, kept inside the picture.  align: the plate's point that lies

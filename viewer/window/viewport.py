@@ -18,6 +18,7 @@ from viewer.render.points import UPLOAD_SECONDS
 from viewer.settings import Memory
 from viewer.tools.background import composite
 from viewer.window.loading import Loaded
+from viewer.window.photo_layer import PhotoLayer
 from viewer.window.present import Canvas, split_column
 from viewer.window.session import Session
 
@@ -56,6 +57,7 @@ class Viewport:
         self._context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
         self._views = DevelopedViews(self._programs)
+        self._photos = PhotoLayer(context)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
@@ -258,7 +260,11 @@ class Viewport:
         """A view of the last picture as the look, the tint and the lock have it."""
         assert self.frame is not None
         work = self._session.work
-        return self._views.texture(self.frame, view, work.document.look, tint=work.tint, lock=work.document.lock_measured)
+        made = self._views.texture(self.frame, view, work.document.look, tint=work.tint, lock=work.document.lock_measured)
+        if work.photo is None or self.renderer is None:
+            return made
+        metres = self.renderer.scene.meta.get("metres_per_unit")
+        return self._photos.over(self.frame, view, made, self._session.camera, work.photo, metres)
 
     def shown_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
@@ -293,7 +299,7 @@ class Viewport:
         return image
 
     def release(self) -> None:
-        for owned in (self.renderer, self.canvas, self._views, self._programs):
+        for owned in (self.renderer, self.canvas, self._views, self._photos, self._programs):
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None

@@ -8,27 +8,29 @@ from dataclasses import replace
 from pathlib import Path
 
 from viewer.camera import Camera
-from viewer.errors import InputError
 from viewer.render.edits import Edits
 from viewer.settings import Settings
 from viewer.tools.document import Document, ScanFile, moved
 from viewer.tools.history import History
 from viewer.tools.pick import Picked
-from viewer.tools.project import is_project, read_project, write_project
+from viewer.tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
+from viewer.window.photo_layer import ShownPhoto
 
-_DRAWN_ANEW = ("scans", "clips", "look")
+_DRAWN_ANEW = ("hidden_stations", "clips", "look")
 """Fields of the document that decide what the renderer draws."""
 
 
 class Work:
-    """history: of the document.  project: the file it was read from or saved to, else None.  tint: whether pixels are coloured
-    by provenance.  under_pointer: the measured point under the pointer, None where there is none or something moves."""
+    """history: of the document.  project: the file it was read from or saved to, else None.
+    tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
+    under_pointer: the measured point under the pointer, None where there is none or something moves."""
 
     def __init__(self) -> None:
         self.history = History(Document())
         self.project: Path | None = None
         self.tint = False
         self.under_pointer: Picked | None = None
+        self.photo: ShownPhoto | None = None
         self._next: tuple[Document, Path | None] = Document(), None  # what is being opened
 
     @property
@@ -40,8 +42,7 @@ class Work:
     def edits(self) -> Edits:
         """What the document does to the points that are drawn."""
         document = self.document
-        hidden = frozenset(number for scan in document.scans for number in scan.hidden_stations)
-        return Edits(document.clips, hidden, document.look, document.up)
+        return Edits(document.clips, frozenset(document.hidden_stations), document.look, document.up)
 
     def edit(self, label: str, gesture: object = None, **changes: object) -> bool:
         """Changes fields of the document as one step that can be undone.  Returns whether a new picture is needed.
@@ -79,23 +80,24 @@ class Work:
         if not projects:
             self._next = Document(tuple(ScanFile(str(path)) for path in paths)), None
             return list(paths)
-        if len(paths) > 1:
-            raise InputError(f"{projects[0]}: a project is opened by itself, not together with other files")
+        check_projects(list(paths))
         document = read_project(projects[0])
-        scans = [Path(scan.path) for scan in document.scans if scan.visible]
-        if not scans:
-            raise InputError(f"{projects[0]}: no scan of this project is visible; nothing to open")
-        for scan in scans:
-            if not scan.exists():
-                raise InputError(f"{projects[0]}: its scan {scan} is not there; move it back or change the path in the project")
         self._next = document, projects[0]
-        return scans
+        return scans_of(projects[0], document)
 
     def accept(self) -> Document:
         """What :meth:`begin` began is shown now.  Returns its document."""
         document, self.project = self._next
         self.history, self.under_pointer, self._next = History(document), None, (Document(), None)
         return document
+
+    @property
+    def project_path(self) -> Path | None:
+        """Where the project is saved: its file, else beside the first scan; None where no scan is open."""
+        if self.project is not None or not self.document.scans:
+            return self.project
+        first = Path(self.document.scans[0].path)
+        return first.with_name(first.stem + SUFFIX)
 
     def save_project(self, path: Path, camera: Camera, settings: Settings, background: str) -> None:
         """Writes the document with what the window shows now.  Raises InputError naming the file."""

@@ -1,12 +1,13 @@
 """What all tools share to change the document: one step that can be undone, the keys of undo and redo, and picking.
 
-Ctrl+Z undoes; Ctrl+Y and Ctrl+Shift+Z redo.
+Ctrl+Z undoes; Ctrl+Y and Ctrl+Shift+Z redo; Ctrl+S saves the project.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from viewer.errors import PointglassError
 from viewer.tools.clip import contains
 from viewer.tools.measure import MeasuredPoint, unit_name
 from viewer.tools.pick import Picked, pick, surface_around
@@ -25,12 +26,30 @@ def edit(context: "ToolContext", label: str, gesture: object = None, **changes: 
         context.renew_picture()
 
 
-def undo_key(event: "KeyEvent", context: "ToolContext") -> bool:
-    """Undoes or redoes where a key asks for it.  Returns whether it did."""
-    if event.kind == "release" or not event.modifiers.control or event.key not in ("Z", "Y"):
+def shared_key(event: "KeyEvent", context: "ToolContext") -> bool:
+    """Undoes, redoes or saves where a key asks for it.  Returns whether it did."""
+    if event.kind == "release" or not event.modifiers.control or event.key not in ("Z", "Y", "S"):
         return False
-    step(context, redo=event.key == "Y" or event.modifiers.shift)
+    if event.key == "S":
+        save_project(context)
+    else:
+        step(context, redo=event.key == "Y" or event.modifiers.shift)
     return True
+
+
+def save_project(context: "ToolContext") -> None:
+    """Saves the document as a project file, and says where, or why not."""
+    session = context.session
+    path = session.work.project_path
+    if path is None:
+        context.toast("Nothing to save yet: open a scan first")
+        return
+    try:
+        session.work.save_project(path, context.camera, session.view_settings.shown_settings, session.view_settings.background)
+    except PointglassError as error:
+        session.notices.say("The project was not saved", str(error))
+    else:
+        context.toast(f"Saved {path}")
 
 
 def step(context: "ToolContext", *, redo: bool) -> None:
@@ -79,8 +98,7 @@ class Pointing:
         scale = height / camera.height
         document = context.session.work.document
         hidden = np.zeros(256, bool)
-        for scan in document.scans:
-            hidden[list(scan.hidden_stations)] = True
+        hidden[list(document.hidden_stations)] = True
 
         def kept(xyz: np.ndarray, scans: np.ndarray) -> np.ndarray:
             return contains(document.clips, xyz) & ~hidden[scans]

@@ -151,12 +151,15 @@ class Measure(Tool):
                 overlay.marker(point.position, "warn", 4.0)
 
     def panel(self, ui: Any, context: ToolContext) -> None:
-        for kind, (_, _, what) in KINDS.items():
-            if ui.radio_button(NAMES[kind], self.kind == kind) and kind != self.kind:
-                self.kind = kind
-                self.points.clear()
-            if ui.is_item_hovered():
-                ui.set_tooltip(what)
+        ui.set_next_item_width(-1)
+        if ui.begin_combo("##kind", NAMES[self.kind]):
+            for kind, (_, _, what) in KINDS.items():
+                if ui.selectable(NAMES[kind], self.kind == kind)[0] and kind != self.kind:
+                    self.kind = kind
+                    self.points.clear()
+                if ui.is_item_hovered():
+                    ui.set_tooltip(what)
+            ui.end_combo()
         history = context.session.work.history
         ui.begin_disabled(history.undo_label is None)
         if ui.button("Undo"):

@@ -3,14 +3,17 @@
 The order is that of the buttons; Fly stays first because it receives what the selected tool leaves.
 """
 
+from viewer.window.interaction.clip_tool import ClipOutlines, ClipTool
+from viewer.window.interaction.colours import AttributeLegend, Colours
 from viewer.window.interaction.fly import Fly
 from viewer.window.interaction.inspect_point import InspectPoint, UnderPointer
 from viewer.window.interaction.measure import Measure, Measurements
+from viewer.window.interaction.stations import Stations
 from viewer.window.interaction.tool import Overlay, Tool, Toolbox
 from viewer.window.interaction.what_is_real import WhatIsReal
 
-TOOLS: tuple[type[Tool], ...] = (Fly, InspectPoint, Measure, WhatIsReal)
-OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, Measurements)
+TOOLS: tuple[type[Tool], ...] = (Fly, InspectPoint, Measure, ClipTool, Colours, Stations, WhatIsReal)
+OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, AttributeLegend)
 
 
 def toolbox() -> Toolbox:

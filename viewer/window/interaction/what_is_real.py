@@ -19,7 +19,7 @@ class WhatIsReal(Tool):
 
     def __init__(self) -> None:
         self._frame: Frame | None = None
-        self._seen = ("", False)  # the view of it that was counted, and whether its network was still running
+        self._seen = ("", False, False)  # the view that was counted, whether its network was running, and the lock
         self.shares: Shares | None = None
 
     def selected(self, context: ToolContext) -> None:
@@ -37,11 +37,13 @@ class WhatIsReal(Tool):
         if frame is None or context.session.flight.moving or view not in frame.textures:
             return
         pending = bool(frame.facts.get("network_pending"))
-        if frame is self._frame and (view, pending) == self._seen:
+        seen = (view, pending, context.document.lock_measured)
+        if frame is self._frame and seen == self._seen:
             return
         measured = frame.image("filtered") if "filtered" in frame.textures else None
-        self.shares = shares(view, frame.image(view), frame.mask(), measured)
-        self._frame, self._seen = frame, (view, pending)
+        locked = view == "neural" and context.document.lock_measured  # then nothing that was measured is repainted
+        self.shares = shares("filled" if locked else view, frame.image(view), frame.mask(), measured)
+        self._frame, self._seen = frame, seen
 
     def lines(self) -> list[tuple[int, str]]:
         """(provenance, text) of the legend's rows; repainted only where there is such a pixel."""
@@ -52,7 +54,7 @@ class WhatIsReal(Tool):
             percent = self.shares.percent[key]
             if key == 2 and percent == 0:
                 continue
-            by = f", by {self.shares.change:.0f} of 255 levels" if key == 2 and self.shares.change is not None else ""
+            by = f" by {self.shares.change:.0f}/255 levels" if key == 2 and self.shares.change is not None else ""
             told.append((key, f"{percent:5.1f} %  {name}{by}"))
         return told
 
@@ -70,12 +72,12 @@ class WhatIsReal(Tool):
             ui.text_wrapped(text)
         lock(ui, context)
         ui.text_wrapped("Measured pixels hold points that the filter kept. Filled pixels hold none: they are interpolated. "
-                        "The network repaints both.")
+                        "The network repaints both: measured pixels from green (little) to violet (much).")
 
 
 def lock(ui: Any, context: ToolContext) -> None:
     """The switch that keeps measured pixels of the neural view as they were measured."""
-    changed, on = ui.checkbox("Keep measured pixels as measured", context.document.lock_measured)
+    changed, on = ui.checkbox("Keep measured pixels", context.document.lock_measured)
     if changed:
         edit(context, "Lock measured pixels" if on else "Unlock measured pixels", lock_measured=on)
         context.renew_picture()

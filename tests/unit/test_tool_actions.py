@@ -1,0 +1,221 @@
+"""The window's tools without a window: pointing, measuring, clipping and saving change the document as a person expects."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from viewer.camera import from_fov, look_at
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.grid.scene import unpack
+from viewer.settings import Settings
+from viewer.tools.clip import Box, Slab, vector
+from viewer.tools.document import Document, ScanFile
+from viewer.tools.measure import evaluate
+from viewer.tools.project import write_project
+from viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
+from viewer.window.interaction.measure import Measure
+from viewer.window.interaction.tool import KeyEvent, Modifiers, PointerEvent
+from viewer.window.work import Work
+
+
+@pytest.fixture(scope="module")
+def wall():
+    """A wall of 4 by 3 m at y = 5, in a fine regular grid."""
+    x, z = np.meshgrid(np.arange(0, 4, 0.01), np.arange(0, 3, 0.01))
+    xyz = np.stack([x.ravel(), np.full(x.size, 5.0), z.ravel()], axis=1)
+    return scene_from_arrays(xyz, np.full((len(xyz), 3), 90, np.uint8), meta={"metres_per_unit": 1.0})
+
+
+class Context:
+    """What tools use of a window."""
+
+    def __init__(self, scene):
+        self.scene, self.camera = scene, from_fov(400, 300, 60.0, look_at((2.0, 1.0, 1.5), (2.0, 5.0, 1.5)))
+        work = Work()
+        work.begin([])
+        work.accept()
+        pixels, z = self.camera.project(unpack(scene)[0])
+        depth = np.full((300, 400), np.inf, np.float32)
+        column, row = np.floor(pixels).astype(int).T
+        inside = (column >= 0) & (column < 400) & (row >= 0) & (row < 300)
+        np.minimum.at(depth, (row[inside], column[inside]), z[inside].astype(np.float32))
+        self.viewport = SimpleNamespace(frame=SimpleNamespace(mask=lambda: np.isfinite(depth), depth=lambda: depth))
+        self.session = SimpleNamespace(work=work, flight=SimpleNamespace(moving=False), pointer=None,
+                                       view_settings=SimpleNamespace(shown_settings=Settings(), background="sky"))
+        self.toasts, self.renewed = [], 0
+
+    @property
+    def document(self):
+        return self.session.work.document
+
+    def pixels(self, length):
+        return length
+
+    def toast(self, text):
+        self.toasts.append(text)
+
+    def renew_picture(self):
+        self.renewed += 1
+
+    def ray(self, position):
+        along = self.camera.unproject([position], 1.0)[0] - self.camera.position
+        return self.camera.position, along / np.linalg.norm(along)
+
+
+@pytest.fixture
+def context(wall):
+    return Context(wall)
+
+
+def click(tool, context, place, button="left", clicks=1):
+    (pixel,), _ = context.camera.project([place])
+    for kind in ("press", "release"):
+        tool.pointer(PointerEvent(kind, tuple(pixel), button=button, clicks=clicks if kind == "release" else 0), context)
+
+
+def test_a_distance_is_measured_between_two_clicks_and_undone(context):
+    tool = Measure()
+    click(tool, context, (1.0, 5.0, 1.0))
+    assert len(tool.points) == 1 and context.document.measurements == ()
+    click(tool, context, (3.0, 5.0, 2.0))
+    (made,) = context.document.measurements
+    assert made.name == "Distance" and tool.points == []
+    result = evaluate(made)
+    assert abs(result.value - np.sqrt(5)) < 0.01 and 0 < result.uncertainty < 0.02
+    assert context.session.work.undo() == ("Measure distance", False) and context.document.measurements == ()
+    context.session.work.redo()
+    assert context.document.measurements == (made,)
+
+
+def test_an_area_ends_with_enter_and_points_are_taken_back(context):
+    tool = Measure()
+    tool.kind = "area"
+    for place in ((1.0, 5.0, 0.5), (3.0, 5.0, 0.5), (2.0, 5.0, 1.0), (3.0, 5.0, 2.5), (1.0, 5.0, 2.5)):
+        click(tool, context, place)
+        if place[0] == 2.0:
+            assert tool.key_event(KeyEvent("BACKSPACE", "press"), context)
+    assert tool.key_event(KeyEvent("ENTER", "press"), context)
+    (made,) = context.document.measurements
+    assert evaluate(made).value == pytest.approx(4.0, rel=0.01)
+
+
+def test_background_sets_no_point(context):
+    tool = Measure()
+    click(tool, context, (2.0, 5.0, 3.4))
+    assert tool.points == [] and "No measured point" in context.toasts[-1]
+
+
+def test_escape_drops_the_points_begun(context):
+    tool = Measure()
+    assert not tool.key_event(KeyEvent("ESCAPE", "press"), context)
+    click(tool, context, (1.0, 5.0, 1.0))
+    assert tool.key_event(KeyEvent("ESCAPE", "press"), context) and tool.points == []
+
+
+def test_csv_export_says_where_it_went(context, tmp_path):
+    tool = Measure()
+    click(tool, context, (1.0, 5.0, 1.0))
+    click(tool, context, (3.0, 5.0, 1.0))
+    tool.path = str(tmp_path / "m.csv")
+    tool.export(context)
+    assert str(tmp_path / "m.csv") in context.toasts[-1] and "Distance,distance" in (tmp_path / "m.csv").read_text()
+
+
+def random_axes(random):
+    q = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    return tuple(vector(row) for row in q)
+
+
+def test_a_moved_face_leaves_the_opposite_one(seed):
+    random = np.random.default_rng(seed)
+    for _ in range(30):
+        axes = random_axes(random)
+        box = Box(vector(random.normal(size=3)), vector(random.uniform(0.5, 2, 3)), axes)
+        for clip in (box, Slab(box.centre, axes[0], 1.5)):
+            before = handles(clip)
+            face = int(random.integers(len(before)))
+            by = float(random.uniform(-0.4, 2.0))
+            after = handles(with_face_moved(clip, face, by, 1e-3))
+            assert np.allclose(after[face ^ 1][0] @ before[face][1], before[face ^ 1][0] @ before[face][1])
+            assert (after[face][0] - before[face][0]) @ before[face][1] == pytest.approx(by)
+
+
+def test_a_face_cannot_pass_the_opposite_one():
+    box = Box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+    assert with_face_moved(box, 1, -5.0, 0.01).half == (0.01, 1.0, 1.0)
+
+
+def test_the_place_on_the_axis_is_nearest_to_the_ray(seed):
+    random = np.random.default_rng(seed)
+    for _ in range(50):
+        origin, place = random.normal(size=(2, 3))
+        ray, axis = (v / np.linalg.norm(v) for v in random.normal(size=(2, 3)))
+        found = along_axis(origin, ray, place, axis)
+        if found is None:
+            continue
+
+        def away(t, origin=origin, ray=ray, place=place, axis=axis):
+            return np.linalg.norm(np.cross(place + t * axis - origin, ray))
+
+        assert away(found) <= min(away(found - 1e-3), away(found + 1e-3))
+
+
+def test_dragging_a_handle_is_one_step(context):
+    tool = ClipTool()
+    tool.add(context, "box")
+    before = context.document.clips[0]
+    place, _ = handles(before)[1]
+    (pixel,), _ = context.camera.project([place])
+    assert tool.pointer(PointerEvent("press", tuple(pixel), button="left"), context)
+    for step in range(1, 6):
+        tool.pointer(PointerEvent("move", (pixel[0] + 5 * step, pixel[1]), button="left"), context)
+    assert tool.pointer(PointerEvent("release", (pixel[0] + 25, pixel[1]), button="left"), context)
+    moved = context.document.clips[0]
+    assert moved.half[0] > before.half[0] and context.renewed >= 5
+    context.session.work.undo()
+    assert context.document.clips == (before,)
+    assert not tool.pointer(PointerEvent("press", (1.0, 1.0), button="left"), context), "beside a handle the view turns"
+    assert tool.key_event(KeyEvent("DELETE", "press"), context) and context.document.clips == ()
+
+
+def test_turning_four_times_a_quarter_is_nothing():
+    box = Box((1.0, 2.0, 3.0), (1.0, 2.0, 3.0))
+    turned_box = box
+    for _ in range(4):
+        turned_box = turned(turned_box, 90.0, np.array([0.0, 0.0, 1.0]))
+    assert np.allclose(turned_box.axes, box.axes)
+    assert np.allclose(turned(Slab((0, 0, 0), (1.0, 0.0, 0.0), 1.0), 90.0, np.array([0, 0, 1.0])).normal, (0, 1, 0))
+
+
+def test_a_project_saved_and_opened_is_as_it_was_left(context, tmp_path):
+    from viewer.window.interaction.editing import shared_key
+
+    scan = tmp_path / "wall.ply"
+    scan.touch()
+    work = context.session.work
+    assert work.begin([scan]) == [scan]
+    work.accept()
+    ClipTool().add(context, "upright")
+    assert shared_key(KeyEvent("S", "press", Modifiers(control=True)), context)
+    path = tmp_path / "wall.pointglass"
+    assert str(path) in context.toasts[-1] and not work.history.changed
+    other = Work()
+    assert other.begin([path]) == [scan] and other.opens_project
+    document = other.accept()
+    assert document == work.document and other.project == path
+    assert document.view is not None
+    assert np.allclose(document.view.camera(400, 300).camera_to_world, context.camera.camera_to_world)
+    assert document.background == "sky" and document.clips[0].name == "Section"
+
+
+def test_a_project_whose_scan_is_gone_is_refused(tmp_path, capsys):
+    from viewer.cli import main
+
+    path = tmp_path / "p.pointglass"
+    write_project(path, Document((ScanFile(str(tmp_path / "gone.laz")),)))
+    assert main([str(path)]) == 2
+    said = capsys.readouterr().err
+    assert str(path) in said and "gone.laz is not there" in said and said.count("\n") == 1
+    path.write_text("{")
+    assert main([str(path)]) == 2 and "damaged" in capsys.readouterr().err

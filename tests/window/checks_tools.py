@@ -1,0 +1,141 @@
+"""Checks of the tools: each is driven by events, and the picture it leaves is compared with the reference implementation's."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from driver import SIZE, Driver
+
+ROOM = np.array([8.0, 6.0, 3.0])
+
+
+def shown(d: Driver) -> np.ndarray:
+    """The picture alone: the middle of the canvas, where no panel lies, interface hidden."""
+    return d.bare()
+
+
+def middle(d: Driver, right: float = 0.0, down: float = 0.0) -> tuple[float, float]:
+    """A position of the window: the middle of the picture, moved by shares of its size."""
+    (left, top), (width, height) = d.session.origin, d.session.size
+    return left + width * (0.5 + right), top + height * (0.5 + down)
+
+
+def chord(d: Driver, name: str, *, shift: bool = False) -> None:
+    """A key with Ctrl held."""
+    glfw = d.glfw
+    key, mods = getattr(glfw, f"KEY_{name}"), glfw.MOD_CONTROL | (glfw.MOD_SHIFT if shift else 0)
+    d.app.input.on_key(d.app.window, key, glfw.get_key_scancode(key), glfw.PRESS, mods)
+    d.app.input.on_key(d.app.window, key, glfw.get_key_scancode(key), glfw.RELEASE, 0)
+    d.settle()
+
+
+def on_a_wall(position) -> bool:
+    return bool(np.minimum(np.abs(np.array(position)), np.abs(np.array(position) - ROOM)).min() < 1e-3)
+
+
+def check_inspect_shows_a_measured_point(d: Driver) -> None:
+    d.resize(*SIZE)
+    d.drop(Path("room7"))
+    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.preview)
+    d.key("3")
+    d.rest()
+    d.key("I")
+    d.click(*middle(d))
+    tool = d.app.toolbox.active
+    assert tool.name == "inspect" and tool.picked is not None and on_a_wall(tool.picked.position)
+    pixels, _ = d.session.camera.project([tool.picked.position])
+    where = np.array(middle(d)) - d.session.origin
+    assert np.linalg.norm(pixels[0] - where) < 11
+    assert d.session.point is not None and on_a_wall(d.session.point)
+    d.key("ESCAPE")
+    assert d.app.toolbox.active is d.app.toolbox.fly and not d.app.closing
+
+
+def check_measuring_is_stored_and_undone_by_key(d: Driver) -> None:
+    d.rest()
+    d.key("T")
+    d.click(*middle(d, -0.12))
+    assert len(d.app.toolbox.active.points) == 1
+    d.click(*middle(d, 0.15, 0.1))
+    (made,) = d.session.document.measurements
+    assert all(on_a_wall(point.position) and 0 < point.spacing < 0.3 for point in made.points)
+    chord(d, "Z")
+    assert d.session.document.measurements == ()
+    chord(d, "Y")
+    assert d.session.document.measurements == (made,)
+    d.key("T")
+    with_it = d.canvas()
+    chord(d, "Z")
+    assert not np.array_equal(with_it, d.canvas()), "a stored measurement is drawn with every tool"
+
+
+def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> None:
+    from viewer.tools.background import composite
+    from viewer.tools.provenance_tint import shares, tinted
+
+    before = shown(d)
+    d.key("M")
+    found = shown(d)
+    session = d.session
+    camera = session.camera.resized(*session.window_size)
+    frame = d.app.viewport.renderer.render(camera, session.view_settings.settings, views=("filled", "filtered"))
+    image, mask = frame.image("filled"), frame.mask()
+    assert np.array_equal(found, composite(tinted("filled", image, mask, frame.image("filtered"))))
+    session.picture.dirty = True
+    d.rest()
+    d.settle()
+    frame = d.app.viewport.frame
+    told = d.app.toolbox.active.shares
+    assert told == shares("filled", frame.image("filled"), frame.mask(), frame.image("filtered"))
+    d.key("M")
+    assert np.array_equal(shown(d), before)
+
+
+def check_a_clip_cuts_the_picture_and_is_undone(d: Driver) -> None:
+    from viewer.tools.background import composite
+
+    before = shown(d)
+    d.key("B")
+    tool = d.app.toolbox.active
+    tool.add(d.app.tools, "upright")
+    found, session = shown(d), d.session
+    camera = session.camera.resized(*session.window_size)
+    frame = d.app.viewport.renderer.render(camera, session.view_settings.settings, edits=session.work.edits)
+    assert np.array_equal(found, composite(frame.image("filled"))) and not np.array_equal(found, before)
+    session.picture.dirty = True
+    chord(d, "Z")
+    assert session.document.clips == () and np.array_equal(shown(d), before)
+    d.key("B")
+
+
+def check_the_look_colours_points_and_tones_pictures(d: Driver) -> None:
+    from viewer.tools.background import composite
+    from viewer.tools.look import Look, tone_curves, toned
+    from viewer.window.interaction.editing import edit
+
+    before = shown(d)
+    look = Look(exposure=1.0, temperature=0.5)
+    edit(d.app.tools, "tones", look=look)
+    found, session = shown(d), d.session
+    camera = session.camera.resized(*session.window_size)
+    frame = d.app.viewport.renderer.render(camera, session.view_settings.settings)
+    assert np.array_equal(found, composite(toned(frame.image("filled"), tone_curves(look))))
+    session.picture.dirty = True
+    edit(d.app.tools, "height", look=replace(Look(), colour_by="height"))
+    assert np.array_equal(shown(d), before), "the filled view keeps the scan's colours"
+    d.key("1")
+    coloured = shown(d)
+    chord(d, "Z")
+    chord(d, "Z")
+    assert session.document.look == Look() and not np.array_equal(shown(d), coloured)
+    d.key("3")
+    d.rest()
+
+
+def check_stations_and_colours_have_panels(d: Driver) -> None:
+    for key in ("C", "P", "B", "T", "I", "M"):
+        d.key(key)
+        d.rest()
+        d.canvas()
+    d.key("M")
+    assert d.app.toolbox.active is d.app.toolbox.fly

@@ -1,0 +1,158 @@
+"""Colours: points by attribute with a legend; tones of the picture; point size and lighting.
+
+Colours by attribute, point size and eye-dome lighting act where points are shown: in the raw and filtered views.
+"""
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viewer.grid.scene import unpack
+from viewer.render.edits import ends_of
+from viewer.tools.look import CLASSES, COLOUR_BY, EXPOSURE_RANGE, MOST_POINT_SIZE, RAMPS, Look, category_colours, table_of
+from viewer.tools.pick import station_name
+from viewer.window.interaction.editing import edit, unit_of
+from viewer.window.interaction.tool import Overlay, Tool, ToolContext
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+    from viewer.window.overlay import OverlayCanvas
+
+POINT_VIEWS = ("raw", "filtered")
+_MOST_ROWS = 12  # of a legend
+_SAMPLE = 200_000  # points that tell which classes a scan has
+
+
+def missing(scene: "Scene", colour_by: str) -> str | None:
+    """Why a scan cannot be coloured by an attribute, None where it can."""
+    if colour_by == "class" and not scene.meta.get("classes"):
+        return "this scan has no classification"
+    if colour_by == "station" and len(scene.meta.get("scans") or []) < 2:
+        return "this scan is a single station"
+    if colour_by == "intensity" and not unpack(scene, slice(0, min(scene.count, _SAMPLE)))[2].any():
+        return "this scan has no intensity"
+    return None
+
+
+class AttributeLegend(Overlay):
+    """What the colours of points mean, while they are not the scan's own."""
+
+    name = "colour legend"
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        look, scene = context.document.look, context.scene
+        if scene is None or look.colour_by == "rgb" or not set(context.session.drawn) <= set(POINT_VIEWS):
+            return
+        if context.session.work.tint:
+            return
+        from viewer.window.legend import draw_legend, draw_ramp
+
+        title = COLOUR_BY[look.colour_by]
+        if look.colour_by in ("class", "station"):
+            colours = category_colours(look.colour_by)
+            if look.colour_by == "station":
+                numbers = range(min(len(scene.meta.get("scans") or [0]), 256))
+                named = [(number, station_name(scene, number)) for number in numbers]
+            else:
+                named = [(code, f"{code} {CLASSES.get(code, ('other',))[0]}") for code in scene.meta.get("classes") or []]
+            rows = [(tuple(int(c) for c in colours[number]), name) for number, name in named[:_MOST_ROWS]]
+            if len(named) > _MOST_ROWS:
+                title += f" (first {_MOST_ROWS} of {len(named)})"
+            draw_legend(overlay, rows, title)  # type: ignore[arg-type]
+            return
+        low, high = ends_of(context.session.work.edits, scene, context.camera)
+        unit = "" if look.colour_by == "intensity" else f" {unit_of(context)}"
+        draw_ramp(overlay, table_of(look), title, f"{low:.4g}{unit}", f"{high:.4g}{unit}")
+
+
+class Colours(Tool):
+    """Its panel holds the look; the pointer flies as usual."""
+
+    name, label, letter, key = "colours", "Colours", "C", "C"
+    help = "colour points by attribute; exposure, white balance, point size, lighting"
+
+    def __init__(self) -> None:
+        self._missing: tuple[object, dict[str, str | None]] | None = None
+
+    def _change(self, context: ToolContext, gesture: str, **fields: object) -> None:
+        label = f"Change {gesture.replace('_', ' ')}"
+        edit(context, label, ("look", gesture), look=replace(context.document.look, **fields))  # type: ignore[arg-type]
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        look, scene = context.document.look, context.scene
+        if scene is None:
+            return
+        if self._missing is None or self._missing[0] is not scene:
+            self._missing = scene, {name: missing(scene, name) for name in COLOUR_BY}
+        ui.text_unformatted("colour by")
+        ui.set_next_item_width(-1)
+        if ui.begin_combo("##colour by", look.colour_by):
+            for name, what in COLOUR_BY.items():
+                why = self._missing[1][name]
+                ui.begin_disabled(why is not None)
+                if ui.selectable(name, name == look.colour_by)[0] and name != look.colour_by:
+                    self._change(context, "colour_by", colour_by=name, low=None, high=None)
+                    if name != "rgb" and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
+                        context.session.view_settings.show("filtered")
+                        context.toast("Colours by attribute show in the raw and filtered views")
+                ui.end_disabled()
+                if ui.is_item_hovered(ui.HoveredFlags_.allow_when_disabled):
+                    ui.set_tooltip(why or what)
+            ui.end_combo()
+        if look.colour_by in ("intensity", "height", "distance"):
+            self._ramp(ui, context, look)
+        if look.colour_by != "rgb" and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
+            ui.text_wrapped("Filled and neural views know the scan's own colours only.")
+        self._tones(ui, context, look)
+        self._points(ui, context, look)
+        ui.begin_disabled(look == Look())
+        if ui.button("Back to the scan's look"):
+            edit(context, "Reset the look", look=Look())
+        ui.end_disabled()
+
+    def _ramp(self, ui: Any, context: ToolContext, look: Look) -> None:
+        assert context.scene is not None
+        ui.set_next_item_width(-1)
+        if ui.begin_combo("##ramp", look.ramp):
+            for name in RAMPS:
+                if ui.selectable(name, name == look.ramp)[0]:
+                    self._change(context, "ramp", ramp=name)
+            ui.end_combo()
+        low, high = ends_of(context.session.work.edits, context.scene, context.camera)
+        ui.set_next_item_width(-1)
+        changed, ends = ui.input_float2("##range", [low, high], "%.4g")
+        if changed and np.isfinite(ends).all():
+            self._change(context, "range", low=float(ends[0]), high=float(ends[1]))
+        if ui.is_item_hovered():
+            ui.set_tooltip("lowest and highest value of the colour ramp")
+
+    def _slider(self, ui: Any, context: ToolContext, name: str, least: float, most: float, form: str) -> None:
+        look = context.document.look
+        ui.text_unformatted(name.replace("_", " "))
+        ui.set_next_item_width(-1)
+        changed, value = ui.slider_float(f"##{name}", getattr(look, name), least, most, form, ui.SliderFlags_.always_clamp)
+        if changed and least <= value <= most:
+            self._change(context, name, **{name: float(value)})
+        if ui.is_item_deactivated():
+            context.session.work.history.end_gesture()
+
+    def _tones(self, ui: Any, context: ToolContext, look: Look) -> None:
+        self._slider(ui, context, "exposure", -EXPOSURE_RANGE, EXPOSURE_RANGE, "%+.2f stops")
+        self._slider(ui, context, "brightness", -1.0, 1.0, "%+.2f")
+        self._slider(ui, context, "temperature", -1.0, 1.0, "%+.2f")
+        self._slider(ui, context, "tint", -1.0, 1.0, "%+.2f")
+
+    def _points(self, ui: Any, context: ToolContext, look: Look) -> None:
+        off = context.session.view_settings.shown_settings.view not in POINT_VIEWS
+        ui.begin_disabled(off)
+        ui.text_unformatted("point size")
+        ui.set_next_item_width(-1)
+        clamp = ui.SliderFlags_.always_clamp
+        changed, size = ui.slider_int("##point size", look.point_size, 1, MOST_POINT_SIZE, "%d px", clamp)
+        if changed and 1 <= size <= MOST_POINT_SIZE:
+            self._change(context, "point_size", point_size=int(size))
+        self._slider(ui, context, "edl", 0.0, 1.0, "%.2f")
+        ui.end_disabled()
+        if off:
+            ui.text_wrapped("Point size and eye-dome lighting (edl) act in the raw and filtered views, which show points.")

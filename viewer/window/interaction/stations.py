@@ -1,0 +1,168 @@
+"""Stations: markers where the scanner stood, a click to stand there, and the photographs that an E57 holds, in place.
+
+A photograph is laid over the view from its own place: blended, or split against it, with the PSNR between the two.  Walking
+away fades it out into the view.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viewer.readers.e57_photographs import StationPhoto, read_station_photos
+from viewer.tools.pick import station_name
+from viewer.window.interaction.editing import edit, metres_per_unit
+from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
+from viewer.window.navigation import looking
+from viewer.window.photo_layer import ShownPhoto
+from viewer.window.worker import Worker
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+    from viewer.window.overlay import OverlayCanvas
+
+GRIP = 16.0
+"""Logical pixels around a marker that a click takes."""
+
+
+def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
+    """(number, name, position, inferred) of each station whose place is known."""
+    scans = scene.meta.get("scans") or []
+    return [(number, station_name(scene, number), place, bool(scans[number].get("inferred")) if number < len(scans) else False)
+            for number, place in enumerate(scene.station_places) if np.isfinite(place).all()]
+
+
+class Stations(Tool):
+    """Its panel lists stations and photographs."""
+
+    name, label, letter, key = "stations", "Stations", "P", "P"
+    help = "scanner positions: click one to stand there; photographs in place"
+
+    def __init__(self) -> None:
+        self._scene: Scene | None = None
+        self._read: Worker | None = None
+        self.photos: list[StationPhoto] = []
+        self.warnings: list[str] = []
+
+    def selected(self, context: ToolContext) -> None:
+        self._follow(context)
+
+    def left(self, context: ToolContext) -> None:
+        context.session.work.photo = None
+
+    def _follow(self, context: ToolContext) -> None:
+        """Reads the photographs of the scan shown, once, on a thread of its own."""
+        if context.scene is not self._scene:
+            self._scene, self.photos, self.warnings, self._read = context.scene, [], [], None
+            context.session.work.photo = None
+            files = [Path(path) for path in context.session.paths if Path(path).suffix.lower() == ".e57"]
+            if files and not context.session.preview:
+                self._read = Worker(lambda: [read_station_photos(file) for file in files], "Reading photographs",
+                                    context.session.loads.wake)  # fmt: skip
+        if self._read is not None and self._read.finished:
+            done, self._read = self._read, None
+            if done.error is not None:
+                self.warnings = [done.error]
+            for photos, warnings in done.result or []:
+                self.photos += photos
+                self.warnings += warnings
+
+    def stand_at(self, context: ToolContext, place: np.ndarray, direction: np.ndarray | None = None) -> None:
+        """Puts the camera there, looking as before or along ``direction``."""
+        flight = context.session.flight
+        ahead = flight.state.forward if direction is None else direction
+        flight.go(looking(place, ahead, flight.state.speed))
+        context.renew_picture()
+
+    def show(self, context: ToolContext, photo: StationPhoto) -> None:
+        """Stands where a photograph was taken, looking at its middle, with the photograph over the view."""
+        context.session.work.photo = ShownPhoto(photo)
+        self.stand_at(context, photo.position, photo.forward)
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
+        if event.kind != "release" or event.button != "left" or event.clicks != 1 or context.scene is None:
+            return False
+        found = places_of(context.scene)
+        if not found:
+            return False
+        pixels, _ = context.camera.project([place for _, _, place, _ in found])
+        with np.errstate(invalid="ignore"):
+            away = np.nan_to_num(np.linalg.norm(pixels - event.position, axis=1), nan=np.inf)
+        nearest = int(away.argmin())
+        if away[nearest] <= context.pixels(GRIP):
+            self.stand_at(context, found[nearest][2])
+            context.toast(f"Standing at {found[nearest][1]}")
+        return False
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        self._follow(context)
+        if context.scene is None:
+            return
+        for _, name, place, inferred in places_of(context.scene):
+            if np.linalg.norm(place - context.camera.position) < 1e-3 * np.ptp(context.scene.bounds, axis=0).max():
+                continue  # the eye is there: the marker would hide the picture
+            overlay.marker(place, "accent", 8.0, "ring" if inferred else "diamond")
+            overlay.label(place, f"{name} (inferred)" if inferred else name)
+        shown = context.session.work.photo
+        if shown is not None and shown.psnr is not None:
+            left, top, width, _ = overlay.area
+            text = f"photograph against the view: {shown.psnr:.1f} dB PSNR"
+            overlay.text((left + width / 2, top + overlay.look.px(64)), text, align=(0.5, 0.0))
+            if shown.split:
+                overlay.divider(left + shown.split_at * width)
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        self._follow(context)
+        if context.scene is None:
+            return
+        found = places_of(context.scene)
+        if not found:
+            ui.text_wrapped("The scanner positions are unknown: neither the file nor the order of its points tells.")
+        for number, name, place, inferred in found:
+            ui.push_id(number)
+            hidden = context.document.hidden_stations
+            changed, on = ui.checkbox("##visible", number not in hidden)
+            if ui.is_item_hovered():
+                ui.set_tooltip("show the points of this station")
+            if changed:
+                kept = tuple(other for other in hidden if other != number)
+                edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
+            ui.same_line()
+            if ui.button(name):
+                self.stand_at(context, place)
+            if ui.is_item_hovered():
+                ui.set_tooltip("inferred from the order of the points" if inferred else "as the file says")
+            ui.pop_id()
+        self._photographs(ui, context)
+
+    def _photographs(self, ui: Any, context: ToolContext) -> None:
+        ui.separator()
+        if self._read is not None:
+            ui.text_wrapped("Reading photographs…")
+        elif not self.photos:
+            ui.text_wrapped("This scan holds no photographs with a place." if not self.warnings else self.warnings[0])
+        shown = context.session.work.photo
+        for number, photo in enumerate(self.photos):
+            ui.push_id(1000 + number)
+            if ui.selectable(f"{photo.name} ({photo.kind})", shown is not None and shown.photo is photo)[0]:
+                self.show(context, photo)
+            ui.pop_id()
+        if shown is None:
+            return
+        ui.set_next_item_width(-1)
+        _, shown.blend = ui.slider_float("##blend", shown.blend, 0.0, 1.0, "%.2f photograph", ui.SliderFlags_.always_clamp)
+        _, shown.split = ui.checkbox("split against the view", shown.split)
+        if shown.split:
+            ui.set_next_item_width(-1)
+            clamp = ui.SliderFlags_.always_clamp
+            _, shown.split_at = ui.slider_float("##split", shown.split_at, 0.0, 1.0, "line at %.2f", clamp)
+        if shown.psnr is not None:
+            ui.text_wrapped(f"PSNR {shown.psnr:.1f} dB between photograph and view")
+        else:
+            away = float(np.linalg.norm(context.camera.position - shown.photo.position))
+            unit = "m" if metres_per_unit(context) else "units"
+            ui.text_wrapped(f"{away:.1f} {unit} from its place: the photograph has faded out")
+        if ui.button("Back to its place"):
+            self.stand_at(context, shown.photo.position, shown.photo.forward)
+        if ui.button("Hide photograph"):
+            context.session.work.photo = None

@@ -1,0 +1,81 @@
+"""The photograph that is shown over a view: resampled on the processor, blended, and kept until the picture is another."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.readers.e57_photographs import StationPhoto
+from viewer.tools.photographs import agreement, blended, filled_depth, resampled, strength
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.camera import Camera
+    from viewer.render.frame import Frame
+
+
+@dataclass
+class ShownPhoto:
+    """What the person chose: the photograph, how much of it is seen (0 to 1), and whether it is shown left of a line only.
+
+    psnr: dB between the photograph and the view, at pixels that both show; None where there are none."""
+
+    photo: StationPhoto
+    blend: float = 1.0
+    split: bool = False
+    split_at: float = 0.5
+    psnr: float | None = None
+
+
+class PhotoLayer:
+    """Owns the texture of one blended picture per view."""
+
+    def __init__(self, context: "moderngl.Context"):
+        self._context = context
+        self._resampled: tuple[tuple, np.ndarray] | None = None
+        self._textures: dict[str, moderngl.Texture] = {}
+        self._made: dict[str, tuple[tuple, float]] = {}
+
+    def over(self, frame: "Frame", view: str, picture: "moderngl.Texture", camera: "Camera", chosen: ShownPhoto,
+             metres_per_unit: float | None) -> "moderngl.Texture":
+        """``picture`` with the photograph over it; itself where the photograph has faded out.
+
+        frame: of the picture, for its depth.  camera: its camera, at any size.
+        """
+        distance = float(np.linalg.norm(camera.position - chosen.photo.position))
+        share = strength(distance, metres_per_unit, chosen.blend)
+        if share <= 0.0:
+            chosen.psnr = None
+            return picture
+        width, height = picture.size
+        sized = camera if camera.width == width and camera.height == height else camera.resized(width, height)
+        photo = self._photo(frame, sized, chosen.photo)
+        split = round(chosen.split_at * width) if chosen.split else None
+        key = (id(photo), picture.glo, frame.facts.get("network_pending"), share, split)
+        if self._made.get(view, (None,))[0] == key:
+            return self._textures[view]
+        image = np.frombuffer(picture.read(alignment=1), np.uint8).reshape(height, width, 4)
+        chosen.psnr = agreement(image, photo)
+        texture = self._textures.get(view)
+        if texture is None or texture.size != picture.size:
+            if texture is not None:
+                texture.release()
+            texture = self._textures[view] = self._context.texture(picture.size, 4, dtype="f1", alignment=1)
+        texture.write(blended(image, photo, share, split).tobytes(), alignment=1)
+        self._made[view] = key, share
+        return texture
+
+    def _photo(self, frame: "Frame", camera: "Camera", photo: StationPhoto) -> np.ndarray:
+        """The resampled photograph, made once for a frame."""
+        key = (frame, photo)
+        if self._resampled is None or self._resampled[0][0] is not frame or self._resampled[0][1] is not photo:
+            self._resampled = key, resampled(photo, camera, filled_depth(frame.depth()))
+        return self._resampled[1]
+
+    def release(self) -> None:
+        for texture in self._textures.values():
+            texture.release()
+        self._textures.clear()
+        self._made.clear()
+        self._resampled = None
