@@ -24,11 +24,12 @@ from viewer.text import counted
 from viewer.window import loading
 from viewer.window.capture import FrameTimes
 from viewer.window.flight import Flight
+from viewer.window.framing import start_state
 from viewer.window.layout import Layout, Panels, Rect, arrange
 from viewer.window.navigation import looking
 from viewer.window.notices import Notices, ScanNotice
 from viewer.window.picture_plan import Picture, Plan
-from viewer.window.start_viewpoint import FIELD_OF_VIEW, darkness, start_state
+from viewer.window.start_viewpoint import FIELD_OF_VIEW, darkness
 from viewer.window.view_settings import ViewSettings
 
 if TYPE_CHECKING:
@@ -304,9 +305,9 @@ class Session:
         stays = self.scene is not None and (loaded.follows_preview or (bool(loaded.paths) and loaded.paths == self.paths))
         self.scene, self.paths, self.preview = loaded.scene, loaded.paths, loaded.preview
         self._shown_at.clear()
-        self.point = None
         if self._scale is not None:
             self.arrange(self._scale)  # the start viewpoint frames what the panels leave
+        self.point = None
         if stays:
             self.flight.continue_in(loaded.seen)
         else:

@@ -1,6 +1,6 @@
-"""The start viewpoint: standing inside where the scan surrounds the eye, else looking at the whole of it from outside.
+"""Where a visit begins: standing inside the scan where that makes sense, else looking at it from outside.
 
-Frame: file coordinates, world up = +z, file units; ``metre`` is file units per metre (taken as 1 where the file does
+Frame: file coordinates, world up = +z, file units; ``metre`` is file units in a metre (taken as 1 where the file does
 not say).  Works on a few hundred thousand points of the coarse layers, which are a uniform subsample.
 """
 
@@ -25,15 +25,6 @@ _BLACK = 8  # of 255
 _DARK = 0.22  # median level below which a scan counts as dark
 _CANDIDATES = 40  # places to stand that are looked around from
 _AZIMUTHS = 72
-_ROWS = 24
-_ENCLOSED = 0.5
-"""Share of the directions within 31 degrees of the horizon in which there must be points around a place to stand.  Measured:
-two rooms 0.92 and 0.99, the demo's court 0.74; a statue 0.21, a pair of pumps 0.14."""
-_OUTSIDE = 16  # azimuths from which a scan is looked at from outside
-_PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55,)}  # radians: objects from just above, terrain from above at an angle
-_FLAT = 0.3  # height over width below which a scan without a place to stand is terrain
-_MARGIN = 0.86  # share of the picture that a framed scan may take
-_FEW = 8_000  # points that decide on a view from outside
 _CROSSING = 12.0  # seconds to fly across the scene
 
 
@@ -83,15 +74,14 @@ def darkness(seen: Survey) -> ScanNotice | None:
 
 
 def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:
-    """At a scanner or at eye height where the scan surrounds that place, else outside with everything in view.
-
-    aspect: width over height of the picture.
-    """
-    for place in (_scanner(scene, seen), _standing_place(seen)):
-        if place is not None and enclosure(seen, place) >= _ENCLOSED:
-            walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
-            return looking(place, _best_direction(seen, place), walking)
-    return _from_outside(seen, aspect)
+    """At a scanner, else at eye height where most was measured, else outside with everything in view."""
+    position = _scanner(scene, seen)
+    if position is None:
+        position = _standing_place(seen)
+    if position is None:
+        return overview(seen, aspect, np.array([0.35, 0.8, -0.5]), seen.speed)
+    walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
+    return looking(position, _best_direction(seen, position), walking)
 
 
 def start_camera(scene: "Scene", width: int, height: int) -> Camera:
@@ -111,93 +101,6 @@ def overview(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -
     distance = max((np.abs(right) / (tall * aspect) + back).max(), (np.abs(up) / tall + back).max())
     distance = max(1.04 * distance, 20 * seen.spacing)
     return looking(centre - distance * facing.forward, direction, speed)
-
-
-def framed(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
-    """Looking along ``direction`` (3,) so that the points themselves, and not their box, fill the picture."""
-    facing = looking(np.zeros(3), direction, speed)
-    inside = ((seen.points >= seen.low) & (seen.points <= seen.high)).all(axis=1)
-    points = seen.points[inside][:: max(1, int(inside.sum()) // _FEW)]
-    if len(points) < 8:
-        return overview(seen, aspect, direction, speed)
-    axes = facing.camera_to_world[:3, :3]
-    right, up, back = ((points - (seen.low + seen.high) / 2) @ axes).T
-    tall = _MARGIN * np.tan(np.radians(FIELD_OF_VIEW) / 2)
-    x = y = 0.0
-    distance = 0.0
-    for _ in range(8):  # the middle of what is seen depends on the distance, which depends on the middle
-        distance = max((np.abs(right - x) / (tall * aspect) + back).max(), (np.abs(up - y) / tall + back).max())
-        distance = max(float(distance), float(back.max()) + 20 * seen.spacing)
-        depth = distance - back
-        across, high = (right - x) / depth, (up - y) / depth
-        middle = float(np.median(depth))
-        x += 0.5 * middle * float(across.max() + across.min()) / 2
-        y += 0.5 * middle * float(high.max() + high.min()) / 2
-    distance = max((np.abs(right - x) / (tall * aspect) + back).max(), (np.abs(up - y) / tall + back).max())
-    distance = max(float(distance), float(back.max()) + 20 * seen.spacing)
-    eye = (seen.low + seen.high) / 2 + axes @ np.array([x, y, distance])
-    return looking(eye, direction, speed)
-
-
-def _from_outside(seen: Survey, aspect: float) -> FlyState:
-    """The whole scan, from the side from which most of it is seen and lit."""
-    extent = seen.high - seen.low
-    flat = extent[2] < _FLAT * max(float(extent[:2].max()), 1e-300)
-    best: tuple[float, FlyState | None] = (-1.0, None)
-    for pitch in _PITCHES["tile" if flat else "object"]:
-        for number in range(_OUTSIDE):
-            yaw = 2 * np.pi * number / _OUTSIDE + 0.41  # along no axis: a corner shows more of a box than a side
-            direction = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
-            state = framed(seen, aspect, direction, seen.speed)
-            value = _visible(seen, state, aspect)
-            if value > best[0] + 1e-9:
-                best = value, state
-    assert best[1] is not None
-    return best[1]
-
-
-def _visible(seen: Survey, state: FlyState, aspect: float) -> float:
-    """How good a view from outside is: the share of the points that are lit and in front, times the root of the share of the
-    picture that they cover."""
-    some = slice(None, None, max(1, len(seen.points) // _FEW))
-    points, lit = seen.points[some], seen.lit[some]
-    view = (points - state.position) @ state.camera_to_world[:3, :3]
-    depth, tall = -view[:, 2], np.tan(np.radians(FIELD_OF_VIEW) / 2)
-    rows, columns = 45, round(45 * aspect)
-    near = np.maximum(depth, 1e-9)
-    column = np.clip((view[:, 0] / (near * tall * aspect) + 1) / 2 * columns, -1, columns).astype(int)
-    row = np.clip((1 - view[:, 1] / (near * tall)) / 2 * rows, -1, rows).astype(int)
-    ahead = (depth > 0) & (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    at = row[ahead] * columns + column[ahead]
-    nearest = np.full(rows * columns, np.inf)
-    np.minimum.at(nearest, at, depth[ahead])
-    reach = 0.02 * float(np.linalg.norm(seen.high - seen.low))
-    front = (depth[ahead] <= nearest[at] + reach) & lit[ahead]
-    return float(front.sum()) / len(points) * float(np.isfinite(nearest).mean()) ** 0.5
-
-
-def enclosure(seen: Survey, position: np.ndarray) -> float:
-    """Share of the directions near the horizon, around ``position`` (3,), in which there are points."""
-    nearest, _ = _around(seen, position)
-    return float((nearest > 0).mean())
-
-
-def _around(seen: Survey, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By direction (azimuth, then height; 72 x 24): horizontal distance of the nearest point, 0 where there is none, and the
-    share of lit points."""
-    some = slice(None, None, max(1, len(seen.points) // 50_000))
-    away = seen.points[some] - position
-    flat = np.hypot(away[:, 0], away[:, 1])
-    slope = away[:, 2] / np.maximum(flat, 1e-9)
-    use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
-    at = ((np.arctan2(away[use, 1], away[use, 0]) / (2 * np.pi) + 0.5) * _AZIMUTHS).astype(int) % _AZIMUTHS
-    height = np.clip(((slope[use] + 0.6) / 1.2 * _ROWS).astype(int), 0, _ROWS - 1)
-    bins = at * _ROWS + height
-    held = np.bincount(bins, minlength=_AZIMUTHS * _ROWS)
-    lit = np.bincount(bins, seen.lit[some][use], _AZIMUTHS * _ROWS) / np.maximum(held, 1)
-    nearest = np.full(_AZIMUTHS * _ROWS, np.inf)
-    np.minimum.at(nearest, bins, flat[use])
-    return np.where(held > 0, nearest, 0.0), lit
 
 
 def _scanner(scene: "Scene", seen: Survey) -> np.ndarray | None:
@@ -251,9 +154,21 @@ def _standing_place(seen: Survey) -> np.ndarray | None:
 def view_worth(seen: Survey, position: np.ndarray) -> np.ndarray:
     """(72,) how much there is to see from ``position`` (3,) along azimuths -pi to pi: how much of the picture is
     covered, and with far things rather than near ones.  Black points hide what is behind them and are worth nothing."""
-    nearest, lit = _around(seen, position)
-    worth = np.where(nearest > 0, lit * np.log1p(nearest / seen.metre), 0.0)
-    worth = worth.reshape(_AZIMUTHS, _ROWS).sum(axis=1)
+    some = slice(None, None, max(1, len(seen.points) // 50_000))
+    away = seen.points[some] - position
+    flat = np.hypot(away[:, 0], away[:, 1])
+    slope = away[:, 2] / np.maximum(flat, 1e-9)
+    use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
+    rows = 24
+    at = ((np.arctan2(away[use, 1], away[use, 0]) / (2 * np.pi) + 0.5) * _AZIMUTHS).astype(int) % _AZIMUTHS
+    height = np.clip(((slope[use] + 0.6) / 1.2 * rows).astype(int), 0, rows - 1)
+    bins = at * rows + height
+    held = np.bincount(bins, minlength=_AZIMUTHS * rows)
+    lit = np.bincount(bins, seen.lit[some][use], _AZIMUTHS * rows) / np.maximum(held, 1)
+    nearest = np.full(_AZIMUTHS * rows, np.inf)
+    np.minimum.at(nearest, bins, flat[use])
+    worth = np.where(held > 0, lit * np.log1p(np.where(held > 0, nearest, 0.0) / seen.metre), 0.0)
+    worth = worth.reshape(_AZIMUTHS, rows).sum(axis=1)
     spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])  # +-35 degrees, the middle counting most
     return sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(_AZIMUTHS))
 
