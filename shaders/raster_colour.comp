@@ -3,6 +3,10 @@
 #include "common_batches.glsl"
 #include "common_stations.glsl"
 #include "common_sums.glsl"
+#ifdef EDITED
+#include "common_attributes.glsl"
+#include "common_edits.glsl"
+#endif
 
 layout(local_size_x = LANES) in;
 layout(std430, binding = KEYS_BINDING) readonly buffer Keys { uint keys[]; };
@@ -19,6 +23,10 @@ void main() {
             uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
             if (p.z > soft_limit(uintBitsToFloat(~keys[pixel]))) continue;
             uint word = points[3u * index + 2u];
+#ifdef EDITED
+            if (dropped(p.at, word >> 24)) continue;
+            word = recoloured(points[3u * index + 1u], word, p.at);
+#endif
             add_colour(pixel, word, point_weight(p.at, word));
         }
     }

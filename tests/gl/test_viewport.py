@@ -14,6 +14,7 @@ from viewer.settings import Memory, Settings
 from viewer.tools.background import COLOURS, composite
 from viewer.window.picture_plan import Plan
 from viewer.window.viewport import Viewport
+from viewer.window.work import Work
 
 pytestmark = pytest.mark.gl
 
@@ -34,7 +35,7 @@ class Told:
             settings=Settings(view="filled", raster="compute"), split_at=0.5, sides=("filled",), background="plain",
         )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
-        self.flight = SimpleNamespace(moving=True)
+        self.flight, self.work = SimpleNamespace(moving=True), Work()
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
         self.size = self.window_size = SIZES[0]
         self.origin, self.exact, self.full_plan = (0, 0), False, Plan(("filled",), None)

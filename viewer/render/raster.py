@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.project import MOST_AVERAGED
-from model.station_weights import HEAVIEST, UNPLACED
+from model.soft_z import MOST_AVERAGED
+from model.station_constants import HEAVIEST, UNPLACED
 from viewer.render import shader
 from viewer.render.batches import BatchTable, PageMap
 from viewer.render.cull import DrawList
+from viewer.render.edits import BLOCK as EDITS_BLOCK
+from viewer.render.edits import DEFINES as EDITED
 from viewer.render.occlusion import HiddenCells, History, worthwhile
 from viewer.render.shader import BINDINGS
 from viewer.render.stations import MOST_STATIONS
@@ -27,7 +29,7 @@ from viewer.render.stations import MOST_STATIONS
 if TYPE_CHECKING:
     import moderngl
 
-    from model.project import SoftZ
+    from model.soft_z import SoftZ
     from viewer.camera import Camera
     from viewer.render.context import Device
     from viewer.render.points import PointPages
@@ -80,14 +82,17 @@ class Rasteriser:
         self.programs = programs
         constants = {"FROM_KEYS": self.from_keys, "MOST_AVERAGED": MOST_AVERAGED}
         self._resolves = [programs.compute("resolve.comp", CARRIED=carried, **constants) for carried in (None, 1)]
+        self.edits = context.buffer(reserve=EDITS_BLOCK.itemsize, dynamic=True)
         self.weighed = False  # whether points have weights in this picture
+        self.edited = False  # whether some are dropped or recoloured
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
-            history: History | None = None, stations: np.ndarray | None = None) -> bool:
+            history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None) -> bool:
         """Rasterises a draw list in the rounds that ``pages`` prepared for it.
 
         stations: (MOST_STATIONS, 4) float32 view position of each scan's scanner, and 1, or 0 where unknown; None: all points
         count the same.
+        edits: the block of viewer.render.edits; None: every point is drawn as it is.
         history: hidden cells may be left out, where this rasteriser can and it is worth it.  Returns whether history was used.
         """
         width, height = self.size
@@ -100,6 +105,10 @@ class Rasteriser:
         self._loaded = None
         self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
         resolve, carried = self._weigh(stations)
+        self.edited = edits is not None
+        if edits is not None:
+            self.edits.write(edits)
+            self.edits.bind_to_uniform_block(BINDINGS["EDITS"])
         hiding = history is not None and self.can_hide and len(rounds) == 1 and worthwhile(draw, self.size)
         for first_row in range(0, height, self.band_rows):
             rows = min(self.band_rows, height - first_row)
@@ -151,6 +160,11 @@ class Rasteriser:
         return {"WEIGHED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED} if self.weighed else {}
 
     @property
+    def variant(self) -> dict[str, object]:
+        """Constants of the programs that differ where points are dropped or recoloured."""
+        return dict(EDITED) if self.edited else {}
+
+    @property
     def can_hide(self) -> bool:
         """Whether this rasteriser can leave out hidden cells at this picture size."""
         return False
@@ -181,7 +195,7 @@ class Rasteriser:
 
     def release(self) -> None:
         grown = self.cells.buffer, self.upload.buffer
-        for resource in (self.colour, self.depth, self.sums, self.carries, self.frame, self.light, self.stations, self.weight,
-                         *grown):
+        for resource in (self.colour, self.depth, self.edits, self.sums, self.carries, self.frame, self.light, self.stations,
+                         self.weight, *grown):
             if resource is not None:
                 resource.release()

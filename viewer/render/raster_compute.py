@@ -36,14 +36,14 @@ class ComputeRasteriser(Rasteriser):
         self._rows = ROWS[device.software]
         self._shared = {"LANES": LANES[device.software], "ROWS": self._rows, "STRETCH": STRETCH,
                         "THREADS": usable_processors() if device.software else None}
-        self._steps: dict[tuple[bool, int | None], list[moderngl.ComputeShader]] = {}
+        self._steps: dict[tuple[bool, bool, int | None], list[moderngl.ComputeShader]] = {}
 
     def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
         """Depth and colour.  appended: 1 for the list that the hider makes."""
-        key = self.weighed, appended
+        key = self.weighed, self.edited, appended
         if key not in self._steps:
             self._steps[key] = [
-                self.programs.compute(f"raster_{name}.comp", APPENDED=appended, **self._shared, **more)
+                self.programs.compute(f"raster_{name}.comp", APPENDED=appended, **self._shared, **self.variant, **more)
                 for name, more in (("depth", {}), ("colour", self.weights))
             ]
         return self._steps[key]

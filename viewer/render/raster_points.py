@@ -36,18 +36,18 @@ class PointRasteriser(Rasteriser):
         self._arrays_for: tuple = ()
 
     def _use_arrays(self, pages: "PointPages") -> None:
-        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size, self.weighed)
+        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size, self.weighed, self.edited)
         if wanted != self._arrays_for:
             self._release_arrays()
             programs = [
-                self.programs.drawing("raster_points.vert", f"raster_points_{name}.frag", **more)
+                self.programs.drawing("raster_points.vert", f"raster_points_{name}.frag", **self.variant, **more)
                 for name, more in (("depth", {}), ("colour", self.weights))
             ]
             programs[1]["nearest"] = 0
             self._arrays = [
                 tuple(
                     self.context.vertex_array(
-                        p, [(buffer, "3u", "in_point") if number else (buffer, "2u 4x", "in_point"),
+                        p, [(buffer, "3u", "in_point") if number or self.edited else (buffer, "2u 4x", "in_point"),
                             (self.cells.buffer, "3f 4x/i", "in_cell")]
                     )
                     for number, p in enumerate(programs)

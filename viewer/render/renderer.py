@@ -5,15 +5,19 @@ refinement) lives around it.  A Renderer owns the scene's points on the GPU and 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from model.common.memory import give_back
-from model.project import SoftZ
+from model.soft_z import SoftZ
 from viewer.errors import DeviceError, InputError
 from viewer.render.context import describe_device
 from viewer.render.cull import Culler, DrawList
-from viewer.render.enclosed_directions import Surroundings
+from viewer.render.edits import Edits, block_of, without_clipped_cells
+from viewer.render.enclosed_directions import OPEN, Directions, Surroundings
 from viewer.render.fill import Fill
 from viewer.render.filter import DepthFilter
 from viewer.render.frame import Frame
@@ -31,7 +35,6 @@ from viewer.text import counted
 
 if TYPE_CHECKING:
     import moderngl
-    import numpy as np
 
     from viewer.camera import Camera
     from viewer.grid.scene import Scene
@@ -92,18 +95,21 @@ class Renderer:
         return 1.0 / metres if metres else 1.0
 
     def render(self, camera: "Camera", settings: Settings, views: tuple[str, ...] | None = None,
-               history: Occlusion | None = None, *, streaming: bool = False, defer_network: bool = False) -> Frame:
+               history: Occlusion | None = None, *, streaming: bool = False, defer_network: bool = False,
+               edits: Edits | None = None) -> Frame:
         """Makes the given views (default: that of the settings) of one camera.
 
         history: what was seen in the frame before, so that hidden cells need not be drawn; used, and brought up to date,
         where that cannot change the picture (compute rasteriser, no raw view) and otherwise left alone.
         streaming: do not wait for points that are not on the GPU yet.
+        edits: clips, hidden stations and the colours of points; None: every point as it is.
         defer_network: start the network on its own thread and return without the neural view, which :meth:`finish_network`
         adds later; where points are missing it is not started.  The fact ``network_pending`` tells whether it runs.  The
         neural view is there at once where pixels are mapped, or where one of the same camera still exists.
         """
         self._serial += 1
         views = (settings.view,) if views is None else views
+        edits = None if edits is None else edits.shown_in(views)
         for view in views:
             if view not in VIEWS:
                 raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
@@ -116,15 +122,18 @@ class Renderer:
         stages.begin()
         draws: list[DrawList] = []
         stages.run("cull", lambda: draws.append(self._culler.select(camera, settings.lod)))
-        draw = draws[0]
+        draw = draws[0] if edits is None else without_clipped_cells(draws[0], edits, self.scene)
         soft = self._soft_z(settings)
+        if edits is not None and edits.recolours:
+            soft = replace(soft, unlit=False)  # a black attribute is a colour
         stations = self._places.seen_from(camera) if weighs(settings, self._places) else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
         wanted = self._history(history, settings, views)
         hid: list[bool] = []
         stages.run("raster", lambda: hid.append(rasteriser.run(
             self.pages, draw, camera, soft, self.pages.prepare(draw.first, draw.count, streaming=streaming),
-            history=wanted, stations=stations)))
+            history=wanted, stations=stations,
+            edits=None if edits is None else block_of(edits, self.scene, camera))))
         pages, textures = self.pages, {"raw": rasteriser.colour}
         drawn = draw.points - pages.missing - pages.left_out - pages.lost
         facts: dict = {
@@ -165,7 +174,7 @@ class Renderer:
                     level = noise.level
                 stages.run("fill", lambda: fill.run(
                     colour, confidence, rasteriser.depth, noise=level,
-                    camera=camera, around=self._surroundings.around(camera.position), spacing=self.scene.spacing,
+                    camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
                     network=neural.bridge.input if neural else None))
                 textures["filled"] = fill.filled
                 if neural:
@@ -212,6 +221,11 @@ class Renderer:
         frame.facts["network_pending"] = False
         frame.times.add("network", milliseconds)
         return True
+
+    def _directions(self, camera: "Camera", edits: Edits | None) -> Directions:
+        """What tells holes from background: the scan's surfaces; the picture alone where points of them were dropped."""
+        around = self._surroundings.around(camera.position)
+        return Directions(np.full_like(around.closed, OPEN), None) if edits is not None and edits.drops else around
 
     def prefetch(self, camera: "Camera", settings: Settings) -> int:
         """Has points of a picture to come brought to the GPU, as many as one frame may; returns how many are still missing."""

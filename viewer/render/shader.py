@@ -32,12 +32,12 @@ STRETCH = 8
 one stretch for each of two threads; dealt singly up to 1.06, when both draw into the same pixels."""
 
 BINDINGS = {
-    "FRAME": 0, "STATIONS": 1,
+    "FRAME": 0, "STATIONS": 1, "EDITS": 2,
     "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6,
     "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "FLAGS": 7, "CARRY": 7,
 }  # fmt: skip
-"""Uniform blocks FRAME and STATIONS; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never meet share
-one."""
+"""Uniform blocks FRAME, STATIONS and EDITS; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never
+meet share one."""
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([\w.]+)"\s*$')
 

@@ -69,11 +69,9 @@ def preview_scene(paths: list[Path], *, match: bool = True, columns: str | None 
     files = as_paths(paths)
     if any(is_grid(file) for file in files) or (cache.folder_of(files, match, columns) / "meta.json").is_file():
         return None
-    try:
-        from viewer.grid.preview import preview_scene as coarse  # type: ignore[import-not-found]
-    except ImportError:
-        return None
-    return coarse(files)
+    from viewer.grid.preview import preview_scene as coarse
+
+    return coarse(files, columns=columns)
 
 
 def load_network(settings: Settings) -> None:
@@ -126,13 +124,15 @@ def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") ->
 class ScanLoads:
     """The load of scans under way, one at a time, and those given up that still clean up after themselves.
 
-    current: the load under way, else None.  open_scene, preview_scene, wake: replaceable in tests.
+    current: the load under way, else None.  prepare: the scans to read of what is opened (of a project, its scans); raises
+    PointglassError.  open_scene, preview_scene, wake: replaceable in tests.
     """
 
     def __init__(self, notices: Notices, open_scene: "Callable[..., Scene]", wake: Callable[[], None],
                  preview_scene: "Callable[..., Scene | None]" = preview_scene):
         self._notices, self._wake = notices, wake
         self.open_scene, self.preview_scene = open_scene, preview_scene
+        self.prepare: Callable[[Sequence[Path]], list[Path]] = list
         self.current: Worker | None = None
         self._preview: Loaded | None = None
         self._abandoned: list[Worker] = []
@@ -143,7 +143,11 @@ class ScanLoads:
         as_scanned: colours are left as the files have them, whatever was chosen at the start.
         """
         self.cancel()
-        given, colours = list(paths), {"match": False} if as_scanned else {}
+        try:
+            given, colours = self.prepare(paths), {"match": False} if as_scanned else {}
+        except PointglassError as error:
+            self._notices.say("This project cannot be opened", str(error))
+            return
 
         def work() -> Loaded:
             files = expanded(given)

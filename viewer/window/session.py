@@ -14,23 +14,24 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
 from viewer.text import counted
+from viewer.tools.document import Document
 from viewer.window import loading
 from viewer.window.capture import FrameTimes
 from viewer.window.flight import Flight
-from viewer.window.framing import start_state
 from viewer.window.layout import Layout, Panels, Rect, arrange
 from viewer.window.navigation import looking
 from viewer.window.notices import Notices, ScanNotice
 from viewer.window.picture_plan import Picture, Plan
-from viewer.window.start_viewpoint import FIELD_OF_VIEW, darkness
+from viewer.window.start_viewpoint import FIELD_OF_VIEW, darkness, start_state
 from viewer.window.view_settings import ViewSettings
+from viewer.window.work import Work
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -46,7 +47,7 @@ class Session:
 
     size: of the picture, pixels; window_size: of the framebuffer; both (0, 0) while minimised.
     scene: the one shown, None at first.
-    document: what a person works on (viewer.tools.document).  origin: left and top of the picture, framebuffer pixels.
+    work: the document that a person works on, and its history.  origin: left and top of the picture, framebuffer pixels.
     density: framebuffer pixels per logical pixel.  pointer: where it is over the picture, its pixels, else None.
     point: the measured point under it, (3,) file coordinates, else None.  paths: the files of the scene.
     lost: whether the picture shows nothing of the scene.  preview: whether the scene is coarse and the complete one follows.
@@ -75,10 +76,11 @@ class Session:
         self.scene: Scene | None = None
         self.notices = Notices(clock)
         self.loads = loading.ScanLoads(self.notices, open_scene, wake, preview_scene)
+        self.loads.prepare = lambda paths: self.work.begin(paths)
         self.flight = Flight(clock)
         self.picture = Picture()
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
-        self.document: Any = None  # a viewer.tools.document.Document once that module is there
+        self.work = Work()
         self.origin, self.density = (0, 0), 1.0
         self.pointer: tuple[float, float] | None = None
         self.point: np.ndarray | None = None
@@ -91,6 +93,11 @@ class Session:
         self.layout = Layout(Rect(0.0, 0.0, *map(float, size)))
         self.recording: FrameTimes | None = None
         self._shown_at: deque[tuple[float, tuple[int, int]]] = deque()  # of pictures whose cost is not known yet
+
+    @property
+    def document(self) -> Document:
+        """What a person works on; changed through ``work``."""
+        return self.work.document
 
     # -- what to draw ------------------------------------------------------------------------------------------------
 
@@ -305,9 +312,10 @@ class Session:
         stays = self.scene is not None and (loaded.follows_preview or (bool(loaded.paths) and loaded.paths == self.paths))
         self.scene, self.paths, self.preview = loaded.scene, loaded.paths, loaded.preview
         self._shown_at.clear()
+        self.point = None
+        document = self.work.document if stays and not self.work.opens_project else self.work.accept()
         if self._scale is not None:
             self.arrange(self._scale)  # the start viewpoint frames what the panels leave
-        self.point = None
         if stays:
             self.flight.continue_in(loaded.seen)
         else:
@@ -315,6 +323,11 @@ class Session:
             state, start = start_state(loaded.scene, loaded.seen, width / height), self._start
             if start is not None:
                 state, self._start = looking(start.position, start.view_rotation[2], state.speed), None
+            if document.view is not None:
+                seen_from = document.view.camera(16, 9)
+                state = looking(seen_from.position, seen_from.view_rotation[2], state.speed)
+                self.view_settings.request(document.settings)
+                self.view_settings.background = document.background
             self.flight.begin(state, loaded.seen)
         self.picture.begin(loaded.scene.count)
         self.notices.leave_scene()

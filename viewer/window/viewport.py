@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.errors import DeviceError, PointglassError
+from viewer.render.develop import DevelopedViews, read_picture
 from viewer.render.occlusion import Occlusion
 from viewer.render.points import UPLOAD_SECONDS
 from viewer.settings import Memory
@@ -54,6 +55,7 @@ class Viewport:
 
         self._context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
+        self._views = DevelopedViews(self._programs)
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
@@ -143,8 +145,9 @@ class Viewport:
         views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
         try:
             self.frame = renderer.render(
-                scaled(session.camera, plan.scale), replace(session.view_settings.settings, lod=plan.level), views,
-                self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
+                scaled(session.camera, plan.scale), replace(session.view_settings.settings, lod=plan.level),
+                self._with_measured(views), self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
+                edits=session.work.edits,
             )  # fmt: skip
         except (PointglassError, MemoryError) as error:
             self.frame = self._untold = None
@@ -164,6 +167,12 @@ class Viewport:
             self._problem = problem
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
+
+    def _with_measured(self, views: tuple[str, ...]) -> tuple[str, ...]:
+        """The views to render: those shown, each once, and the filtered one where the tint or the lock compares with it."""
+        work = self._session.work
+        more = ("filtered",) if work.tint or (work.document.lock_measured and "neural" in views) else ()
+        return tuple(dict.fromkeys((*views, *more)))
 
     def _empty(self, frame: "Frame", plan: "Plan") -> bool:
         """Whether a picture shows no point; only looked at at rest, and never while points are missing."""
@@ -240,17 +249,23 @@ class Viewport:
                 self.canvas.release()
             self.canvas = Canvas(self._context, self._programs, session.window_size)
         area = (*session.origin, *session.size)
-        sides = [self.frame.textures[view] for view in self._shown] if self.frame is not None else []
+        sides = [self._developed(view) for view in self._shown] if self.frame is not None else []
         column = split_column(chosen.split_at, session.size[0])
         self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
         return self.canvas
+
+    def _developed(self, view: str) -> "moderngl.Texture":
+        """A view of the last picture as the look, the tint and the lock have it."""
+        assert self.frame is not None
+        work = self._session.work
+        return self._views.texture(self.frame, view, work.document.look, tint=work.tint, lock=work.document.lock_measured)
 
     def shown_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
         if self.frame is None or not self._shown:
             return None
         try:
-            return composite(self.frame.image(self._shown[-1]), self._session.view_settings.background)
+            return composite(read_picture(self._developed(self._shown[-1])), self._session.view_settings.background)
         except Exception:  # a lost context has no picture; this is only a thumbnail
             return None
 
@@ -266,17 +281,19 @@ class Viewport:
         if self.frame is not None and session.exact:
             frame = self.frame
         else:
-            frame = self.renderer.render(session.camera, session.view_settings.settings, tuple(dict.fromkeys(sides)))
+            frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides),
+                                         edits=session.work.edits)
             self.frame, self._shown = frame, sides
             self._tell(plan, frame)
-        image = composite(frame.image(sides[0]), background)
+        images = [read_picture(self._developed(view)) for view in sides]
+        image = composite(images[0], background)
         if len(sides) == 2:
             column = split_column(session.view_settings.split_at, session.size[0])
-            image[:, column:] = composite(frame.image(sides[1]), background)[:, column:]
+            image[:, column:] = composite(images[1], background)[:, column:]
         return image
 
     def release(self) -> None:
-        for owned in (self.renderer, self.canvas, self._programs):
+        for owned in (self.renderer, self.canvas, self._views, self._programs):
             if owned is not None:
                 owned.release()
         self.renderer = self.canvas = None

@@ -4,10 +4,13 @@ The order is that of the buttons; Fly stays first because it receives what the s
 """
 
 from viewer.window.interaction.fly import Fly
+from viewer.window.interaction.inspect_point import InspectPoint, UnderPointer
+from viewer.window.interaction.measure import Measure, Measurements
 from viewer.window.interaction.tool import Overlay, Tool, Toolbox
+from viewer.window.interaction.what_is_real import WhatIsReal
 
-TOOLS: tuple[type[Tool], ...] = (Fly,)
-OVERLAYS: tuple[type[Overlay], ...] = ()
+TOOLS: tuple[type[Tool], ...] = (Fly, InspectPoint, Measure, WhatIsReal)
+OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, Measurements)
 
 
 def toolbox() -> Toolbox:

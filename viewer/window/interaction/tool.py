@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from viewer.window.interaction.editing import undo_key
+
 if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.grid.scene import Scene
@@ -184,6 +186,8 @@ class Toolbox:
         if self._holder is not None:
             self._holder.pointer(event, context)
             if event.kind in ("release", "leave"):
+                if event.clicks and self._holder is not self.active:  # a press that Fly took turned out to be a click
+                    self.active.pointer(event, context)
                 self._holder = None
             return
         for tool in dict.fromkeys((self.active, self.fly)):
@@ -194,7 +198,7 @@ class Toolbox:
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         """Gives a key to the selected tool.  Returns whether it used it."""
-        return self.active.key_event(event, context)
+        return self.active.key_event(event, context) or undo_key(event, context)
 
     def release(self, context: ToolContext) -> None:
         """Ends a drag that is under way: the window lost the focus, or a dialog opened."""

@@ -1,0 +1,40 @@
+// What a person's edits do to a point: hidden stations and clips drop it, the look colours it by an attribute.
+// Included only in programs of pictures with edits (EDITED).  Host side: viewer/render/edits.py.
+
+layout(std140, binding = EDITS_BINDING) uniform Edits {
+    vec4 clip_rows[3 * MOST_CLIPS];  // xyz: view frame, w: offset; a point is inside where all three rows give -1..1
+    uvec4 clip_groups;   // x: how many clips; bits of the clips: y: boxes that keep, z: slabs that keep, w: that remove
+    uvec4 hidden[2];     // a bit for each station
+    vec4 upward;         // xyz: the up axis in the view frame; w: height of the eye above the ramp's lower end
+    vec4 ramp;           // x: lower end, y: 255 / (upper - lower end)
+    uvec4 mode;          // x: what points are coloured by, in the order of viewer.tools.look.COLOUR_BY
+    uvec4 table[64];     // 256 colours, r | g << 8 | b << 16
+};
+
+bool dropped(vec3 at, uint station) {
+    if ((hidden[station >> 7][(station >> 5) & 3u] >> (station & 31u) & 1u) != 0u) return true;
+    uint inside = 0u;
+    for (uint i = 0u; i < clip_groups.x; ++i) {
+        vec3 place = vec3(dot(clip_rows[3u * i].xyz, at) + clip_rows[3u * i].w,
+                          dot(clip_rows[3u * i + 1u].xyz, at) + clip_rows[3u * i + 1u].w,
+                          dot(clip_rows[3u * i + 2u].xyz, at) + clip_rows[3u * i + 2u].w);
+        if (all(lessThanEqual(abs(place), vec3(1.0)))) inside |= 1u << i;
+    }
+    return (clip_groups.y != 0u && (inside & clip_groups.y) == 0u) || (clip_groups.z != 0u && (inside & clip_groups.z) == 0u)
+        || (inside & clip_groups.w) != 0u;
+}
+
+// The point's third word with the colour of its attribute; with its own where it is coloured by RGB.
+uint recoloured(uint second, uint third, vec3 at) {
+    if (mode.x == 0u) return third;
+    uint row;
+    if (mode.x == 3u) row = point_class(second, third);
+    else if (mode.x == 4u) row = third >> 24;
+    else {
+        float above = mode.x == 1u ? float(point_intensity(second, third)) - ramp.x
+                    : mode.x == 2u ? dot(upward.xyz, at) + upward.w
+                    : length(at) - ramp.x;
+        row = uint(clamp(above * ramp.y, 0.0, 255.0) + 0.5);
+    }
+    return (third & 0xFF000000u) | table[row >> 2][row & 3u];
+}

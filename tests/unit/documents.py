@@ -1,0 +1,44 @@
+"""Random documents with every field set, for tests of history and project files."""
+
+import numpy as np
+
+from viewer.camera import look_at
+from viewer.settings import Settings
+from viewer.tools.clip import Box, Slab, vector
+from viewer.tools.document import Annotation, CameraPath, Document, Keyframe, ScanFile, Viewpoint
+from viewer.tools.look import COLOUR_BY, RAMPS, Look
+from viewer.tools.measure import KINDS, MeasuredPoint, Measurement
+
+
+def random_view(random, name: str) -> Viewpoint:
+    place = random.uniform(-1e6, 1e6, 3)
+    matrix = look_at(place, place + random.normal(size=3))
+    return Viewpoint(name, tuple(tuple(map(float, row)) for row in matrix), float(random.uniform(5, 120)))
+
+
+def random_document(random, scans: list[str]) -> Document:
+    def point() -> MeasuredPoint:
+        return MeasuredPoint(vector(random.uniform(-1e6, 1e6, 3)), float(random.random()), float(random.random()), "scan é 1")
+
+    kinds = list(KINDS)
+    measurements = [Measurement(kind, tuple(point() for _ in range(KINDS[kind][0])), f"M {i}")
+                    for i, kind in enumerate(random.choice(kinds, 4))]
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    rows = tuple(vector(row) for row in axes)
+    return Document(
+        scans=tuple(ScanFile(path, bool(random.random() < 0.5), tuple(map(int, random.integers(0, 9, 3))), 0.3048, "EPSG:25832")
+                    for path in scans),
+        up=vector(axes[1]),
+        view=random_view(random, "last view"),
+        viewpoints=tuple(random_view(random, f"view {i}") for i in range(3)),
+        path=CameraPath(tuple(Keyframe(i + float(random.random()), random_view(random, "")) for i in range(5)), 25.0, True),
+        clips=(Box(vector(random.normal(size=3)), vector(random.random(3) + 0.1), rows, True),
+               Slab(vector(random.normal(size=3)), rows[2], 0.5, active=False)),
+        measurements=tuple(measurements),
+        annotations=(Annotation("crack\nsee \"photo\"", vector(random.normal(size=3))),),
+        look=Look(str(random.choice(list(COLOUR_BY))), str(random.choice(list(RAMPS))), float(random.normal()), None, 1.5, -0.5,
+                  point_size=3, edl=0.4),
+        settings=Settings(view="filled", lod=1.5, filter_strength=2.0, weights=None),
+        background="sky",
+        lock_measured=True,
+    )

@@ -1,0 +1,119 @@
+"""Measurements of a synthetic room of known dimensions, and their uncertainty against repeated measuring (Monte Carlo)."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from viewer.errors import InputError
+from viewer.tools.clip import vector
+from viewer.tools.measure import (
+    COLUMNS,
+    KINDS,
+    MeasuredPoint,
+    Measurement,
+    csv_text,
+    evaluate,
+    text_of,
+    unit_name,
+    write_csv,
+)
+
+
+def measurement(kind: str, points, variance: float = 0.0, up=(0.0, 0.0, 1.0)) -> Measurement:
+    return Measurement(kind, tuple(MeasuredPoint(vector(p), 0.0, float(np.sqrt(variance))) for p in points), kind, up)
+
+
+def random_polygon(random, count: int) -> np.ndarray:
+    """A star-shaped polygon in the plane z = 0."""
+    angles = np.sort(random.random(count)) * 2 * np.pi + np.arange(count) * 1e-3
+    radius = random.uniform(1.0, 3.0, count)
+    return np.stack([radius * np.cos(angles), radius * np.sin(angles), np.zeros(count)], 1)
+
+
+def shoelace(points: np.ndarray) -> float:
+    x, y = points[:, 0], points[:, 1]
+    return abs(float(sum(x[i] * y[(i + 1) % len(x)] - x[(i + 1) % len(x)] * y[i] for i in range(len(x))))) / 2
+
+
+def test_values_agree_with_plain_geometry(seed):
+    random = np.random.default_rng(seed)
+    for _ in range(50):
+        axes, shift = np.linalg.qr(random.normal(size=(3, 3)))[0], random.uniform(-1e6, 1e6, 3)
+        a, b, c = random.normal(size=(3, 3)) * 3
+        assert evaluate(measurement("distance", [a + shift, b + shift])).value == pytest.approx(np.linalg.norm(a - b), abs=1e-8)
+        length = np.linalg.norm(a - b) + np.linalg.norm(b - c)
+        assert evaluate(measurement("polyline", [a, b, c])).value == pytest.approx(length)
+        up = vector(axes[0])
+        assert evaluate(measurement("height", [a, b], up=up)).value == pytest.approx(abs((b - a) @ axes[0]))
+        angle = np.degrees(np.arccos((a - b) @ (c - b) / np.linalg.norm(a - b) / np.linalg.norm(c - b)))
+        assert evaluate(measurement("angle", [a, b, c])).value == pytest.approx(angle)
+        flat = random_polygon(random, 7)
+        result = evaluate(measurement("area", flat @ axes.T + shift))
+        assert result.value == pytest.approx(shoelace(flat), rel=1e-6)
+        assert result.residual < 1e-6
+
+
+def test_uncertainty_is_what_repeated_measuring_shows(seed):
+    random = np.random.default_rng(seed)
+    shapes = {"distance": random.normal(size=(2, 3)) * 3, "polyline": np.array([[0.0, 0, 0], [3, 0, 0], [3, 2, 0], [1, 2, 1]]),
+              "height": np.array([[0.0, 0, 0], [1, 2, 3]]), "angle": np.array([[2.0, 0, 0], [0, 0, 0], [1, 2, 0.5]]),
+              "area": random_polygon(random, 6)}  # fmt: skip
+    assert set(shapes) == set(KINDS)
+    for kind, points in shapes.items():
+        sigma = 0.01
+        stated = evaluate(measurement(kind, points, sigma**2)).uncertainty / 2
+        values = [evaluate(measurement(kind, points + random.normal(size=points.shape) * sigma)).value for _ in range(3000)]
+        assert stated == pytest.approx(np.std(values), rel=0.1), kind
+
+
+def test_a_straight_or_empty_angle_has_a_value():
+    assert evaluate(measurement("angle", [[1, 0, 0], [0, 0, 0], [-1, 0, 0]], 1e-4)).value == pytest.approx(180.0)
+    same = evaluate(measurement("angle", [[0, 0, 0], [0, 0, 0], [1, 0, 0]], 1e-4))
+    assert np.isfinite(same.value) and np.isfinite(same.uncertainty)
+
+
+def test_spacing_counts_as_an_even_spread():
+    points = tuple(MeasuredPoint((float(x), 0.0, 0.0), spacing=0.012) for x in (0, 4))
+    assert evaluate(Measurement("distance", points)).uncertainty == pytest.approx(2 * np.sqrt(2 * 0.012**2 / 12))
+
+
+def test_wrong_numbers_of_points_and_kinds_are_refused():
+    with pytest.raises(InputError, match="1 points"):
+        measurement("distance", [[0, 0, 0]])
+    with pytest.raises(InputError, match="'volume'"):
+        measurement("volume", [[0, 0, 0], [1, 1, 1]])
+
+
+def test_text_shows_as_many_digits_as_are_known():
+    result = evaluate(measurement("distance", [[0, 0, 0], [3.99812, 0, 0]], 0.002**2))
+    assert text_of(result, "m") == "3.998 ± 0.006 m"
+    assert text_of(evaluate(measurement("distance", [[0, 0, 0], [3.99812, 0, 0]])), "m") == "3.998 m"
+
+
+def test_units():
+    names = {1.0: "m", 0.3048: "ft", 1200 / 3937: "ftUS", 0.001: "mm", None: "units"}
+    assert {size: unit_name(size) for size in names} == names
+
+
+def test_csv_holds_every_number_exactly(tmp_path, seed):
+    random = np.random.default_rng(seed)
+    made = [measurement(kind, random.uniform(-1e6, 1e6, (fewest, 3)), 1e-4) for kind, (fewest, _, _) in KINDS.items()]
+    made.append(Measurement("distance", made[0].points, 'a "quoted", name'))
+    write_csv(tmp_path / "m.csv", made, 0.3048)
+    text = (tmp_path / "m.csv").read_bytes().decode()
+    assert text == csv_text(made, 0.3048)
+    rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    assert tuple(rows[0]) == COLUMNS
+    at = 0
+    for item in made:
+        result, unit = evaluate(item), {"angle": "deg", "area": "ft^2"}.get(item.kind, "ft")
+        assert float(rows[at]["value"]) == result.value and rows[at]["unit"] == unit
+        assert float(rows[at]["uncertainty_k2"]) == result.uncertainty
+        for number, point in enumerate(item.points, 1):
+            row = rows[at]
+            assert (row["name"], int(row["point"])) == (item.name, number)
+            assert tuple(float(row[axis]) for axis in "xyz") == point.position
+            at += 1
+    assert at == len(rows)

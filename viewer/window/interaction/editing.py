@@ -1,0 +1,100 @@
+"""What all tools share to change the document: one step that can be undone, the keys of undo and redo, and picking.
+
+Ctrl+Z undoes; Ctrl+Y and Ctrl+Shift+Z redo.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.tools.clip import contains
+from viewer.tools.measure import MeasuredPoint, unit_name
+from viewer.tools.pick import Picked, pick, surface_around
+
+if TYPE_CHECKING:
+    from viewer.render.frame import Frame
+    from viewer.window.interaction.tool import KeyEvent, ToolContext
+
+RADIUS = 10.0
+"""Logical pixels around the pointer within which a measured point is taken."""
+
+
+def edit(context: "ToolContext", label: str, gesture: object = None, **changes: object) -> None:
+    """Changes the document as one step; see Work.edit.  Asks for a new picture where one is needed."""
+    if context.session.work.edit(label, gesture, **changes):
+        context.renew_picture()
+
+
+def undo_key(event: "KeyEvent", context: "ToolContext") -> bool:
+    """Undoes or redoes where a key asks for it.  Returns whether it did."""
+    if event.kind == "release" or not event.modifiers.control or event.key not in ("Z", "Y"):
+        return False
+    step(context, redo=event.key == "Y" or event.modifiers.shift)
+    return True
+
+
+def step(context: "ToolContext", *, redo: bool) -> None:
+    """One step forward or back; says which."""
+    work = context.session.work
+    label, anew = work.redo() if redo else work.undo()
+    verb = "Redo" if redo else "Undo"
+    context.toast(f"{verb}: {label}" if label is not None else f"Nothing to {verb.lower()}")
+    if anew:
+        context.renew_picture()
+
+
+def unit_of(context: "ToolContext") -> str:
+    """The unit of the scan shown."""
+    return unit_name(metres_per_unit(context))
+
+
+def metres_per_unit(context: "ToolContext") -> float | None:
+    """Of the scan shown: as the person assigned it, else as the file says; None where neither does."""
+    assigned = next((scan.metres_per_unit for scan in context.session.work.document.scans if scan.metres_per_unit), None)
+    return assigned or (context.scene.meta.get("metres_per_unit") if context.scene is not None else None)
+
+
+class Pointing:
+    """Finds measured points under the pointer.  Depth and keep-mask of the picture at rest are read back once per picture."""
+
+    def __init__(self) -> None:
+        self._frame: Frame | None = None
+        self._arrays: tuple[np.ndarray, np.ndarray] | None = None
+        self._last: tuple[object, tuple[float, float], Picked | None] | None = None
+
+    def at(self, context: "ToolContext", position: tuple[float, float] | None, radius: float = RADIUS) -> Picked | None:
+        """The measured point nearest to a position in the picture, None where there is none within ``radius`` logical pixels,
+        or while the camera moves."""
+        frame, scene = context.viewport.frame, context.scene
+        if frame is None or scene is None or position is None or context.session.flight.moving:
+            return None
+        if frame is not self._frame:
+            self._frame, self._arrays, self._last = frame, (frame.mask(), frame.depth()), None
+        if self._last is not None and self._last[:2] == (radius, position):
+            return self._last[2]
+        assert self._arrays is not None
+        mask, depth = self._arrays
+        height, width = depth.shape
+        camera = context.camera
+        scale = height / camera.height
+        document = context.session.work.document
+        hidden = np.zeros(256, bool)
+        for scan in document.scans:
+            hidden[list(scan.hidden_stations)] = True
+
+        def kept(xyz: np.ndarray, scans: np.ndarray) -> np.ndarray:
+            return contains(document.clips, xyz) & ~hidden[scans]
+
+        sized = camera if (width, height) == (camera.width, camera.height) else camera.resized(width, height)
+        found = pick(scene, sized, mask, depth, (position[0] * scale, position[1] * scale),
+                     radius=context.pixels(radius) * scale, kept=kept if document.clips or hidden.any() else None)
+        self._last = (radius, position, found)
+        return found
+
+
+def measured_point(context: "ToolContext", picked: Picked) -> MeasuredPoint:
+    """A picked point with the spacing and noise of the surface around it."""
+    assert context.scene is not None
+    around = surface_around(context.scene, picked.position)
+    spacing = around.spacing if np.isfinite(around.spacing) else context.scene.spacing
+    return MeasuredPoint(picked.position, spacing, around.noise, picked.station)

@@ -1,0 +1,210 @@
+"""Measure: distance, polyline, height difference, angle and area between measured points.
+
+Points snap to measured points only.  A stored measurement is drawn by the overlay whichever tool is selected; all of it is
+in the document, so it is undone, saved and exported with it.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viewer.errors import PointglassError
+from viewer.tools.document import replaced, unique_name, without
+from viewer.tools.measure import KINDS, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
+from viewer.window.interaction.editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
+from viewer.window.interaction.tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
+
+if TYPE_CHECKING:
+    from viewer.window.overlay import OverlayCanvas
+
+NAMES = {"distance": "Distance", "polyline": "Polyline", "height": "Height", "angle": "Angle", "area": "Area"}
+
+
+def label_place(measurement: Measurement) -> np.ndarray:
+    """(3,) file coordinates: where the value is written."""
+    points = np.array([point.position for point in measurement.points])
+    if measurement.kind == "angle":
+        return points[1]
+    if measurement.kind == "polyline":
+        return points[-1]
+    return points.mean(axis=0)
+
+
+def draw_measurement(overlay: "OverlayCanvas", measurement: Measurement, text: str, colour: str) -> None:
+    """Lines, points and the value of a measurement, over the picture."""
+    points = np.array([point.position for point in measurement.points])
+    if measurement.kind == "height":
+        up = np.array(measurement.up)
+        corner = points[0] + up * ((points[1] - points[0]) @ up)  # above or below the first, as high as the second
+        overlay.polyline([points[0], corner], colour)
+        overlay.polyline([corner, points[1]], colour, 1.0)
+        overlay.label((points[0] + corner) / 2, text)
+    else:
+        closed = measurement.kind == "area"
+        if closed:
+            middle, normal, _ = fitted_plane(points)
+            flat = points - np.outer((points - middle) @ normal, normal)
+            for a, b in zip(flat, np.roll(flat, -1, axis=0)):  # a fan: polygons need not be convex
+                overlay.polygon([flat.mean(axis=0), a, b], colour, 0.22)
+        overlay.polyline(points, colour, closed=closed)
+        overlay.label(label_place(measurement), text)
+    for point in points:
+        overlay.marker(point, colour, 4.0)
+
+
+class Measurements(Overlay):
+    """All measurements of the document."""
+
+    name = "measurements"
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        unit = unit_of(context)
+        for measurement in context.document.measurements:
+            draw_measurement(overlay, measurement, text_of(evaluate(measurement), unit), "accent")
+
+
+class Measure(Tool):
+    """Sets points by clicks; Enter or a double click ends a polyline or an area, Backspace takes the last point back."""
+
+    name, label, letter, key = "measure", "Measure", "M", "T"
+    help = "measure between points: distance, polyline, height, angle, area"
+    cursor = "crosshair"
+
+    def __init__(self) -> None:
+        self._pointing = Pointing()
+        self.kind = "distance"
+        self.points: list[MeasuredPoint] = []
+        self.path = "measurements.csv"
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
+        if event.kind != "release" or event.clicks == 0:
+            return False
+        if event.button == "right":
+            self._drop_last()
+            return False
+        if event.button != "left":
+            return False
+        if event.clicks == 2:  # its first click has set the last point
+            self._finish(context)
+            return False
+        picked = self._pointing.at(context, event.position)
+        if picked is None:
+            context.toast("No measured point here: this pixel is filled or background")
+            return False
+        self.points.append(measured_point(context, picked))
+        if len(self.points) == KINDS[self.kind][1]:
+            self._finish(context)
+        return False
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.kind == "release" or not self.points:
+            return False
+        if event.key in ("ENTER", "KP_ENTER"):
+            self._finish(context)
+        elif event.key in ("BACKSPACE", "DELETE"):
+            self._drop_last()
+        elif event.key == "ESCAPE":
+            self.points.clear()
+        elif event.key == "Z" and event.modifiers.control and not event.modifiers.shift:
+            self._drop_last()
+        else:
+            return False
+        return True
+
+    def _drop_last(self) -> None:
+        if self.points:
+            self.points.pop()
+
+    def _finish(self, context: ToolContext) -> None:
+        fewest, most, _ = KINDS[self.kind]
+        if len(self.points) < fewest:
+            if most is None and self.points:
+                context.toast(f"{NAMES[self.kind]}: {fewest} points at least")
+            return
+        document = context.document
+        name = unique_name(NAMES[self.kind], (item.name for item in document.measurements))
+        made = Measurement(self.kind, tuple(self.points), name, document.up)
+        self.points.clear()
+        edit(context, f"Measure {name.lower()}", measurements=(*document.measurements, made))
+
+    def left(self, context: ToolContext) -> None:
+        self.points.clear()
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        hovered = context.session.work.under_pointer
+        points = list(self.points)
+        if hovered is not None:
+            overlay.marker(hovered.position, "warn", 5.0, "ring")
+            points.append(MeasuredPoint(hovered.position))
+        if not self.points:
+            return
+        fewest, most, _ = KINDS[self.kind]
+        if len(points) >= fewest and (most is None or len(points) <= most):
+            made = Measurement(self.kind, tuple(points), "", context.document.up)
+            result = replace(evaluate(made), uncertainty=0.0)  # not told before the last point is set
+            draw_measurement(overlay, made, text_of(result, unit_of(context)), "warn")
+        else:
+            overlay.polyline([point.position for point in points], "warn")
+            for point in points:
+                overlay.marker(point.position, "warn", 4.0)
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        for kind, (_, _, what) in KINDS.items():
+            if ui.radio_button(NAMES[kind], self.kind == kind) and kind != self.kind:
+                self.kind = kind
+                self.points.clear()
+            if ui.is_item_hovered():
+                ui.set_tooltip(what)
+        history = context.session.work.history
+        ui.begin_disabled(history.undo_label is None)
+        if ui.button("Undo"):
+            step(context, redo=False)
+        ui.end_disabled()
+        ui.same_line()
+        ui.begin_disabled(history.redo_label is None)
+        if ui.button("Redo"):
+            step(context, redo=True)
+        ui.end_disabled()
+        self._list(ui, context)
+
+    def _list(self, ui: Any, context: ToolContext) -> None:
+        found = context.document.measurements
+        if not found:
+            ui.text_wrapped("Click measured points. Values carry their uncertainty (95 %), from point spacing and range noise.")
+            return
+        for number, item in enumerate(found):
+            ui.push_id(number)
+            ui.separator()
+            ui.set_next_item_width(-40.0)
+            changed, name = ui.input_text("##name", item.name)
+            if changed:
+                edit(context, "Rename measurement", ("rename", number),
+                     measurements=replaced(found, number, replace(item, name=name)))
+            ui.same_line()
+            gone = ui.small_button("x")
+            if ui.is_item_hovered():
+                ui.set_tooltip("Delete this measurement")
+            result = evaluate(item)
+            ui.text_wrapped(text_of(result, unit_of(context)))
+            if item.kind == "area":
+                ui.text_wrapped(f"corners lie {result.residual:.4f} {unit_of(context)} (RMS) off their plane")
+            ui.pop_id()
+            if gone:
+                edit(context, f"Delete {item.name}", measurements=without(found, number))
+                return
+        ui.separator()
+        ui.set_next_item_width(-1)
+        _, self.path = ui.input_text("##path", self.path)
+        if ui.button("Export as CSV"):
+            self.export(context)
+
+    def export(self, context: ToolContext) -> None:
+        """Writes all measurements to ``path``, in the file's units; says where, or why not."""
+        try:
+            write_csv(Path(self.path), context.document.measurements, metres_per_unit(context))
+        except PointglassError as error:
+            context.session.notices.say("The measurements cannot be exported", str(error))
+        else:
+            context.toast(f"Exported to {Path(self.path).resolve()}")

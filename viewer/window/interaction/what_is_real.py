@@ -1,0 +1,83 @@
+"""What is real: every pixel in the colour of its provenance, with the shares in a legend, and the lock on measured pixels."""
+
+from typing import TYPE_CHECKING, Any
+
+from viewer.tools.provenance_tint import COLOURS, NAMES, Shares, shares
+from viewer.window.interaction.editing import edit
+from viewer.window.interaction.tool import Tool, ToolContext
+
+if TYPE_CHECKING:
+    from viewer.render.frame import Frame
+    from viewer.window.overlay import OverlayCanvas
+
+
+class WhatIsReal(Tool):
+    """While it is selected, pictures are tinted by provenance."""
+
+    name, label, letter, key = "provenance", "What is real", "R", "M"
+    help = "tint pixels: measured, repainted, filled or background"
+
+    def __init__(self) -> None:
+        self._frame: Frame | None = None
+        self._seen = ("", False)  # the view of it that was counted, and whether its network was still running
+        self.shares: Shares | None = None
+
+    def selected(self, context: ToolContext) -> None:
+        context.session.work.tint = True
+        context.renew_picture()
+
+    def left(self, context: ToolContext) -> None:
+        context.session.work.tint = False
+        self._frame = self.shares = None
+        context.renew_picture()
+
+    def _count(self, context: ToolContext) -> None:
+        """Counts the pixels of the picture at rest, once per picture; while something moves the last numbers stay."""
+        frame, view = context.viewport.frame, context.session.drawn[-1]
+        if frame is None or context.session.flight.moving or view not in frame.textures:
+            return
+        pending = bool(frame.facts.get("network_pending"))
+        if frame is self._frame and (view, pending) == self._seen:
+            return
+        measured = frame.image("filtered") if "filtered" in frame.textures else None
+        self.shares = shares(view, frame.image(view), frame.mask(), measured)
+        self._frame, self._seen = frame, (view, pending)
+
+    def lines(self) -> list[tuple[int, str]]:
+        """(provenance, text) of the legend's rows; repainted only where there is such a pixel."""
+        if self.shares is None:
+            return []
+        told = []
+        for key, name in NAMES.items():
+            percent = self.shares.percent[key]
+            if key == 2 and percent == 0:
+                continue
+            by = f", by {self.shares.change:.0f} of 255 levels" if key == 2 and self.shares.change is not None else ""
+            told.append((key, f"{percent:5.1f} %  {name}{by}"))
+        return told
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        self._count(context)
+        rows = self.lines()
+        if rows:
+            from viewer.window.legend import draw_legend  # imgui: this module is read without a window, too
+
+            draw_legend(overlay, [(COLOURS[key], text) for key, text in rows])
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        self._count(context)
+        for _, text in self.lines():
+            ui.text_wrapped(text)
+        lock(ui, context)
+        ui.text_wrapped("Measured pixels hold points that the filter kept. Filled pixels hold none: they are interpolated. "
+                        "The network repaints both.")
+
+
+def lock(ui: Any, context: ToolContext) -> None:
+    """The switch that keeps measured pixels of the neural view as they were measured."""
+    changed, on = ui.checkbox("Keep measured pixels as measured", context.document.lock_measured)
+    if changed:
+        edit(context, "Lock measured pixels" if on else "Unlock measured pixels", lock_measured=on)
+        context.renew_picture()
+    if ui.is_item_hovered():
+        ui.set_tooltip("The network then paints only the pixels in which nothing was measured")
