@@ -22,7 +22,6 @@ def check_keys_do_nothing_unseen_on_the_start_page(d: Driver) -> None:
 
 def check_one_bad_file_does_not_discard_the_good_ones(d: Driver) -> None:
     from viewer.errors import InputError
-    from viewer.tools.demo import demo_scan
 
     bad, usual, asked = d.folder / "broken.ply", d.session.loads.open_scene, []
 
@@ -33,14 +32,15 @@ def check_one_bad_file_does_not_discard_the_good_ones(d: Driver) -> None:
         return usual([path for path in paths if path.name.startswith("room")])
 
     d.session.loads.open_scene = opened
-    d.drop(d.folder / "room4", bad, d.folder / "room6")
-    d.until(lambda: d.session.loads.current is None)
-    d.session.loads.open_scene = usual
+    try:
+        d.drop(d.folder / "room4", bad, d.folder / "room6")
+        d.until(lambda: d.session.loads.current is None, 120.0)  # the first scene: numba may have to compile
+    finally:
+        d.session.loads.open_scene = usual
     message = d.session.notices.message
     assert message is not None and message.title == "1 of 3 files could not be opened" and "broken.ply" in message.text
     assert asked[-1] == [d.folder / "room4", d.folder / "room6"] and d.session.scene is not None
     d.key("ESCAPE")
-    assert demo_scan().is_file()
 
 
 def check_a_closed_scan_is_a_recent_one_with_a_thumbnail(d: Driver) -> None:
@@ -50,7 +50,7 @@ def check_a_closed_scan_is_a_recent_one_with_a_thumbnail(d: Driver) -> None:
     d.app.act("close_scan")
     assert d.session.scene is None
     (scan,) = recent_scans()
-    assert scan.title.startswith("room4") and scan.points == d.folder.stat().st_size * 0 + 50_000
+    assert scan.title.startswith("room4") and scan.points == 50_000
     picture = load_thumbnail(scan)
     assert picture is not None and picture.shape == (200, 320, 3) and picture.std() > 5
     assert d.canvas().std() > 0

@@ -243,7 +243,7 @@ class Renderer:
         return self._trust.toned, self._trust.trust
 
     def _noise_level(self) -> NoiseLevel | None:
-        """None where the scan's noise is unknown: the network is then told of none."""
+        """None where the scan's noise is unknown: the network's noise input is then zero."""
         if self._noise is None and self.scene.noise is not None:
             self._noise = NoiseLevel(self._programs, self._size, self.scene.noise)
         return self._noise

@@ -1,7 +1,7 @@
-"""Every control of the window, once: the code dispatches on this table, the help page and the README print it.
+"""The table of controls: the code dispatches on it, the help page and the README print it.
 
 A key is named by its place on a US keyboard, as GLFW does: W is the key above S whatever the layout prints on it, and
-the help page shows what the person's own keyboard prints there.  Mouse controls are named by what the hand does.
+the help page shows what the person's own keyboard prints there.  Mouse controls are named by their gesture.
 """
 
 from dataclasses import dataclass

@@ -96,7 +96,7 @@ def _short(renderer: str) -> str:
 
 
 def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
-    """The line between two views, its grip, and what is on either side."""
+    """The line between two views, its grip, and the names of the two."""
     if not session.view_settings.split or session.scene is None:
         return
     px, draw, area = look.px, imgui.get_background_draw_list(), session.layout.picture

@@ -1,4 +1,4 @@
-"""What is loaded off the window's thread, a scan or a network, and what a person is told about it."""
+"""Loading scans and networks off the window's thread, and the notices about a scan."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

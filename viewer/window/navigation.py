@@ -20,7 +20,7 @@ _AT_REST = 1e-3  # of the flying speed: below it, standing still
 
 @dataclass(frozen=True)
 class Motion:
-    """What the hand asks for in one frame.
+    """What keys and mouse ask for in one frame.
 
     forward, right, up: -1, 0 or 1.  look: (horizontal, vertical) mouse movement in logical pixels, right and down
     positive.

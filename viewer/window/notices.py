@@ -1,4 +1,4 @@
-"""What a person is told: a dialog that stays until it is closed, toasts that go by themselves, and notices about the scan.
+"""Messages: a dialog that stays until it is closed, toasts that disappear by themselves, and notices about the scan.
 
 No window: ``dialogs``, ``hud`` and ``scenes_panel`` draw what is here.  Times are seconds on the session's clock.
 """

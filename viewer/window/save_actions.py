@@ -1,4 +1,4 @@
-"""What F12 and F9 do: a picture or frame times saved, and a person told where, or why not."""
+"""F12 and F9: save the picture or frame times, and say where, or why not."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The scene list at the left: the scans shown, what is known of them, the tools, and notices with their actions."""
+"""The scene list at the left: the scans and their facts, the tools, and notices with their actions."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,8 +1,8 @@
-"""What the window is doing, without the window: the scene and what is to be drawn of it, joined from parts.
+"""The state of a window without the window: the scene, the camera, the settings and the picture to be made.
 
-A Session is told what happened (a file dropped, time passing, a picture made) and knows what to draw and whether that has
-changed.  It owns no GL object: the viewport uploads a loaded scene and then calls :meth:`accept`.  The parts are asked and
-told directly; what concerns several of them is here:
+A Session receives events (a file dropped, time passing, a picture made) and decides what to draw and whether that has
+changed.  It owns no GL object: the viewport uploads a loaded scene and then calls :meth:`accept`.  Its parts are used
+directly; what concerns several of them is here:
 
     flight (where the camera is)   view_settings (settings, comparison)   picture (what is on the screen, what may be left out)
     loads (scans on their way)     notices (messages)

@@ -1,7 +1,7 @@
-"""What a person has chosen to see: the settings, and two views compared; with the network that a choice may have to wait for.
+"""The settings that were chosen, two views compared, and the network that a choice may have to wait for.
 
-A choice that needs a network which is not loaded is shown as made, while the picture stays as it is until the network is
-there.  Where it cannot be had, the choice is taken back and a message says why.
+A choice that needs a network which is not loaded is shown at once; the picture follows when the network has been loaded.
+Where that fails, the choice is undone and a message says why.
 """
 
 import operator
@@ -20,9 +20,9 @@ class ViewSettings:
     """settings: what pictures are made with.  wanted: settings that wait for their network, else None.
     split: whether views are compared, ``left`` at the left of ``split_at`` (0 to 1 of the width).
     background: what is laid behind the picture, a key of viewer.tools.background.COLOURS.
-    own_weights: name -> file of a person's own.  network_load: the load under way.
+    own_weights: name -> file of the user's own weights.  network_load: the load under way.
 
-    picture: told when it is out of date.  load_network, wake: what it depends on, replaceable in tests.
+    picture: marked as out of date by changes.  load_network, wake: replaceable in tests.
     """
 
     def __init__(
@@ -63,14 +63,14 @@ class ViewSettings:
     # -- settings ----------------------------------------------------------------------------------------------------
 
     def request(self, settings: Settings) -> None:
-        """Asks for settings.  Where they need a network that is not loaded, the picture stays until it is."""
+        """Requests settings.  Where they need a network that is not loaded, the picture stays until it is."""
         if settings == self.shown_settings:
             return
         if settings.view != "raw":
             self._right = settings.view
         neural = settings.view == "neural" or (self.split and self.left == "neural")
         network = operator.attrgetter("quality", "weights", "precision", "device")
-        neural |= network(settings) != network(self.settings)  # said at once if there are no such weights, or no such device
+        neural |= network(settings) != network(self.settings)  # missing weights or devices are reported at once
         if neural and loading.network_key(settings) not in self._networks:
             self._wait_for_network(settings)
             return
@@ -87,7 +87,7 @@ class ViewSettings:
         self._failed.clear()
 
     def fall_back(self) -> bool:
-        """No picture can be made with the settings: back to those that worked last.  False where nothing is left to try."""
+        """No picture can be made with the settings: returns to those that worked last.  False where nothing is left to try."""
         self._failed.add(self.settings)
         tries = [self._last_good, replace(self._last_good, view="raw", raster="auto", soft_z="auto", lod=None)]
         back = next((settings for settings in tries if settings not in self._failed), None)
@@ -123,7 +123,7 @@ class ViewSettings:
             self.network_load = Worker(lambda: self.load_network(settings), "Loading the network", self._wake)
 
     def poll(self) -> None:
-        """News from the network: what waited for it is shown, or taken back with a message."""
+        """Applies the choice that waited for the network, or undoes it with a message."""
         work = self.network_load
         if work is None or not work.finished:
             return

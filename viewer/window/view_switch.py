@@ -1,4 +1,4 @@
-"""The view switch over the picture: the lit segment is what is drawn, the outlined one what was asked for and is still made."""
+"""The view switch over the picture: the lit segment is drawn, the outlined one was requested and is being made."""
 
 from imgui_bundle import ImVec2, imgui
 

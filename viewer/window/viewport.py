@@ -1,6 +1,6 @@
-"""From plan to canvas: the renderer of the scene shown, the last picture it made, and the canvas that is laid on.
+"""The viewport: the renderer of the scene, the last picture it made, and the canvas on which that is shown.
 
-Owns GL objects and knows no window: what to draw is the session's, and what is drawn over it the interface's.
+Owns GL objects and knows no window.  The session plans the pictures; the interface is drawn on the canvas later.
 """
 
 from collections import deque
@@ -44,7 +44,7 @@ def scaled(camera: "Camera", scale: float) -> "Camera":
 
 
 class Viewport:
-    """Makes the pictures that a session plans, and tells it what came of them.
+    """Makes the pictures that a session plans, and reports how they were made and what they cost.
 
     renderer: of the scene shown, None at first.  frame: the last picture, None where there is none.
     canvas: what the window shows, None until something was shown.
@@ -61,7 +61,7 @@ class Viewport:
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
-        self._untold: tuple[Plan, Frame] | None = None  # of a picture whose cost the session has not heard
+        self._untold: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
         self._points_read: np.ndarray | None = None  # depth of the last picture, read when it is first asked for
@@ -70,7 +70,7 @@ class Viewport:
         self._last_picture = 0.0
 
     def upload(self, loaded: Loaded) -> bool:
-        """Puts a loaded scene on the GPU.  False where that fails; the scene before it stays and a message says why."""
+        """Uploads a loaded scene to the GPU.  False where that fails; the previous scene stays and a message says why."""
         try:
             renderer = self._made(loaded.scene)
         except (PointglassError, MemoryError) as error:
@@ -84,8 +84,8 @@ class Viewport:
         return True
 
     def _made(self, scene: "Scene") -> "Renderer":
-        """A renderer beside the one there is or, where the device has not room for both, in its place; where it has not room
-        for this scene alone, the one before is made again."""
+        """A new renderer: beside the present one or, where the device has no memory for both, in its place.  Where there is no
+        memory for this scene alone, the previous renderer is made again."""
         try:
             renderer = self._new(scene)
         except (DeviceError, MemoryError):
@@ -111,7 +111,7 @@ class Viewport:
         return Renderer(self._context, scene, memory=self._memory, wake=self._wake, kept_sizes=_KEPT_SIZES)
 
     def _forget(self, renderer: "Renderer | None") -> None:
-        """Takes another renderer, of which there is no picture yet."""
+        """Uses another renderer, which has made no picture yet."""
         self.renderer, self.frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
         self._points_read = None
 
@@ -123,8 +123,8 @@ class Viewport:
         self._intervals.clear()
 
     def note_arrivals(self) -> bool:
-        """While no picture moves, which would take in its own: takes in points that have come, has the picture made again if it
-        waits for some, and others read ahead if not.  Returns whether more are there for the next call."""
+        """At rest (a moving picture does this itself): uploads points that have arrived; the picture is made again if it waited
+        for them, else they are prefetched.  Returns whether more are ready for the next call."""
         if self.renderer is None or self._session.flight.moving:
             return False
         pages = self.renderer.pages
@@ -214,8 +214,8 @@ class Viewport:
         return True
 
     def _tell(self, plan: "Plan", frame: "Frame") -> None:
-        """Tells the session that a picture was made, and what it cost: while something moves, where that is known without
-        keeping the GPU waiting, which is when the next one is on its way."""
+        """Reports a picture and its cost to the session.  While the camera moves on a GPU, the cost is reported with the next
+        picture, so that the GPU never waits for a query."""
         self.settle()
         if plan.moving and self.renderer is not None and not self.renderer.device.software:
             facts = frame.facts
@@ -231,7 +231,7 @@ class Viewport:
         self._session.learn(plan, stats)
 
     def settle(self) -> None:
-        """Tells what the last picture of a movement cost, which no other follows."""
+        """Reports the cost of the last picture of a movement."""
         before, self._untold = self._untold, None
         if before is not None:
             self._session.learn(before[0], before[1].stats)
