@@ -1,9 +1,9 @@
-# Everything a person or CI does with a checkout.  `make help` lists the targets.
+# What a person or CI does with a checkout.  `make help` lists the targets.
 PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint assets figures wheel clean setup
+.PHONY: help demo test lint assets pictures wheel clean setup
 
 help:  ## this list
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -23,17 +23,15 @@ lint: setup  ## ruff and pyright
 	@$(PYTHON) -m ruff check .
 	@$(PYTHON) -m pyright --warnings
 
-assets: setup  ## make the demo scan and its cameras again (a minute or two)
+assets: setup  ## generate the demo scan and its cameras again (a minute or two)
 	@$(PYTHON) -m model.synth.demo assets/demo.laz
 
-figures: setup  ## run the benches into out/bench and renew the README's figures from them (an hour)
-	@$(PYTHON) -m viewer.bench.figures
-	@$(PYTHON) -m viewer.bench.readme
-	@$(PYTHON) -m viewer.bench.readme_picture
+pictures: setup  ## render the README's picture and animation again (a minute)
+	@PYTHONPATH=. $(PYTHON) .ci/readme_pictures.py
 
 wheel: setup  ## build the wheel into dist/
 	@$(PYTHON) -m build --wheel --no-isolation
 
-clean:  ## remove what was made here: environment, outputs, tool caches
+clean:  ## remove everything generated: environment, outputs, tool caches
 	rm -rf .venv out dist build .pytest_cache .ruff_cache .hypothesis *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

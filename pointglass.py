@@ -39,7 +39,7 @@ import numpy.typing as npt
 from viewer import __version__
 from viewer.camera import Camera, from_fov
 from viewer.camera import look_at as _pose
-from viewer.errors import DeviceError, InputError, PointglassError
+from viewer.errors import DeviceError, InputError, PointglassError, is_opengl_error
 from viewer.settings import Memory, Settings, View
 from viewer.tools.demo import demo_scan
 from viewer.tools.provenance import PROVENANCE, provenance, views_with_mask
@@ -250,7 +250,7 @@ class Scan:
                 mask = frame.mask()
                 return Frame(image, frame.depth().copy(), mask, provenance(view, image, mask), frame.stats)
         except Exception as error:
-            if type(error).__name__ == "Error" and type(error).__module__ in ("moderngl", "_moderngl"):
+            if is_opengl_error(error):
                 size = f"{camera.width}x{camera.height}"
                 raise DeviceError(f"OpenGL: {error}; make a picture smaller than {size}, or give open a gpu_memory") from error
             raise

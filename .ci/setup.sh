@@ -124,6 +124,8 @@ main() {
     rm -f .venv/.stamp
     install_torch
     .venv/bin/python -m pip install -q -c .ci/constraints.txt -e ".[$extras]"
+    say "compiling numba's loops (half a minute)"
+    .venv/bin/python -m viewer.compile_kernels
     echo "$wanted" >.venv/.stamp
     say "done"
 }

@@ -9,3 +9,12 @@ CLOSED = 6
 """Channel: 1 in a view direction that the scan encloses, which therefore cannot show the background."""
 VOID = 7
 """Channel: share of the pixel that is background, 0..1."""
+DEPTH_FEATURE_SCALE = 0.25
+"""Depth feature units in a doubling of depth (model.projection.depth_feature)."""
+DEPTH_FEATURE_LIMIT = 2.0
+"""The depth feature is clipped to plus and minus this."""
+NOISE_SCALE = 20.0
+"""The noise level is NOISE_SCALE times the standard deviation of a pixel's mean colour: 1 for 0.05 of full brightness."""
+TYPICAL_WEIGHT = 8.0
+"""The station weight (1 to 15, model/station_weights.py) that counts as one averaged point in the noise level: about the mean
+weight of the points that decide a pixel.  The network is trained with the same value."""

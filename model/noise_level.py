@@ -9,7 +9,7 @@ from torch import Tensor
 
 from model.data.projected import Projected
 from model.noise import LUMA, NoiseModel
-from model.project import Raster
+from model.projection import Raster
 
 
 def pixel_noise(noise: NoiseModel | None, raster: Raster, camera, view_to_world: np.ndarray, eye: np.ndarray) -> Tensor:

@@ -83,8 +83,11 @@ class Dissimilarity(nn.Module):
         return F.conv2d(x, taps[None, None, None, :].expand(planes, 1, -1, -1), groups=planes)
 
     def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        """a, b: (B, 3, H, W) in 0..1, at least WINDOW pixels a side."""
-        mean_a, mean_b, square_a, square_b, product = self._means(torch.cat([a, b, a * a, b * b, a * b], 1)).chunk(5, 1)
+        """a, b: (B, 3, H, W) in 0..1, at least WINDOW pixels a side.  Computed in float32: in bfloat16 a variance, the
+        difference of two means, can come out negative."""
+        with torch.autocast(a.device.type, enabled=False):
+            a, b = a.float(), b.float()
+            mean_a, mean_b, square_a, square_b, product = self._means(torch.cat([a, b, a * a, b * b, a * b], 1)).chunk(5, 1)
         c1, c2 = 0.01**2, 0.03**2
         alike = (2 * mean_a * mean_b + c1) * (2 * (product - mean_a * mean_b) + c2)
         return 1.0 - (alike / ((mean_a**2 + mean_b**2 + c1) * (square_a - mean_a**2 + square_b - mean_b**2 + c2))).mean()

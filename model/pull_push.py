@@ -8,7 +8,7 @@ Dally 1998; Marroquim et al. 2007).  Measured pixels never change, except where 
 Gaps are filled from the background.  A gap wider than the point spacing of the nearer surface cannot belong to that surface:
 it would have been measured.  So among the four children of the pull, and the four samples of the push, those clearly nearer
 than the farthest of them are left out at levels whose pixels are wider than their surface's point spacing.  The depth feature
-(model/project.py, :func:`~model.project.depth_feature`) tells both: a difference of two features is a depth ratio, and a
+(model/projection.py, :func:`~model.projection.depth_feature`) tells both: a difference of two features is a depth ratio, and a
 feature alone is the point spacing in pixels.  Both decisions are linear ramps in the feature, so that a picture changes
 continuously with the camera.
 """
@@ -18,35 +18,18 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
+from model.fill_constants import (
+    EMPTY_FEATURE,
+    FIRST_LEVEL,
+    NEARER_SCALE,
+    NEARER_START,
+    WIDER_SCALE,
+    wider_offset,
+)  # fmt: skip
 from model.pyramid import bilinear, clamped, quads
 
 DEPTH = 3
 """Channel of the depth feature."""
-FEATURE_SCALE = 0.25
-"""Depth feature units in a doubling of depth."""
-EMPTY_FEATURE = -8.0
-"""Feature of a child without weight: nearer than any, so that it hides nothing."""
-FIRST_LEVEL = 2
-"""The finest level that leaves anything out; at least 2, because fill_picture.comp samples level 1 plainly.  However dense the
-scan, with a level of detail one point a pixel is drawn, and gaps of two pixels are chance.  From level 1 on, 0.01 to 0.04 dB
-more were measured in three rooms of six."""
-NEARER = (0.1, 0.2)
-"""Doublings of depth between a sample and the farthest of the four at which it starts and ends to count as nearer: by
-7 and 15 %."""
-WIDER = (1.5, 3.0)
-"""Doublings of the point spacing in a pixel of a level at which a gap starts and ends to be too wide for the surface.  Both
-chosen by PSNR on atrium, kitchen, dining-room, living-room-2, staircase2 and bathroom, at all points and one in ten."""
-NEARER_SCALE = 1.0 / (FEATURE_SCALE * (NEARER[1] - NEARER[0]))
-NEARER_START = NEARER[0] / (NEARER[1] - NEARER[0])
-WIDER_SCALE = 1.0 / (FEATURE_SCALE * (WIDER[1] - WIDER[0]))
-"""Both ramps as factors and offset of depth features."""
-
-
-def wider_offset(level: int) -> float:
-    """Offset of the ramp of WIDER at a level: 2^level pixels a side."""
-    return (level - WIDER[0]) / (WIDER[1] - WIDER[0])
-
-
 def pull_push(image: Tensor, mask: Tensor) -> Tensor:
     """Fills the pixels outside ``mask``.
 

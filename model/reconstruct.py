@@ -1,6 +1,6 @@
 """Inference: the network on packed pixels, on CPU or CUDA, in the precision that is fastest there and still right.
 
-Pixels come as (H, W, 8) half floats, channels last: the five channels of :func:`model.project.network_input`, 1 where the
+Pixels come as (H, W, 8) half floats, channels last: the five channels of :func:`model.projection.network_input`, 1 where the
 pixel is known to be covered, 1 where it is void (what surrounds the rest by more than the network sees is left out on a
 CPU), and a zero.  They leave as (H, W, 4) half floats, RGB and coverage 0..1: the layout the
 renderer's buffers have.  The paper's network has no coverage: it is 1 everywhere.

@@ -13,14 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-HEAVIEST = 15
-"""Weights are whole numbers 1..15, so that sums of them and of 12-bit light stay exact in 16 bits and a carry."""
-UNPLACED = 4
-"""Weight of a point whose scanner's place is not known, in a scan where others' are."""
-TRUST_BLOCK = 8
-"""Pixels a side over which weights, and tones, are compared."""
-FEW = 512.0
-"""Trust of a block's pixels, squared, in 255ths, with which the others are brought half the way to full trust: of two in 64."""
+from model.station_constants import FEW, HEAVIEST, TRUST_BLOCK, UNPLACED
 
 
 def station_weights(x: Tensor, y: Tensor, z: Tensor, station: Tensor, places: Tensor) -> Tensor:

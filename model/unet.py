@@ -1,6 +1,6 @@
 """The networks: a compact U-Net that corrects the filled picture, and the paper's, for comparison.
 
-``CompactUNet`` takes the six channels of :func:`model.project.network_input` and returns RGBA of the same size.  It cannot
+``CompactUNet`` takes the six channels of :func:`model.projection.network_input` and returns RGBA of the same size.  It cannot
 invent a colour: at every pixel it chooses how far to blend the filled picture towards ever smoother versions of itself
 (measured pixels count most), by no more than points stray by there, and then lightens or darkens that mixture, by no more
 than the contrast of what was measured around it, without a local mean and what goes to and fro from pixel to pixel, and the
@@ -52,7 +52,7 @@ DARK = 0.08
 """Light below which the correction fades: black stays black."""
 LUMA = (0.25, 0.6, 0.15)
 INPUT_CHANNELS = 6
-"""Filled red, green, blue; keep-mask or confidence; filled scale-free depth; filled noise level (model/project.py)."""
+"""Filled red, green, blue; keep-mask or confidence; filled scale-free depth; filled noise level (model/projection.py)."""
 PAPER_CHANNELS = 5
 """Of these, what the paper's network takes: all but the noise level."""
 

@@ -12,6 +12,7 @@ import torch
 from torch import nn
 
 from model.common.atomic_write import write_whole
+from model.common.errors import PointglassError
 from model.unet import INPUT_CHANNELS, SIZES, make_network
 
 FORMAT = "pointglass-weights-3"
@@ -20,7 +21,7 @@ _NUMBERS = ("F16", "BF16", "F32", "F64")
 _PACKAGE = Path(__file__).resolve().parent
 
 
-class WeightsError(Exception):
+class WeightsError(PointglassError):
     """Weights that are missing or do not fit; the message names the file and what to do."""
 
 

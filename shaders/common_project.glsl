@@ -1,4 +1,4 @@
-// Packed point -> pixel and depth, the same expressions for both rasterisers and model/project.py.
+// Packed point -> pixel and depth, the same expressions for both rasterisers and model/projection.py.
 // View frame: x right, y down, z forward, file units.  Nothing may be fused or reordered: hence precise.
 
 layout(std140, binding = FRAME_BINDING) uniform Frame {

@@ -1,5 +1,5 @@
 // Pull-push fill, pull: weighted sums of the four children, the weight at most 1.  Reference: model/pull_push.py.
-// Values carry their weight; the fourth channel is the depth feature (model/project.py, depth_feature).  BASE: the children are
+// Values carry their weight; the fourth channel is the depth feature (model/projection.py, depth_feature).  BASE: the children are
 // pixels.  BACKGROUND: children clearly nearer than the farthest are left out where the gap is too wide for their surface.
 // NOISE: a noise level rides along.
 #include "common_fill.glsl"

@@ -1,13 +1,13 @@
-"""Errors a person is meant to read: one line that names the file, the value and the remedy, and an exit code.
+"""Errors that a person reads: one line that names the file or option, the value and the remedy, and an exit code.
 
-Anything else that escapes is a bug and keeps its traceback.
+Any other exception that escapes is a bug and keeps its traceback.
 """
 
+import sys
 
-class PointglassError(Exception):
-    """Base of all anticipated failures.  ``str(error)`` is the one line shown; ``exit_code`` what the process returns."""
+from model.common.errors import PointglassError
 
-    exit_code = 2
+__all__ = ["Cancelled", "DeviceError", "InputError", "PointglassError", "is_opengl_error"]
 
 
 class InputError(PointglassError):
@@ -17,12 +17,18 @@ class InputError(PointglassError):
 
 
 class DeviceError(PointglassError):
-    """No usable OpenGL or compute device (exit code 3)."""
+    """No usable OpenGL or compute device, or not enough of its memory (exit code 3)."""
 
     exit_code = 3
 
 
 class Cancelled(PointglassError):
-    """The person asked long work to stop; whatever was being written has been removed."""
+    """The person cancelled long work; unfinished files have been removed (exit code 130)."""
 
     exit_code = 130
+
+
+def is_opengl_error(error: BaseException) -> bool:
+    """Whether moderngl raised this error.  Does not load moderngl: an error of its own means that it is loaded."""
+    moderngl = sys.modules.get("moderngl")
+    return moderngl is not None and isinstance(error, moderngl.Error)

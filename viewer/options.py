@@ -1,4 +1,4 @@
-"""Options that several commands share: scans, settings, exposures, memory; and what reads them."""
+"""Options that several commands share: scans, settings, exposures, memory, logging; and the functions that read them."""
 
 import argparse
 from collections.abc import Sequence
@@ -13,12 +13,13 @@ from viewer.settings import CHOICES, MEMORY, Memory, Settings
 
 
 class Parser(argparse.ArgumentParser):
-    """Options may stand anywhere between names of files.  What it cannot read raises InputError."""
+    """Options may stand anywhere between file names.  Raises InputError for what it cannot parse."""
 
     _mixing = False
 
     def parse_known_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
-        # The commands' own parsers do the mixing.  What follows "--" begins with a dash, perhaps, which mixing would not heed.
+        # Only the parsers of single commands allow options between file names.  Names after "--" may begin with a dash, which
+        # parse_known_intermixed_args does not support.
         if self._mixing or self._subparsers is not None or "--" in (args or ()):
             return super().parse_known_args(args, namespace)
         self._refuse_unknown(args or ())
@@ -38,7 +39,7 @@ class Parser(argparse.ArgumentParser):
         return found
 
     def _refuse_unknown(self, args) -> None:
-        """Before anything is missed that was only misspelt."""
+        """Refuses a misspelt option before argparse complains that something else is missing."""
         known = self._option_string_actions
         for name in (arg.partition("=")[0] for arg in args if arg.startswith("--")):
             if not any(option.startswith(name) for option in known):
@@ -50,7 +51,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def _refuse_empty(args: Sequence[str]) -> None:
-    """An unset variable of a script leaves nothing, which would be this folder, or pass for the default."""
+    """Refuses empty arguments: an unset variable of a script would mean the present folder, or the default."""
     for before, arg in pairwise(("", *args)):
         option, equals, value = arg.partition("=")
         if not arg or (option.startswith("--") and equals and not value):
@@ -59,7 +60,7 @@ def _refuse_empty(args: Sequence[str]) -> None:
 
 
 def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
-    """The options that make a Settings, from its own tables."""
+    """The options of viewer.settings.Settings, from its own tables.  view: whether to add --view."""
     defaults = Settings()
     for name, table in CHOICES.items():
         if name == "view" and not view:
@@ -69,32 +70,36 @@ def add_settings(parser: argparse.ArgumentParser, *, view: bool = True) -> None:
         texts += f" (default {default})"
         parser.add_argument(f"--{name.replace('_', '-')}", choices=list(table), default=default, help=texts)
     parser.add_argument("--filter-strength", type=float, default=defaults.filter_strength, metavar="X",
-                        help="multiplies the filter's depth tolerance; smaller keeps fewer points (default 1)")
-    parser.add_argument("--filter-levels", type=int, metavar="N", help="pyramid levels (default: the filter's own)")
-    parser.add_argument("--lod", type=float, metavar="P",
-                        help="level of detail: draw only as many points as give P a pixel (default: every point)")
+                        help="factor of the depth filter's tolerance; a smaller one keeps fewer points (default 1)")
+    parser.add_argument("--filter-levels", type=int, metavar="N",
+                        help="pyramid levels of the depth filter (default: the filter's own)")
+    parser.add_argument("--lod", type=float, metavar="P", help="level of detail: draw about P points per pixel (default: every "
+                        "point)")
     parser.add_argument("--detail", type=float, default=defaults.detail, metavar="X",
-                        help="neural view: from 0 (smooth) to 2 (every measured grain); 1 goes by the scan's noise (default 1)")
-    parser.add_argument("--weights", metavar="F", help="weights of your own, as `train` makes them (default: the shipped ones)")
+                        help="neural view: from 0 (smooth) to 2 (keep all measured detail, noise too); 1 follows the noise "
+                             "estimated for the scan (default 1)")
+    parser.add_argument("--weights", metavar="F", help="a weights file made by `train` (default: the shipped weights)")
 
 
 def settings_of(options: argparse.Namespace) -> Settings:
+    """The Settings of parsed options.  Raises InputError for a value out of range."""
     names = (*CHOICES, "filter_strength", "filter_levels", "lod", "detail", "weights")
     return Settings(**{name: getattr(options, name) for name in names if hasattr(options, name)})
 
 
 def add_memory(parser: argparse.ArgumentParser) -> None:
-    """The options that make a Memory."""
+    """The options of viewer.settings.Memory."""
     parser.add_argument("--gpu-memory", metavar="SIZE",
-                        help="what points may take on the GPU, such as 4G; a larger scan is streamed (default: by the device)")
+                        help="GPU memory for points, such as 4G; a larger scan is streamed (default: chosen for the device)")
     parser.add_argument("--read-ahead", metavar="SIZE",
-                        help=f"main memory for points on their way there (default {MEMORY.read_ahead >> 20}M)")
+                        help=f"main memory for points prefetched for the GPU (default {MEMORY.read_ahead >> 20}M)")
 
 
 _MEMORY = {"gpu": "gpu-memory", "read_ahead": "read-ahead"}
 
 
 def memory_of(options: argparse.Namespace) -> Memory:
+    """The Memory of parsed options.  Raises InputError for what is not a size."""
     from viewer.stream.residency import byte_count
 
     given = {"gpu": options.gpu_memory, "read_ahead": options.read_ahead}
@@ -102,20 +107,29 @@ def memory_of(options: argparse.Namespace) -> Memory:
 
 
 def add_scans(parser: argparse.ArgumentParser, *, least: str = "+") -> None:
+    """The scans and how to open them.  least: "+" one scan or more, "*" any number."""
     parser.add_argument("scans", nargs=least, type=Path, metavar="SCAN",
-                        help=f"{KNOWN_FILES} files, {KNOWN_FOLDERS} folders, or a folder made by `convert`; several make "
-                             "one scene")
-    parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and keep nothing")
+                        help=f"{KNOWN_FILES} files, {KNOWN_FOLDERS} folders, or a folder made by `convert`; several are "
+                             "opened as one scene")
+    parser.add_argument("--no-cache", action="store_true", help="build the grid in memory and do not keep it in the cache")
     add_columns(parser)
 
 
 def add_columns(parser: argparse.ArgumentParser) -> None:
+    """The columns of a text file."""
     parser.add_argument("--columns", metavar="C,C,...",
-                        help="what the columns of a text file of points are: x, y, z, r, g, b, i (intensity), c (class) or - "
-                             "(anything else), such as x,y,z,i,r,g,b,- (default: as they are recognised)")
+                        help="meaning of the columns of a text file: x, y, z, r, g, b, i (intensity), c (class) or - "
+                             "(ignored), such as x,y,z,i,r,g,b,- (default: recognised from the values)")
 
 
 def add_exposures(parser: argparse.ArgumentParser) -> None:
+    """Exposure compensation."""
     parser.add_argument("--exposures", choices=["matched", "as-scanned"], default="matched",
-                        help="matched: scans of one place are given the same brightness; as-scanned: colours as in the file "
-                             "(default matched)")
+                        help="matched: compensate different exposures of scans of one place; as-scanned: colours as in the "
+                             "file (default matched)")
+
+
+def add_logging(parser: argparse.ArgumentParser) -> None:
+    """What is reported while the command runs (viewer.command_log)."""
+    parser.add_argument("--verbose", action="store_true", help="report on standard error what is chosen and why")
+    parser.add_argument("--log-file", type=Path, metavar="F", help="append a detailed log to this file")

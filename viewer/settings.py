@@ -1,6 +1,6 @@
-"""What a picture is made with: one frozen record, and the tables of its choices.
+"""The settings of a picture: one frozen dataclass, and the tables of its choices.
 
-The command line, the window's panel and the README all read these tables, so a choice exists once.
+The command line and the window's panel read these tables, so that each choice is written down once.
 """
 
 from dataclasses import dataclass
@@ -11,69 +11,71 @@ from viewer.errors import InputError
 
 View = Literal["raw", "filtered", "filled", "neural"]
 VIEWS: dict[str, str] = {
-    "raw": "every point that lands in a pixel, background showing through",
-    "filtered": "points hidden behind a nearer surface removed",
-    "filled": "filtered, holes filled smoothly (pull-push), no network",
-    "neural": "filtered, filled and repainted by the network",
+    "raw": "all points, also those of surfaces behind others",
+    "filtered": "points hidden by a nearer surface removed",
+    "filled": "filtered, and holes filled smoothly (pull-push), without the network",
+    "neural": "filtered, filled, and repainted by the network",
 }
 RASTERS: dict[str, str] = {
-    "auto": "whichever measured faster on this device, fixed for the run",
+    "auto": "the one that measured faster on this device",
     "points": "OpenGL point primitives",
     "compute": "compute shader with integer atomics",
 }
 FILTERS: dict[str, str] = {
-    "auto": "inverse-depth pyramid, scale-free, adapts to the density of the surface in front",
-    "paper-code": "the paper's published code: 4 levels, 1.025, edges over 0.03 m",
-    "paper-text": "the paper's text: both edge cases compared as described, no absolute thresholds",
-    "npbg++": "NPBG++'s single-level test exp(zmin - z)",
-    "off": "nothing removed; the neural view is experimental then",
+    "auto": "inverse-depth pyramid; scale-free, adapts to the point spacing of the nearer surface",
+    "paper-code": "the paper's published code: 4 levels, depth ratio 1.025, edge threshold 0.03 m",
+    "paper-text": "the method as the paper describes it: both edge cases, no absolute threshold",
+    "npbg++": "the single-level test of NPBG++, exp(zmin - z)",
+    "off": "no filter; the neural view is experimental without one",
 }
 QUALITIES: dict[str, str] = {
-    "fast": "smallest network",
+    "fast": "the smallest network",
     "balanced": "the default network",
-    "best": "the default network on four mirrored pictures, averaged: nearer to the truth, four times the time",
+    "best": "the default network on four mirrored copies, averaged; more accurate, takes four times as long",
     "paper": "the paper's 31M-parameter U-Net",
 }
 SOFT_Z: dict[str, str] = {
-    "auto": "tolerance relative to depth, with a floor from point spacing",
-    "paper-code": "rounded pixel, 0.02 m",
-    "paper-text": "truncated pixel, 0.02 m",
+    "auto": "depth tolerance relative to depth, at least the point spacing",
+    "paper-code": "pixel coordinates rounded, tolerance 0.02 m",
+    "paper-text": "pixel coordinates truncated, tolerance 0.02 m",
 }
 STATIONS: dict[str, str] = {
-    "auto": "where the scanners' places are known, colours come from those that looked the way the eye looks",
-    "equal": "all points count the same",
+    "auto": "view-dependent blending where scanner positions are known: points whose scanner looked from a similar direction "
+            "weigh more",
+    "equal": "all points weigh the same",
 }
 PRECISIONS: dict[str, str] = {
-    "auto": "fp16 on CUDA, bf16 on CPUs that multiply it in hardware, else fp32",
-    "fp32": "single precision, the exact one",
+    "auto": "fp16 on CUDA, bf16 on CPUs with bf16 multiplication, otherwise fp32",
+    "fp32": "single precision, the reference",
     "bf16": "bfloat16",
     "fp16": "half precision",
 }
 DEVICES: dict[str, str] = {
-    "auto": "CUDA where it works, else CPU",
-    "cuda": "CUDA or an error",
-    "cpu": "CPU",
+    "auto": "CUDA where it works, otherwise the CPU",
+    "cuda": "CUDA, or an error where it does not work",
+    "cpu": "the CPU",
 }
 BACKGROUNDS: dict[str, str] = {
     "black": "black",
-    "transparent": "an alpha channel, not premultiplied",
+    "transparent": "an alpha channel, straight (not premultiplied)",
     "plain": "the window's dark grey",
-    "gradient": "grey, lighter at the top",
+    "gradient": "grey, lighter towards the top",
     "sky": "blue at the top, pale at the bottom",
 }
-"""What is shown where nothing was measured or filled.  No part of Settings: it is laid behind a finished picture
+"""What is shown where nothing was measured or filled.  Not part of Settings: it is composited behind a finished picture
 (viewer.tools.background)."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything but the camera that decides a picture.  The same scene, camera and settings give the same bytes.
+    """Everything that determines a picture, except scene and camera.  The same scene, camera and settings give the same bytes.
 
-    filter_strength: multiplies the filter's depth tolerance; 1 is the preset's own, smaller keeps fewer points.
-    filter_levels: pyramid levels, None = the preset's own.
-    lod: level of detail, the points drawn per pixel a cell covers; None draws every point.
-    detail: how much of what is fine the network keeps, from 0 (smooth) to 2 (every measured grain); 1: by the scan's noise.
-    weights: a weights file of one's own (`pointglass train` makes them) in place of the shipped ones of ``quality``.
+    filter_strength: factor of the depth filter's tolerance, above 0; a smaller one keeps fewer points.
+    filter_levels: pyramid levels of the depth filter, 1 to 12; None: those of the filter's preset.
+    lod: level of detail, points drawn per pixel that a cell covers, above 0; None: every point.
+    detail: from 0 (smooth) to 2 (keep all measured detail, noise too); 1 follows the scan's estimated noise.
+    weights: a weights file, as `pointglass train` makes them, used instead of the shipped weights of ``quality``.
+    The other fields are keys of the tables above.  Raises InputError that names the first bad value.
     """
 
     view: str = "neural"
@@ -99,16 +101,16 @@ class Settings:
         if self.filter_levels is not None and not (isinstance(self.filter_levels, Integral) and 1 <= self.filter_levels <= 12):
             raise InputError(f"filter levels {self.filter_levels!r}: expected a whole number from 1 to 12")
         if not 0 <= self.detail <= 2:
-            raise InputError(f"detail {self.detail!r}: expected a number from 0 (smooth) to 2 (every measured grain)")
+            raise InputError(f"detail {self.detail!r}: expected a number from 0 (smooth) to 2 (keep all measured detail)")
         if self.lod is not None and not self.lod > 0:
             raise InputError(f"level of detail {self.lod!r}: expected points per pixel above 0")
 
 
 @dataclass(frozen=True)
 class Memory:
-    """What a scene's points may take, in bytes; an exact picture is the same with any.
+    """Memory limits for a scene's points, in bytes.  They do not change an exact picture.
 
-    gpu: on the GPU; None: as much as seems right for the device.  read_ahead: in main memory, on their way there.
+    gpu: GPU memory; None: chosen for the device.  read_ahead: main memory for points prefetched for the GPU.
     """
 
     gpu: int | None = None
@@ -116,6 +118,7 @@ class Memory:
 
 
 MEMORY = Memory()
+"""The default limits."""
 
 CHOICES: dict[str, dict[str, str]] = {
     "view": VIEWS,
@@ -127,3 +130,4 @@ CHOICES: dict[str, dict[str, str]] = {
     "soft_z": SOFT_Z,
     "stations": STATIONS,
 }
+"""Of each field of Settings that is a choice: its table, value -> explanation."""

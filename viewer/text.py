@@ -1,4 +1,4 @@
-"""Words for people: a number and its noun, a number of bytes."""
+"""Numbers as text: a count with its noun, a number of bytes, and whole numbers read from files and options."""
 
 
 def counted(number: float, noun: str) -> str:
@@ -8,8 +8,17 @@ def counted(number: float, noun: str) -> str:
 
 
 def bytes_text(count: float) -> str:
-    """"1 byte", "1.5 KiB", "12 MiB": in the units that options take."""
+    """"1 byte", "1.5 KiB", "12 MiB", in the units that options accept."""
     for unit, size in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
         if count >= size:
             return f"{count / size:.4g} {unit}"
     return counted(count, "byte")
+
+
+def whole_number(text: str) -> int | None:
+    """``text`` as a number from 0 to 10**18 - 1, or None if it is anything but ASCII digits.
+
+    Stricter than ``str.isdigit``, which accepts a superscript two that ``int`` refuses; ``int`` itself fails on thousands of
+    digits.
+    """
+    return int(text) if text.isascii() and text.isdecimal() and len(text) <= 18 else None

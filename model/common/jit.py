@@ -2,12 +2,31 @@
 
 import contextlib
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 
 from numba import njit
 
 from model.common.signals import STOPS, handled
+
+_BLAS = "scipy.linalg.cython_blas"
+
+
+def _skip_blas_check() -> None:
+    """Keeps numba from importing scipy.linalg when it loads its array functions: 0.1 s of a start, for np.dot, which no loop
+    here calls.  scipy is a dependency, so other code's loops may call np.dot: numba imports it when it compiles them."""
+    if _BLAS in sys.modules or "numba.np.arraymath" in sys.modules:
+        return
+    sys.modules[_BLAS] = None  # type: ignore[assignment]  # an import of it fails, as if scipy were not there
+    try:
+        from numba.np import arraymath
+    finally:
+        del sys.modules[_BLAS]
+    arraymath._HAVE_BLAS = True  # type: ignore[attr-defined]
+
+
+_skip_blas_check()
 
 
 def compiled(**options):

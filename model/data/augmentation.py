@@ -136,7 +136,7 @@ def augmented(measured: np.ndarray, truth: np.ndarray, rng: np.random.Generator,
     """Augments a crop in place and returns what the network is told: (side, side) float32 standard deviation of a single
     point's colour.
 
-    measured: (6, side, side) of :func:`model.project.measured_input`; truth: (5, side, side); float32, colours 0..1.
+    measured: (6, side, side) of :func:`model.projection.measured_input`; truth: (5, side, side); float32, colours 0..1.
     textures_only: the points keep their own noise and stations their exposures; none is told.
     """
     side, kind = measured.shape[-1], rng.random()

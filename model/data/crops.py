@@ -15,7 +15,7 @@ from torch import Tensor
 
 from model.data.augmentation import augmented
 from model.data.dataset import DataError
-from model.project import MEASURED_CHANNELS, filled_input
+from model.projection import MEASURED_CHANNELS, filled_input
 
 MARGIN = 32
 """Pixels around a crop that are filled with it: holes at its border are filled from beyond, as in a whole picture."""

@@ -10,6 +10,8 @@ from typing import Protocol
 
 import numpy as np
 
+from model.common.errors import PointglassError
+
 FAR = 1e9
 """Metres from the origin, from which on a number is no place."""
 MOST_FOCAL = 1e6
@@ -20,7 +22,7 @@ LEAST_CROP = 32
 """Pixels: the shortest side of a training crop; the compact network halves a picture four times."""
 
 
-class DataError(Exception):
+class DataError(PointglassError):
     """Data that cannot be used; the message names the files and says what to do."""
 
 

@@ -19,7 +19,7 @@ from torch import Tensor
 
 from model.data.projected import Projected
 from model.depth_filter import keep_mask
-from model.project import SoftZ
+from model.projection import SoftZ
 
 HELD_OUT = 0.1
 """Share of the points that is withheld: pictures of the other nine tenths are nearly those of all, and a view of 960x720 has

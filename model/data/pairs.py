@@ -1,11 +1,11 @@
 """Training pairs: what the renderer would measure from a pose, and the true picture from there.
 
-Scans of a place are projected into its true views by :mod:`model.project` at many densities, degraded as real scans are
+Scans of a place are projected into its true views by :mod:`model.projection` at many densities, degraded as real scans are
 (other exposures, a station missing, patches without points, thinned patches) and filtered.  They are made once, ahead of
 training, into memory-mapped arrays, so that a crop costs a read; filling, and noise, come with the crop
 (:mod:`model.data.crops`), so that neither has to be fixed here:
 
-``measured.npy`` (P, 6, H, W) float16, see :func:`model.project.measured_input`; ``truth.npy`` (P, 5, H, W) uint8: colour,
+``measured.npy`` (P, 6, H, W) float16, see :func:`model.projection.measured_input`; ``truth.npy`` (P, 5, H, W) uint8: colour,
 coverage, and 255 where the truth is known.  With neighbours also ``neighbours.npy`` (P, 6, H, W) float16: what is measured
 from a camera moved a little, and ``flow.npy`` (P, 2, H, W) float16: where each true pixel lies in that picture, in pixels from
 where it was, NaN where the neighbour does not see it, or the input lacks points that the neighbour has.  Where the scan's own
@@ -39,7 +39,7 @@ from model.depth_filter import keep_mask
 from model.exposure import match_exposures
 from model.noise import NoiseModel
 from model.noise_level import seen_noise
-from model.project import MEASURED_CHANNELS, measured_input
+from model.projection import MEASURED_CHANNELS, measured_input
 
 MATCHED_SHARE = 0.7
 """Of the scans: their stations' exposures are compensated, as on opening; the rest come as scanned."""

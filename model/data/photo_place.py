@@ -21,7 +21,7 @@ from model.data.dataset import DataError, Scan, TruePicture
 from model.data.downsample import in_blocks, reduced_colour
 from model.data.projected import Projected, project_scan, raster_of, scan_spacing
 from model.depth_filter import keep_mask
-from model.project import SoftZ
+from model.projection import SoftZ
 
 BRIGHTNESS, CONTRAST, SETS = 20.0, 0.2, (2, 5)
 """The paper's augmentation: 2 to 5 sets of brightness +-20 (of 255) and contrast x0.8 to x1.2, as if from as many stations."""

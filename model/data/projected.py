@@ -12,7 +12,7 @@ from model.common.scanner_positions import told_apart
 from model.data.dataset import Scan, TruePicture
 from model.data.spacing import median_spacing
 from model.depth_filter import keep_mask
-from model.project import Raster, SoftZ, network_input, pixels, rasterise
+from model.projection import Raster, SoftZ, network_input, pixels, rasterise
 from model.station_weights import station_weights
 
 MARGIN = 2.0

@@ -16,11 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from model.data.coloured_mesh import check_mesh, points_scan, read_mesh, scattered_scan
 from model.data.dataset import DataError, Scan
 from model.data.lens import Lens
 from model.data.photo_place import PhotoPlace
 from model.data.photos import Photograph, check_pictures
-from model.data.ply import PlyHeader, read_points, scatter
 
 SPLITS = {"train": "nvs_sem_train", "val": "nvs_sem_val", "test": "nvs_test"}
 TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))
@@ -74,14 +74,15 @@ def load_scannetpp(root: Path, scene: str, camera: str = "dslr", *, part: str = 
         other = home / "scans" / "mesh_aligned_0.05.ply"
         hint = "; its mesh is there: choose surface='mesh'" if surface == "points" and other.is_file() else ""
         raise DataError(f"{cloud}: missing; download the scene's scan{hint}")
-    header = PlyHeader.read(cloud)
+    check_mesh(cloud)
     photographs = _photographs(home, camera, part)[::every]
     if not photographs:
         raise DataError(f"{home / camera}: no {part} pictures with a pose")
     check_pictures(home, [(path, (p.width, p.height)) for p in photographs for path in (p.path, p.mask) if path])
     hidden = cloud.with_name(f"{cloud.stem}_mask.txt")  # indices of anonymised points
     load: Callable[[], Scan] = (
-        (lambda: read_points(cloud, header, hidden)) if surface == "points" else (lambda: scatter(cloud, header, mesh_points))
+        (lambda: points_scan(read_mesh(cloud), hidden)) if surface == "points"
+        else (lambda: scattered_scan(read_mesh(cloud), mesh_points))
     )
     return PhotoPlace(f"{scene}/{camera}", load, photographs)
 

@@ -1,10 +1,10 @@
 """How good the pictures are: rooms with registered truth, at several densities, by every way of making a picture.
 
-``scene`` runs it; ``methods`` are the ways, ``outside`` and ``open3d_points`` other people's; ``figures`` judges one picture
-against its truth, ``flip`` is one of its judges; ``worse`` counts the views in which a network's picture is worse than the
-filled one; ``heldout`` judges any scan by points withheld from it; ``flicker`` judges neighbouring pictures of a camera move,
-``precision`` the networks in half precision; ``report`` writes it all down; ``command`` is the command line's part.  Importing
-this loads nothing heavy: names come when used.
+``room_scores`` runs it; ``methods`` are the ways, ``outside`` and ``open3d_points`` other people's; ``figures`` judges one
+picture against its truth, ``flip`` is one of its judges; ``worse`` counts the views in which a network's picture is worse
+than the filled one; ``heldout`` judges any scan by points withheld from it; ``flicker`` judges neighbouring pictures of a
+camera move, ``precision`` the networks in half precision; ``report`` writes it all down; ``command`` is the command line's
+part. Importing this loads nothing heavy: names come when used.
 """
 
 from importlib import import_module
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from model.evaluation.methods import true_visibility
     from model.evaluation.precision import precision_table
     from model.evaluation.report import format_table, save
-    from model.evaluation.scene import evaluate
+    from model.evaluation.room_scores import evaluate
 
 __all__ = ["evaluate", "format_table", "precision_table", "save", "true_visibility"]
 
 _WHERE = {
-    "evaluate": "scene", "format_table": "report", "precision_table": "precision", "save": "report",
+    "evaluate": "room_scores", "format_table": "report", "precision_table": "precision", "save": "report",
     "true_visibility": "methods",
 }
 

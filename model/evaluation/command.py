@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         from model.evaluation.outside import parse_outside
         from model.evaluation.precision import precision_of_scene
         from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
-        from model.evaluation.scene import evaluate
+        from model.evaluation.room_scores import evaluate
         from model.evaluation.worse import Worst, ratio_of_room
         from model.weights import weights_dir
 

@@ -21,7 +21,7 @@ from model.depth_filter import keep_mask
 from model.evaluation.open3d_points import POINT_SIZES, Open3DPoints
 from model.noise import NoiseModel
 from model.noise_level import seen_noise
-from model.project import Raster, SoftZ, network_input
+from model.projection import Raster, SoftZ, network_input
 from model.unet import CompactUNet, mac_per_pixel
 from model.weights import load_weights
 
@@ -48,7 +48,7 @@ def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 @dataclass(frozen=True)
 class Sight:
     """A view's points at one density.  seen: the points left; raster: the same in their pixels, plainly averaged; true_depth:
-    (H, W) float32, None where it is not known; unlit: black points have no colour (:class:`model.project.SoftZ`); noise: of
+    (H, W) float32, None where it is not known; unlit: black points have no colour (:class:`model.projection.SoftZ`); noise: of
     the scan, as the network is told it, None where it is not known.
 
     Masks depend on depth alone, so that sights that differ in colour only may share them.

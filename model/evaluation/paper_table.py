@@ -24,7 +24,7 @@ from model.data.projected import Projected, project_scan, raster_of, scan_spacin
 from model.depth_filter import keep_mask
 from model.evaluation.metrics import WINDOW, masked_psnr, ssim
 from model.perceptual import SqueezeDistance
-from model.project import SoftZ, network_input, pixels, rasterise
+from model.projection import SoftZ, network_input, pixels, rasterise
 from model.reconstruct import PRECISIONS, fast_precision
 from model.unet import CompactUNet
 from model.weights import load_weights

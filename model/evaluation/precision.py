@@ -81,7 +81,7 @@ def precision_of_scene(folder: Path, weights: Sequence[Path], densities: Sequenc
     from model.data.projected import project_scan, scan_spacing
     from model.data.stations import load_scene, scan_stations
     from model.evaluation.methods import thinned
-    from model.evaluation.scene import pick_views, truth_of
+    from model.evaluation.room_scores import pick_views, truth_of
 
     filtered = {path: load_weights(path)[1].get("input") != "unfiltered" for path in weights}
     scene = load_scene(folder)

@@ -8,7 +8,7 @@ import torch
 from model.depth_filter import keep_mask
 from model.hole_test import coverage
 from model.noise_level import pixel_noise
-from model.project import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
+from model.projection import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
 from model.ray_march import march, rays_of, sparse_depth
 from model.station_weights import station_weights
 from viewer.render.cull import Culler
@@ -48,7 +48,7 @@ def directions(scene, camera) -> np.ndarray:
 
 
 def reference_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
-    """Renders with ``model.project`` in float32.  All points of the draw list, in any order."""
+    """Renders with ``model.projection`` in float32.  All points of the draw list, in any order."""
     draw = Culler(scene).select(camera, settings.lod)
     take = np.repeat(draw.first - np.concatenate([[0], np.cumsum(draw.count)[:-1]]), draw.count) + np.arange(draw.points)
     cells = torch.from_numpy(np.repeat(draw.slot, draw.count))

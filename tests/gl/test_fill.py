@@ -9,7 +9,7 @@ from test_stations import scanned
 
 from model.hole_test import OPAQUE, coverage, far_inside
 from model.network_layout import CLOSED, PACKED_IN, VOID
-from model.project import DEPTH_FEATURE_LIMIT, Raster, depth_feature, network_input
+from model.projection import DEPTH_FEATURE_LIMIT, Raster, depth_feature, network_input
 from model.pull_push import pull_push
 from viewer.camera import Camera, look_at
 from viewer.grid.open_scene import scene_from_arrays

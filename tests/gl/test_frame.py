@@ -7,7 +7,7 @@ import pytest
 from clouds import camera_in, room
 from reference import reference_frame
 
-from viewer.bench.stability.points import mean_level
+from viewer.bench.stability.point_claims import mean_level
 from viewer.camera import Camera
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.render import raster_compute

@@ -11,7 +11,7 @@ from test_stations import scanned
 
 from model.noise import KNOTS, NoiseModel
 from model.noise_level import pixel_noise
-from model.project import NOISE_SCALE, averaging
+from model.projection import NOISE_SCALE, averaging
 from viewer.render.renderer import Renderer
 from viewer.settings import Settings
 

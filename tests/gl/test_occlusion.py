@@ -1,6 +1,6 @@
 """Occlusion in two phases: what history leaves out is not missed, whatever happens between two frames.
 
-A floor of furnished rooms, few pixels: walls hide most of it from everywhere.  Wrong pixels as in viewer.bench.occlusion.
+A floor of furnished rooms, few pixels: walls hide most of it from everywhere.  Wrong pixels as in viewer.bench.occlusion_walk.
 """
 
 from types import SimpleNamespace
@@ -11,9 +11,9 @@ import torch
 from clouds import room
 
 from model import depth_filter
-from model.project import SoftZ
+from model.projection import SoftZ
 from model.pyramid import parents
-from viewer.bench.occlusion import LEVELS, LIMIT, VIEWS, compare, walk
+from viewer.bench.occlusion_walk import LEVELS, LIMIT, VIEWS, compare, walk
 from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
 from viewer.camera import Camera, from_fov, look_at
 from viewer.grid.cell_boxes import SHARES

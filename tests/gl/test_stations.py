@@ -6,7 +6,7 @@ from clouds import camera_in, room
 from reference import reference_frame
 from test_frame import ALL, assert_agrees
 
-from model.project import MOST_AVERAGED
+from model.projection import MOST_AVERAGED
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.grid.scene import unpack
 from viewer.render.renderer import Renderer

@@ -129,7 +129,7 @@ def test_two_bridges_at_once(programs):
 def room(points: int = 300_000):
     """A procedural room and a camera in it."""
     from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from viewer.bench.views import named_views
+    from viewer.tools.viewpoints import named_views
 
     scene = procedural_scene(ProceduralScan(points))
     return scene, named_views(scene, (320, 240))[0]

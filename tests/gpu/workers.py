@@ -36,10 +36,10 @@ def projected(plan: Plan, _work: Path) -> dict:
 
     from viewer.bench.bench_input import machine
     from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from viewer.bench.views import named_views
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
     from viewer.settings import Settings
+    from viewer.tools.viewpoints import named_views
 
     scan = ProceduralScan(plan.many)
     scene = procedural_scene(scan)

@@ -16,7 +16,7 @@ def all_on_one_thread(one_thread):
 @pytest.fixture
 def stand(context):
     """Draws stress scenes; no OpenGL error before or after."""
-    from viewer.bench.stability.frames import Stand
+    from viewer.bench.stability.frame_claims import Stand
 
     context.__enter__()  # another test may have left its own context current
     assert context.error == "GL_NO_ERROR"

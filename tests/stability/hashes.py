@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.bench.stability.frames import Stand, arrays_of, place_at
+from viewer.bench.stability.frame_claims import Stand, arrays_of, place_at
 from viewer.bench.stability.scenes import axis_camera, placed, view_inside
-from viewer.bench.stability.stations import lit, scene_of, standing
+from viewer.bench.stability.station_claims import lit, scene_of, standing
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.settings import FILTERS, SOFT_Z, Settings
 

@@ -6,7 +6,7 @@ import hashes
 import pytest
 from hashes import FILE, hashes_of
 
-from viewer.bench.stability import points
+from viewer.bench.stability import point_claims
 from viewer.render.context import create_context, describe_device
 from viewer.settings import Settings
 
@@ -17,7 +17,7 @@ def test_the_same_frame_again_is_byte_identical(stand, seed, claims):
     other = create_context()
     stand.context.__enter__()
     try:
-        claims(points.repeats(stand, other, seed, (96, 72)))
+        claims(point_claims.repeats(stand, other, seed, (96, 72)))
     finally:
         other.__enter__()
         other.release()

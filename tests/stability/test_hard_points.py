@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from viewer.bench.stability import points
+from viewer.bench.stability import point_claims
 from viewer.bench.stability.scenes import axis_camera, walls
 from viewer.grid.open_scene import open_scene, scene_from_arrays
 from viewer.settings import Settings
@@ -13,28 +13,28 @@ pytestmark = pytest.mark.gl
 
 @pytest.mark.parametrize("colour", [None, 0, 255])
 def test_a_million_points_in_one_pixel_keep_their_mean(stand, seed, claims, colour):
-    claims(points.crowd(stand, seed, 1_000_000, colour))
+    claims(point_claims.crowd(stand, seed, 1_000_000, colour))
 
 
 @pytest.mark.parametrize("count, colour", [(2_000_000, 255), (4_000_000, None)])
 def test_sums_beyond_32_bits_are_carried(stand, seed, claims, count, colour):
-    claims(points.crowd(stand, seed, count, colour))
+    claims(point_claims.crowd(stand, seed, count, colour))
 
 
 def test_one_point_in_a_million_pixels(stand, seed, claims):
-    claims(points.lonely(stand, seed))
+    claims(point_claims.lonely(stand, seed))
 
 
 def test_points_that_are_there_a_thousand_times(stand, seed, claims):
-    claims(points.doubles(stand, seed))
+    claims(point_claims.doubles(stand, seed))
 
 
 def test_coordinates_that_are_no_numbers_change_no_byte(stand, seed, claims):
-    claims(points.no_numbers(stand, seed, (160, 120)))
+    claims(point_claims.no_numbers(stand, seed, (160, 120)))
 
 
 def test_each_of_the_256_levels_comes_out_as_it_went_in(stand, seed, claims):
-    claims(points.levels(stand, seed))
+    claims(point_claims.levels(stand, seed))
 
 
 def test_a_file_with_no_numbers_in_it_shows_the_rest(stand, seed, tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from reference import reference_frame
 from test_frame import assert_agrees
 
-from viewer.bench.stability import frames
+from viewer.bench.stability import frame_claims
 from viewer.bench.stability.scenes import axis_camera, placed, view_inside, walls
 from viewer.camera import MAX_SIDE, Camera, from_fov
 from viewer.errors import DeviceError, InputError
@@ -17,24 +17,25 @@ PRIMES = [5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 53, 67, 89, 127]
 
 
 def test_fields_of_view_from_1_to_170_degrees(stand, seed, claims):
-    claims(frames.lenses(stand, seed, (160, 120)))
+    claims(frame_claims.lenses(stand, seed, (160, 120)))
 
 
 def test_extreme_lenses_agree_with_the_twin(stand, seed):
-    xyz, rgb, origin = frames.place_at(seed, 1.0, 1e6)
+    xyz, rgb, origin = frame_claims.place_at(seed, 1.0, 1e6)
     scene = scene_from_arrays(xyz, rgb)
     with stand.renderer(scene) as renderer:
         for fov in (1.0, 170.0):
             camera = placed(view_inside(seed, (96, 64), fov), 1.0, origin)
-            assert_agrees(renderer.render(camera, Settings(), views=frames.VIEWS), reference_frame(scene, camera, Settings()))
+            shown = renderer.render(camera, Settings(), views=frame_claims.VIEWS)
+            assert_agrees(shown, reference_frame(scene, camera, Settings()))
 
 
 def test_cameras_in_a_cell_and_on_its_face_edge_and_corner(stand, seed, claims):
-    claims(frames.cell_faces(stand, seed, (96, 64)))
+    claims(frame_claims.cell_faces(stand, seed, (96, 64)))
 
 
 def test_points_at_behind_and_within_an_epsilon_of_the_cameras_plane(stand, seed, claims):
-    claims(frames.camera_plane(stand, seed))
+    claims(frame_claims.camera_plane(stand, seed))
 
 
 @pytest.mark.parametrize("power", [None, 12, 30, 45])
@@ -50,13 +51,13 @@ def test_the_cameras_plane_is_the_same_in_both_rasterisers_and_the_twin(stand, s
             camera = axis_camera((41, 29), (0.0, packed + side * (2.0**-power if power else 0.0), 0.0))
             twin = reference_frame(scene, camera, Settings())
             for kind in ("compute", "points"):
-                frame = renderer.render(camera, Settings(raster=kind), views=frames.VIEWS)
+                frame = renderer.render(camera, Settings(raster=kind), views=frame_claims.VIEWS)
                 assert np.array_equal(frame.depth(), twin.raster.depth.numpy())
                 assert (frame.depth() > 0).all()
 
 
 def test_pictures_from_4x4_to_16384_along_a_side(stand, seed, claims):
-    claims(frames.sizes(stand, seed))
+    claims(frame_claims.sizes(stand, seed))
 
 
 def test_odd_and_prime_sizes_agree_with_the_twin(stand, seed):
@@ -65,7 +66,8 @@ def test_odd_and_prime_sizes_agree_with_the_twin(stand, seed):
     with stand.renderer(scene) as renderer:
         for size in [(4, 4), *(tuple(int(n) for n in rng.choice(PRIMES, 2)) for _ in range(6))]:
             camera = view_inside(seed, size, 70.0)
-            assert_agrees(renderer.render(camera, Settings(), views=frames.VIEWS), reference_frame(scene, camera, Settings()))
+            shown = renderer.render(camera, Settings(), views=frame_claims.VIEWS)
+            assert_agrees(shown, reference_frame(scene, camera, Settings()))
 
 
 def test_pictures_beyond_the_devices_textures_are_refused_and_the_next_is_drawn(stand, seed):
@@ -85,7 +87,7 @@ def test_pictures_beyond_the_devices_textures_are_refused_and_the_next_is_drawn(
 
 
 def test_rolled_and_upside_down_cameras_show_the_same_picture_turned(stand, seed, claims):
-    claims(frames.rolled(stand, seed))
+    claims(frame_claims.rolled(stand, seed))
 
 
 def test_a_matrix_that_carries_a_scale_draws_the_same_picture(stand, seed):

@@ -6,7 +6,7 @@ import torch
 
 from model.reconstruct import PRECISIONS, Reconstructor
 from model.weights import shipped
-from viewer.bench.stability.network import PRECISION_LIMITS, masks, network_rows, scaled
+from viewer.bench.stability.network_claims import PRECISION_LIMITS, masks, network_rows, scaled
 
 SIZE = (56, 40)
 QUALITY = "fast" if "fast-filtered" in shipped() else "balanced"

@@ -10,7 +10,7 @@ from model.data.dataset import MemoryPicture
 from model.depth_filter import LEVELS, keep_mask
 from model.evaluation.flicker import reprojection
 from model.hole_test import surrounded
-from model.project import depth_feature
+from model.projection import depth_feature
 from model.pull_push import pull_push
 from model.pyramid import RING, bilinear, clamped, half, parents, quads, shifted
 

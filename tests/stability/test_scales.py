@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from viewer.bench.stability import frames
-from viewer.bench.stability.exact import depth_faults
+from viewer.bench.stability import frame_claims
+from viewer.bench.stability.exact_claims import depth_faults
 from viewer.bench.stability.scenes import panels, walls
 from viewer.errors import InputError
 from viewer.grid.open_scene import scene_from_arrays
@@ -15,14 +15,14 @@ SIZE = (160, 120)
 
 @pytest.mark.parametrize("origin", [0.0, 1e3, 1e5, 1e7])
 def test_no_scale_and_no_origin_changes_the_picture(stand, seed, claims, origin):
-    rows, points = frames.curves(stand, seed, SIZE, scales=(1e-3, 1e-2, 1.0, 30.0, 1e3, 1e6), origins=(origin,))
+    rows, points = frame_claims.curves(stand, seed, SIZE, scales=(1e-3, 1e-2, 1.0, 30.0, 1e3, 1e6), origins=(origin,))
     claims(rows)
     assert len(points) == 6 and not any("refused" in point for point in points)
 
 
 def test_a_billion_away_is_right_or_refused_in_one_line(stand, seed, claims):
     """Float64 holds 1e9 to 1e-7: at scale 1e-3 points 1e-4 apart are still right, at 1e-6 they cannot be."""
-    rows, points = frames.curves(stand, seed, SIZE, scales=(1e-6, 1e-3, 1.0, 1e6), origins=(1e9,))
+    rows, points = frame_claims.curves(stand, seed, SIZE, scales=(1e-6, 1e-3, 1.0, 1e6), origins=(1e9,))
     claims(rows)
     refused = {point["scale"]: point["refused"] for point in points if "refused" in point}
     assert 1e-6 in refused and 1.0 not in refused
@@ -33,10 +33,10 @@ def test_a_billion_away_is_right_or_refused_in_one_line(stand, seed, claims):
 @pytest.mark.parametrize("refusing", [True, False])
 def test_refusing_every_scale_or_none_breaks_the_claim(stand, seed, monkeypatch, refusing):
     if refusing:
-        monkeypatch.setattr(frames, "agree_at", lambda *_: "cannot hold a point spacing")
+        monkeypatch.setattr(frame_claims, "agree_at", lambda *_: "cannot hold a point spacing")
     else:
-        monkeypatch.setattr(frames, "_is_refused", lambda *_: False)
-    rows, _ = frames.curves(stand, seed, SIZE, scales=(1.0,), origins=(1e9,))
+        monkeypatch.setattr(frame_claims, "_is_refused", lambda *_: False)
+    rows, _ = frame_claims.curves(stand, seed, SIZE, scales=(1.0,), origins=(1e9,))
     (claim,) = (row for row in rows if "refused" in row["name"])
     assert claim["value"] == 1 and not claim["ok"]
 
@@ -51,11 +51,11 @@ def test_coordinates_too_large_for_float64_are_refused_naming_value_and_remedy(s
 def test_powers_of_two_and_shifts_by_whole_cells_change_no_byte(stand, seed, claims):
     rng = np.random.default_rng(seed)
     exponents, shifts = rng.integers(-30, 40, 3).tolist(), [4, int(rng.integers(8, 24)), 30]
-    claims(frames.exactness(stand, seed, SIZE, exponents, shifts))
+    claims(frame_claims.exactness(stand, seed, SIZE, exponents, shifts))
 
 
 def test_one_centimetre_to_a_hundred_kilometres_in_one_frame(stand, seed, claims):
-    claims(frames.wide_range(stand, seed))
+    claims(frame_claims.wide_range(stand, seed))
 
 
 def test_the_judge_of_depths_sees_a_point_moved_a_little_and_one_left_out(stand, seed):

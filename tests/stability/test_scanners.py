@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from viewer.bench.stability import stations
+from viewer.bench.stability import station_claims
 from viewer.bench.stability.scenes import view_inside
 from viewer.settings import Settings
 
@@ -13,26 +13,26 @@ SIZE = (160, 120)
 
 @pytest.mark.parametrize("origin", [0.0, 1e5, 1e7])
 def test_no_scale_and_no_origin_changes_what_points_count(stand, seed, claims, origin):
-    claims(stations.anywhere(stand, seed, SIZE, (1e-3, 1.0, 30.0, 1e6), (origin,)))
+    claims(station_claims.anywhere(stand, seed, SIZE, (1e-3, 1.0, 30.0, 1e6), (origin,)))
 
 
 def test_powers_of_two_and_shifts_by_whole_cells_change_no_byte(stand, seed, claims):
     rng = np.random.default_rng(seed)
-    claims(stations.exactness(stand, seed, SIZE, rng.integers(-30, 40, 2).tolist(), [int(rng.integers(8, 30))]))
+    claims(station_claims.exactness(stand, seed, SIZE, rng.integers(-30, 40, 2).tolist(), [int(rng.integers(8, 30))]))
 
 
 def test_scanners_and_eyes_in_hard_places(stand, seed, claims):
-    claims(stations.hard_places(stand, seed, SIZE))
+    claims(station_claims.hard_places(stand, seed, SIZE))
 
 
 def test_a_crowd_of_any_weight_keeps_its_mean(stand, seed, claims):
-    claims(stations.heavy(stand, seed))
+    claims(station_claims.heavy(stand, seed))
 
 
 def test_pictures_of_other_weights_are_far_below_the_limit(stand, seed):
     """What the other tests rely on: all points alike, or one scanner where another stood, is no picture near the truth."""
-    scan, eye = stations.scanned(seed), view_inside(seed, SIZE)
-    turned = stations.scene_of(scan.xyz, scan.rgb, scan.scan, scan.places[[1, 2, 0]])
+    scan, eye = station_claims.scanned(seed), view_inside(seed, SIZE)
+    turned = station_claims.scene_of(scan.xyz, scan.rgb, scan.scan, scan.places[[1, 2, 0]])
     for made in (stand.pictures(scan.scene, eye, Settings(stations="equal")), stand.pictures(turned, eye)):
-        assert scan.agreement(made, eye).filled < stations.LEAST - 4
-    assert scan.agreement(stand.pictures(scan.scene, eye), eye).filled >= stations.LEAST
+        assert scan.agreement(made, eye).filled < station_claims.LEAST - 4
+    assert scan.agreement(stand.pictures(scan.scene, eye), eye).filled >= station_claims.LEAST

@@ -6,7 +6,7 @@ import torch
 
 from model.data.crops import Crops
 from model.data.lettering import covered, lettering
-from model.project import NOISE_SCALE
+from model.projection import NOISE_SCALE
 
 KINDS = ("GRAIN", "LETTERING", "SPECKLE")
 

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 from test_export import CAMERAS, FakeRenderer
 
-from viewer.cli import _parser
+from viewer.commands import make_parser
 from viewer.settings import BACKGROUNDS, Settings
 from viewer.tools.background import COLOURS, as_saved, composite, rows, straight
 from viewer.tools.export import export_pictures
@@ -77,7 +77,7 @@ def test_a_picture_is_saved_over_the_background_asked_for(tmp_path, background, 
             frame.image = lambda view: image
             return frame
 
-    options = _parser().parse_args(["render", "s.laz", "--cameras", "c.json", "--out", "o", "--background", background])
+    options = make_parser().parse_args(["render", "s.laz", "--cameras", "c.json", "--out", "o", "--background", background])
     made: object = Renderer()
     export_pictures(made, CAMERAS[:1], Settings(view="filled"), tmp_path, background=options.background)  # pyright: ignore
     saved = Image.open(tmp_path / "a.png")
@@ -86,5 +86,5 @@ def test_a_picture_is_saved_over_the_background_asked_for(tmp_path, background, 
 
 
 def test_nothing_asked_for_is_saved_as_it_always_was(tmp_path):
-    options = _parser().parse_args(["render", "s.laz", "--cameras", "c.json", "--out", "o"])
+    options = make_parser().parse_args(["render", "s.laz", "--cameras", "c.json", "--out", "o"])
     assert options.background == "black"

@@ -81,7 +81,7 @@ def test_stability_is_registered(monkeypatch, capsys, tmp_path):
     import types
 
     called = {}
-    stability = types.ModuleType("viewer.bench.stability.table")
+    stability = types.ModuleType("viewer.bench.stability.claims_table")
 
     def run_stability(size, seed, plot):
         called["stability"] = (size, seed, plot)
@@ -89,7 +89,7 @@ def test_stability_is_registered(monkeypatch, capsys, tmp_path):
                          {"name": "share", "value": 3.0, "limit": 1.0, "least": True, "ok": True}], "failed": ["depth"]}
 
     stability.run_stability = run_stability  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "viewer.bench.stability.table", stability)
+    monkeypatch.setitem(sys.modules, "viewer.bench.stability.claims_table", stability)
     assert run("bench", "stability", "--size", "64x48", "--seed", "7", "--json", tmp_path / "s.json") == 1
     said = capsys.readouterr().out
     assert called["stability"] == ((64, 48), 7, None) and "3 (limit 1)    BEYOND ITS LIMIT" in said and "3 (at least 1)" in said

@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
-from viewer.bench import approximations, culling, errors, frames, scaling, views
+from viewer.bench import approximation_errors as errors
+from viewer.bench import approximations, culling, scaling
+from viewer.bench import frame_times as frames
 from viewer.bench import memory_headroom as room
-from viewer.bench.stability.stations import scanned
+from viewer.bench.stability.station_claims import scanned
 from viewer.errors import InputError
 from viewer.paths import cache_dir
+from viewer.tools import viewpoints as views
 
 
 @pytest.fixture(scope="module")
@@ -213,7 +216,7 @@ def test_bench_raster(tmp_path):
 def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
     """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the twin's picture with 1/4, and not
     that with the usual tolerance."""
-    from model.project import SoftZ
+    from model.projection import SoftZ
     from viewer.bench import float64_reference as twin64
     from viewer.render.context import create_context
 
@@ -224,7 +227,7 @@ def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
     renderer.soft = 1 / 4
     other = renderer.render(camera, approximations.EXACT).image("filled").copy()
     patch = pytest.MonkeyPatch()
-    patch.setattr("model.project.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
+    patch.setattr("model.projection.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
     try:
         twin = twin64.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     finally:

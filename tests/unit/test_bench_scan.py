@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from bench_run import SIZE, four_rooms
 
-from viewer.bench import views
 from viewer.bench.procedural_scan import PITCH, ProceduralScan, procedural_scene
 from viewer.camera import from_fov, look_at
 from viewer.grid.open_scene import open_scene
 from viewer.grid.scene import unpack
 from viewer.paths import assets_dir
+from viewer.tools import viewpoints as views
 from viewer.tools.camera_files import read_cameras
 
 

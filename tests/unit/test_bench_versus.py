@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by
 
-from viewer.bench import opponents, versus, views
+from viewer.bench import opponents, versus
+from viewer.tools import viewpoints as views
 
 
 @pytest.fixture(scope="module")

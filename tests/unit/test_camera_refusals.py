@@ -109,18 +109,6 @@ def test_a_colmap_camera_with_two_lenses_is_refused(tmp_path):
     assert refused(tmp_path, "camera 1 is there already").startswith(f"{tmp_path / 'cameras.txt'}: line 2: ")
 
 
-@pytest.mark.parametrize("given", ["", "sparse/0", "sparse/0/images.bin", "sparse/0/cameras.bin"])
-def test_colmaps_binary_model_says_how_to_make_it_text(tmp_path, given):
-    folder = tmp_path / "sparse" / "0"
-    folder.mkdir(parents=True)
-    for name in ("cameras.bin", "images.bin"):
-        (folder / name).write_bytes(b"\x01\x00\xff")
-    line = refused(tmp_path / given, "colmap model_converter .* --output_type TXT")
-    assert line.startswith(f"{folder / 'cameras.bin'}: ")
-    write_model(folder, "1 PINHOLE 80 60 100 100 40 30\n")
-    assert len(read_cameras(tmp_path / given)) == 1
-
-
 @pytest.mark.parametrize("given, made", [
     ("a a a_2", "a a_3 a_2"), ("a_2 a a", "a_2 a a_3"), ("a a a a_3 a_2", "a a_4 a_5 a_3 a_2"),
     ("a A a_2 A_2", "a A_3 a_2 A_2_2"),

@@ -12,7 +12,8 @@ import pytest
 from PIL import Image
 
 from viewer import cli
-from viewer.cli import _parser, main
+from viewer.cli import main
+from viewer.commands import make_parser
 from viewer.errors import InputError
 from viewer.paths import assets_dir
 
@@ -113,7 +114,7 @@ def test_info_counts_every_point(scan, capsys):
 
 def test_options_stand_anywhere_between_files():
     """Before, between and after; what follows -- is a file, whatever it begins with."""
-    parse = _parser().parse_args
+    parse = make_parser().parse_args
     places = ["bench frame A B --size 64x48", "bench --size 64x48 frame A B", "bench frame --size 64x48 A B",
               "bench frame A --size 64x48 B"]
     first, *others = [parse(line.split()) for line in places]

@@ -8,7 +8,7 @@ from model.data.projected import project_scan
 from model.data.stations import load_scene, scan_stations
 from model.depth_filter import keep_mask
 from model.evaluation import true_visibility
-from model.project import SoftZ, rasterise
+from model.projection import SoftZ, rasterise
 from model.pyramid import bilinear, half, parents, quads
 
 SIZE = (240, 320)

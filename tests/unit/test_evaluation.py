@@ -10,7 +10,7 @@ import torch
 from PIL import Image
 
 import model.evaluation.methods as methods_module
-import model.evaluation.scene as scene_module
+import model.evaluation.room_scores as scene_module
 from model.data.dataset import DataError
 from model.data.projected import Projected, project_scan
 from model.data.stations import load_scene, scan_stations

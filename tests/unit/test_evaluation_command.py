@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
-import model.evaluation.scene as scene_module
+import model.evaluation.room_scores as scene_module
 from model.data.dataset import DataError
 from model.data.stations import load_scene
 from model.evaluation import evaluate

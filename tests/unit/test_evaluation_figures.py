@@ -9,7 +9,7 @@ import torch
 from evaluation_files import rgb_of
 from scipy.io import loadmat
 
-import model.evaluation.scene as scene_module
+import model.evaluation.room_scores as scene_module
 from model.data.dataset import Scan
 from model.data.projected import Projected, project_scan
 from model.data.stations import ScanModel, load_scene, scan_stations
@@ -18,7 +18,7 @@ from model.evaluation.figures import Truth
 from model.evaluation.methods import TRUE, thinned
 from model.evaluation.metrics import gradient_energy, masked_error, masked_psnr, ssim
 from model.evaluation.precision import scaled_input
-from model.evaluation.scene import matched_colours
+from model.evaluation.room_scores import matched_colours
 from model.exposure import exposures_of, match_exposures
 from model.perceptual import SQUEEZE_FILES, SqueezeDistance
 from model.unet import CompactUNet, Size

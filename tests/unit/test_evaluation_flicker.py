@@ -7,7 +7,7 @@ import torch
 import torch.nn.functional as F
 from evaluation_files import rgb_of
 
-import model.evaluation.scene as scene_module
+import model.evaluation.room_scores as scene_module
 from model.data.dataset import MemoryPicture, Scan
 from model.data.projected import project_scan
 from model.evaluation import evaluate

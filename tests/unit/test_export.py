@@ -23,6 +23,7 @@ class FakeRenderer:
 
     def __init__(self):
         self.asked = []
+        self.scene = SimpleNamespace(meta={"sources": ["a.laz"]}, count=5)
 
     def render(self, camera, settings, views=None):
         self.asked.append(views)

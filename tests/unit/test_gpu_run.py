@@ -133,7 +133,7 @@ def test_it_ends_within_nine_minutes_and_leaves_few_files(run):
 
 
 def test_the_command_line_has_everything_it_asks_for(run, tmp_path):
-    from viewer.cli import _parser
+    from viewer.commands import make_parser
 
     asked = 0
     for plan in (run.Plan(), run.DRY):
@@ -142,6 +142,6 @@ def test_the_command_line_has_everything_it_asks_for(run, tmp_path):
                 continue
             command = part.command(plan, tmp_path)
             if command[:2] == ["-m", "viewer"]:
-                _parser().parse_args(command[2:])
+                make_parser().parse_args(command[2:])
                 asked += 1
     assert asked >= 8

@@ -12,7 +12,7 @@ from model.data.dataset import Scan
 from model.weights import weights_dir
 from viewer.cli import main
 from viewer.tools.heldout import evaluate_scan as command
-from viewer.tools.heldout.viewpoints import LEAST_SHARE, station_viewpoints
+from viewer.tools.heldout.judged_viewpoints import LEAST_SHARE, station_viewpoints
 
 FAST = str(weights_dir() / "fast-filtered.safetensors")
 

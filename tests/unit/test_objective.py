@@ -94,3 +94,15 @@ def test_a_batch_of_which_nothing_is_known_teaches_nothing():
     loss, _ = Objective(None, 0.1, 0.1, 0.1)(made, torch.rand(1, 4, 11, 14), batch)
     loss.backward()
     assert float(loss.detach()) == 0 and made.grad is not None and not made.grad.any()
+
+
+def test_dissimilarity_is_the_same_in_a_mixed_precision_step():
+    from model.perceptual import Dissimilarity
+
+    flat = torch.full((1, 3, 32, 32), 0.9)
+    made = (flat + 0.002 * torch.randn(flat.shape, generator=torch.Generator().manual_seed(3))).to(torch.bfloat16)
+    judge = Dissimilarity()
+    plain = float(judge(made.float(), flat))
+    with torch.autocast("cpu", torch.bfloat16):
+        assert float(judge(made, flat)) == pytest.approx(plain, abs=1e-4)
+    assert 0 <= plain < 1

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from viewer.cli import COMMANDS, main
+from viewer.cli import main
+from viewer.commands import COMMANDS
 
 
 def refused(capsys, *arguments) -> str:
@@ -158,12 +159,12 @@ def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monke
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_help_of_a_command_says_what_it_does_and_explains_every_option(command, capsys):
-    from viewer.cli import _parser
+    from viewer.commands import make_parser
 
     with pytest.raises(SystemExit):
         main([command, "--help"])
     assert capsys.readouterr().out.splitlines()[0].startswith(f"usage: pointglass {command} ")
-    commands = next(action for action in _parser()._actions if isinstance(action.choices, dict))
+    commands = next(action for action in make_parser()._actions if isinstance(action.choices, dict))
     assert isinstance(commands.choices, dict)
     of_this = commands.choices[command]
     assert of_this.description and of_this.description.endswith(".")

@@ -7,7 +7,8 @@ import pytest
 
 from model.perceptual import SQUEEZE_FILES
 from viewer import cli
-from viewer.cli import _parser, main
+from viewer.cli import main
+from viewer.commands import make_parser
 from viewer.errors import InputError
 from viewer.options import memory_of, settings_of
 from viewer.settings import CHOICES, Memory, Settings
@@ -16,7 +17,7 @@ RENDER = ("render", "scan.laz", "--cameras", "c.json", "--out", "out")
 
 
 def typed(*words):
-    return _parser().parse_args([*RENDER, *words])
+    return make_parser().parse_args([*RENDER, *words])
 
 
 @pytest.mark.parametrize("name, value", [(name, value) for name, table in CHOICES.items() for value in table])
@@ -55,7 +56,7 @@ def test_what_an_unset_variable_leaves_is_refused(words, name):
 
 
 def test_every_option_tells_its_default():
-    commands = next(action for action in _parser()._actions if action.dest == "command")
+    commands = next(action for action in make_parser()._actions if action.dest == "command")
     untold = [f"{name} {action.option_strings[0]}" for name, command in commands.choices.items() for action in command._actions
               if action.option_strings and action.default not in (None, False, [], "==SUPPRESS==")
               and "default" not in (action.help or "")]  # fmt: skip

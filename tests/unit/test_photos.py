@@ -15,7 +15,7 @@ from model.data.pairs import place_pairs
 from model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
 from model.data.photos import Photograph
 from model.data.projected import project_scan, raster_of
-from model.project import filled_input
+from model.projection import filled_input
 from model.train.objective import inside_flow, warp
 
 pytestmark = pytest.mark.usefixtures("one_thread")

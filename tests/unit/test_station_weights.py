@@ -7,7 +7,7 @@ import torch
 from model.common.scanner_positions import told_apart
 from model.data.dataset import MemoryPicture, Scan
 from model.data.projected import project_scan
-from model.project import SoftZ, network_input, rasterise
+from model.projection import SoftZ, network_input, rasterise
 from model.pull_push import pull_push
 from model.station_weights import FEW, HEAVIEST, TRUST_BLOCK, UNPLACED, station_weights, toned, trust
 from viewer.grid.open_scene import scene_from_arrays

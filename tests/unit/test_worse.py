@@ -9,7 +9,7 @@ import pytest
 import torch
 from PIL import Image
 
-import model.evaluation.scene as scene_module
+import model.evaluation.room_scores as scene_module
 from model.data.dataset import DataError
 from model.data.stations import load_scene
 from model.evaluation.figures import Figures, Truth

@@ -178,10 +178,11 @@ Outcome = tuple[dict, Callable[[dict], list[tuple[str, str]]], Callable | None]
 
 
 def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import frames
+    from viewer.bench import frame_times
 
     sizes = parse_sizes(options.size)
-    return frames.run_frames(subject_of(options), sizes, settings, repeats, options.along), frames.rows, frames.plot
+    found = frame_times.run_frames(subject_of(options), sizes, settings, repeats, options.along)
+    return found, frame_times.rows, frame_times.plot
 
 
 def _grid(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
@@ -197,10 +198,10 @@ def _open(options: argparse.Namespace, settings: "Settings", repeats: int) -> Ou
 
 
 def _error(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import errors
+    from viewer.bench import approximation_errors
 
-    result = errors.run_errors(subject_of(options), parse_sizes(options.size)[0], repeats, options.only)
-    return result, errors.rows, errors.plot
+    result = approximation_errors.run_errors(subject_of(options), parse_sizes(options.size)[0], repeats, options.only)
+    return result, approximation_errors.rows, approximation_errors.plot
 
 
 def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
@@ -219,7 +220,7 @@ def _versus(options: argparse.Namespace, settings: "Settings", repeats: int) -> 
 
 
 def _stability(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench.stability.table import run_stability
+    from viewer.bench.stability.claims_table import run_stability
 
     size = parse_sizes(options.size)[0] if options.size else (320, 240)
     return run_stability(size, options.seed, options.plot), _limit_rows, None
@@ -234,14 +235,14 @@ def _limit_rows(result: dict) -> list[tuple[str, str]]:
 
 
 def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import occlusion
+    from viewer.bench import occlusion_walk
 
-    points, rooms = parse_count(options.points or "100M", "--points"), options.rooms or occlusion.ROOMS
-    frames = options.frames or occlusion.FRAMES
-    result = occlusion.run_occlusion(
+    points, rooms = parse_count(options.points or "100M", "--points"), options.rooms or occlusion_walk.ROOMS
+    frames = options.frames or occlusion_walk.FRAMES
+    result = occlusion_walk.run_occlusion(
         rooms, points, parse_sizes(options.size)[0], frames, seed=options.seed, lod=settings.lod
     )
-    return result, occlusion.rows, occlusion.plot
+    return result, occlusion_walk.rows, occlusion_walk.plot
 
 
 def _raster(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.project import SOFT_RELATIVE, SoftZ
+from model.soft_z import SOFT_RELATIVE, SoftZ
 from viewer.camera import Camera
 from viewer.render.renderer import Renderer
 from viewer.settings import Settings

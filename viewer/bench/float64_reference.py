@@ -1,4 +1,4 @@
-"""The float64 twin of a frame: model/project.py on the same packed points, every one of them, in float64 throughout.
+"""The float64 twin of a frame: model/projection.py on the same packed points, every one of them, in float64 throughout.
 
 What the float32 rasteriser, filter and fill are judged against.  View frame: x right, y down, z forward, file units.
 """
@@ -19,7 +19,7 @@ def reference_frame(scene: "Scene", camera: "Camera", settings: "Settings", metr
     """Filled picture (H, W, 3) uint8, void not cut out, and keep-mask (H, W) bool.  metre: file units in one."""
     import torch
 
-    from model.project import SoftZ, frame, network_input, pixels, unpack_points, view_points
+    from model.projection import SoftZ, frame, network_input, pixels, unpack_points, view_points
     from model.station_weights import station_weights
     from viewer.render.stations import Places, weighs
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from viewer.bench.bench_input import Subject
 from viewer.bench.plots import INK, figure, save
-from viewer.bench.views import named_views
 from viewer.settings import Settings
+from viewer.tools.viewpoints import named_views
 
 FIRST, EVERY, FULL = "cache to first picture", "cache to every point in view", "cache to full quality"
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.frames import summary
+from viewer.bench.frame_times import summary
 from viewer.bench.memory_headroom import POINT_BYTES, POOL, available, problem, resident
 from viewer.bench.plots import INK, MARKS, figure, save
 from viewer.bench.procedural_scan import POINTS_PER_ROOM, STATIONS, ProceduralScan, procedural_scene

@@ -14,13 +14,13 @@ import numpy as np
 
 from model.evaluation.open3d_points import POINT_SIZES
 from viewer.bench.bench_input import Subject
-from viewer.bench.frames import summary
+from viewer.bench.frame_times import summary
 from viewer.bench.matrix_rate import conv_rate, matmul_rate
 from viewer.bench.opponents import COUNTED, LEFT_OUT, Open3DContender, PaperNetwork, Published, fastest_precision
 from viewer.bench.plots import INK, figure, save
-from viewer.bench.views import camera_path
 from viewer.progress import progress
 from viewer.settings import Settings
+from viewer.tools.viewpoints import camera_path
 
 if TYPE_CHECKING:
     import moderngl

@@ -7,11 +7,15 @@ import os
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from viewer.errors import InputError
 from viewer.grid.scene import Scene
+
+if TYPE_CHECKING:
+    from viewer.readers.source import Source
 
 _IN_MEMORY = 32_000_000  # points; larger scans are built in a file
 
@@ -55,15 +59,7 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
     from viewer.readers.formats import open_sources
 
     sources = open_sources(files, columns)
-    meta = {
-        "sources": [str(file.absolute()) for file in files],
-        "format": ", ".join(dict.fromkeys(source.format for source in sources)),
-        "units": _common([source.units for source in sources], "mixed"),
-        "metres_per_unit": _common([source.metres_per_unit for source in sources], None),
-        "crs": _common([source.crs for source in sources], "mixed"),
-        "match": match,
-        "warnings": [],
-    }
+    meta = facts_of(files, sources) | {"match": match, "warnings": []}
     units = {source.metres_per_unit for source in sources}
     if len(units - {None}) > 1:
         meta["warnings"].append("the files differ in their units of length; they are shown as if they agreed")
@@ -76,6 +72,17 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
     scene = build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, meta=meta)
     meta["warnings"][:0] = [warning for source in sources for warning in source.warnings]
     return scene
+
+
+def facts_of(files: Sequence[Path], sources: "Sequence[Source]") -> dict:
+    """What the readers say of the files, for ``Scene.meta``."""
+    return {
+        "sources": [str(file.absolute()) for file in files],
+        "format": ", ".join(dict.fromkeys(source.format for source in sources)),
+        "units": _common([source.units for source in sources], "mixed"),
+        "metres_per_unit": _common([source.metres_per_unit for source in sources], None),
+        "crs": _common([source.crs for source in sources], "mixed"),
+    }
 
 
 def scene_from_arrays(

@@ -13,9 +13,9 @@ import numpy as np
 from viewer.errors import InputError
 from viewer.grid import kernels
 from viewer.grid.cell_boxes import boxes_of
+from viewer.grid.cell_layout import Layout
 from viewer.grid.count_points import Survey, numbered_chunks
 from viewer.grid.histogram import dense_table_of, table_of
-from viewer.grid.layout import Layout
 from viewer.grid.noise_sample import NoiseSample
 from viewer.preprocess.point_colour import Colours
 from viewer.readers.source import Chunk, Source

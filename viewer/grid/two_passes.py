@@ -12,11 +12,11 @@ import numpy as np
 
 from model.common.processors import usable_processors
 from viewer.errors import InputError
+from viewer.grid.cell_layout import Layout, choose_layout
 from viewer.grid.cluster_check import Apart
 from viewer.grid.count_points import Survey, survey_points
 from viewer.grid.density_layers import PARTS
 from viewer.grid.histogram import FARTHEST, power_of_two
-from viewer.grid.layout import Layout, choose_layout
 from viewer.grid.noise_sample import NoiseSample
 from viewer.grid.projected_coverage import cover_of_faces
 from viewer.grid.scatter import scatter

@@ -14,7 +14,7 @@ import numpy as np
 from viewer.errors import InputError
 from viewer.readers import crs
 from viewer.readers.laz_chunks import check_chunks
-from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
+from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, spread, told_beyond
 
 _AT_ONCE = 1 << 30  # bytes of a chunk's points that lazrs may hold whole, as it does to use several processors
 
@@ -25,7 +25,7 @@ class LasSource(Source):
     def __init__(self, path: Path):
         super().__init__(path, "LAS", scans=[ScanInfo(path.stem)])
         _check_header(path)
-        self._large_chunks = False
+        self._large_chunks, self._chunk_points = False, 1
         with self._open() as reader:
             header = reader.header
             self.count = int(header.point_count)
@@ -42,10 +42,11 @@ class LasSource(Source):
         if self.units == "degree":
             self.warnings.append(f"{path.name}: coordinates in degrees, shapes are distorted; reproject it to metres")
 
-    def _open(self):
+    def _open(self, backend=None):
         import laspy
 
-        backend = laspy.LazBackend.Lazrs if self._large_chunks else None
+        if self._large_chunks:
+            backend = laspy.LazBackend.Lazrs
         try:
             return laspy.open(self.path, laz_backend=backend)
         except InputError:
@@ -68,7 +69,7 @@ class LasSource(Source):
         length = header.point_format.size
         most, points = check_chunks(self.path, described[0] if described else b"", offset=header.offset_to_point_data,
                                     length=length, count=header.point_count)  # fmt: skip
-        self._large_chunks = most * length > _AT_ONCE
+        self._large_chunks, self._chunk_points = most * length > _AT_ONCE, most
         return (points - header.point_count) // most
 
     def chunks(self) -> Iterator[Chunk]:
@@ -92,23 +93,33 @@ class LasSource(Source):
                 if n == 0:
                     raise self._truncated(done)
                 done += n
-                xyz = np.empty((n, 3))
-                for axis, name in enumerate("XYZ"):
-                    with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left to the grid
-                        values = np.asarray(points[name]) * points.scales[axis] + points.offsets[axis]
-                    stray |= bool(values.min() < low[axis] or values.max() > high[axis])
-                    xyz[:, axis] = values
-                colours = [np.asarray(points[c]) for c in ("red", "green", "blue") if c in names]
-                rgb = np.stack(colours, axis=1) if len(colours) == 3 else None
-                intensity = np.array(points["intensity"], np.uint16) if "intensity" in names else None
-                station = np.array(points["point_source_id"]) if rgb is not None else None
-                classes = np.array(points["classification"], np.uint8)
-                yield Chunk(xyz, rgb, intensity, station=station, classification=classes)
+                chunk = _chunk(points, names)
+                stray |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
+                yield chunk
 
         if stray:
             text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"
             if text not in self.warnings:  # once, however often the points are read
                 self.warnings.append(text)
+
+    def sample(self, points: int, run: int) -> Iterator[Chunk]:
+        """See Source.  Of compressed points each run begins at a chunk: finding one inside means decompressing all before it.
+        Where there are few chunks, runs are longer."""
+        import laspy
+
+        if self._chunk_points > 1:
+            run = min(max(run, points * self._chunk_points // max(self.count or 0, 1)), self._chunk_points)
+        with self._open(laspy.LazBackend.Lazrs) as reader:
+            names = set(reader.header.point_format.dimension_names)
+            for start in spread(self.count or 0, points, run, self._chunk_points):
+                try:
+                    reader.seek(int(start))
+                    found = reader.read_points(run)
+                except BaseException as error:
+                    if not (isinstance(error, Exception) or _is_panic(error)):
+                        raise
+                    raise self._truncated(int(start), _line(error)) from None
+                yield _chunk(found, names)
 
     def _truncated(self, done: int, why: str = "") -> InputError:
         reason = f" ({why})" if why else ""
@@ -116,6 +127,19 @@ class LasSource(Source):
             f"{self.path}: truncated or damaged: {done:,} of {self.count:,} points could be read{reason}; "
             "copy or export it again"
         )
+
+
+def _chunk(points, names: set[str]) -> Chunk:
+    """laspy's points as they are stored."""
+    xyz = np.empty((len(points), 3))
+    for axis, name in enumerate("XYZ"):
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left to the grid
+            xyz[:, axis] = np.asarray(points[name]) * points.scales[axis] + points.offsets[axis]
+    colours = [np.asarray(points[c]) for c in ("red", "green", "blue") if c in names]
+    rgb = np.stack(colours, axis=1) if len(colours) == 3 else None
+    intensity = np.array(points["intensity"], np.uint16) if "intensity" in names else None
+    station = np.array(points["point_source_id"]) if rgb is not None else None
+    return Chunk(xyz, rgb, intensity, station=station, classification=np.array(points["classification"], np.uint8))
 
 
 def _check_header(path: Path) -> None:

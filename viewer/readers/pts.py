@@ -8,12 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from viewer.errors import InputError
-from viewer.numerals import whole_number
 from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.source import ScanInfo, told_beyond
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
 from viewer.readers.text_rows import ROWS, TextRows, quoted
-from viewer.text import counted
+from viewer.text import counted, whole_number
 
 
 class PtsSource(ColumnSource):

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from viewer.errors import InputError
-from viewer.numerals import whole_number
 from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.source import ScanInfo
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS
 from viewer.readers.text_rows import ROWS, TextRows, quoted
+from viewer.text import whole_number
 
 _VECTORS = (3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines of a header that follow columns and rows
 _ORTHOGONAL = 1e-3  # largest error of a rotation's columns: poses are written with six digits or more

@@ -69,6 +69,26 @@ class Source:
         """Yields the points from the beginning.  Raises InputError where the file is damaged."""
         raise NotImplementedError
 
+    def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
+        """Yields runs of ``run`` points spread over the file, about ``points`` in all, without reading the rest; None where the
+        format has no way to do so.  Raises InputError where the file is damaged."""
+        return None
+
+
+def spread(count: int, points: int, run: int, align: int = 1) -> np.ndarray:
+    """First points of runs of ``run`` points that sample ``count`` points evenly, about ``points`` in all, in an order in which
+    every beginning of the list is spread over the file, too.  align: runs begin at multiples of this, where the file is long.
+
+    Returns (k,) int64, each once.
+    """
+    runs = max(1, min(points // run, -(-count // run)))
+    starts = np.linspace(0, max(count - run, 0), runs).astype(np.int64)
+    if align > 1 and count > align * runs:
+        starts = starts // align * align
+    # multiples of the golden ratio, modulo 1, are spread evenly whenever one stops
+    order = np.argsort(np.arange(len(starts)) * 0.6180339887498949 % 1.0, kind="stable")
+    return starts[np.unique(starts[order], return_index=True)[1].argsort()] if align > 1 else starts[order]
+
 
 def told_beyond(path: Path, count: int | None) -> str:
     """The warning about a file that holds more points than its header says."""

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
-from model.project import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
-from model.pull_push import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
+from model.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
+from model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from viewer.render import shader
 from viewer.render.enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
 from viewer.render.filter import level_sizes

@@ -1,6 +1,6 @@
 """The depth filter as compute passes: raw picture and depth in, keep-mask and filtered picture out.
 
-One class for each family of presets; ``model/depth_filter.py`` is the twin and holds the constants.  Textures have row 0
+One class for each family of presets; ``model/depth_filter.py`` is the reference implementation.  Textures have row 0
 at the top; mask is R8, 1 where kept; filtered is RGBA8, all zero where not.
 """
 
@@ -8,7 +8,7 @@ import itertools
 
 import moderngl
 
-from model import depth_filter as twin
+from model import filter_constants as twin
 from viewer.render import shader
 from viewer.render.shader import BINDINGS
 

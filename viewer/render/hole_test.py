@@ -7,7 +7,7 @@ import moderngl
 import numpy as np
 
 from model import ray_march
-from model.hole_test import BACKGROUND_BELOW, COVER_SLOPE, FINE_LEVELS, MOST, SMOOTH, fine_levels, strides, window_reach
+from model.hole_constants import BACKGROUND_BELOW, COVER_SLOPE, FINE_LEVELS, MOST, SMOOTH, fine_levels, strides, window_reach
 from model.ray_march import RAY_BLOCK
 from viewer.render import occupancy as lattice
 from viewer.render import shader

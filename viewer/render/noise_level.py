@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from model.network_layout import NOISE_SCALE, TYPICAL_WEIGHT
 from model.noise import KNOTS, LUMA
-from model.project import NOISE_SCALE, TYPICAL_WEIGHT
 from viewer.render import shader
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
 from viewer.grid.scene import unpack
 
@@ -67,6 +66,8 @@ def codes_of(held: np.ndarray) -> np.ndarray:
     A block is in the middle of a surface where, in one of the three planes through it, all eight neighbours hold points or are
     one block above or below such a one; or where two such surfaces meet; and where few blocks around hold any at all.
     """
+    from scipy import ndimage  # only here: a picture inside a room needs no lattice
+
     inner = [held & ndimage.binary_erosion(_dilated(held, axis), _plane(axis)) for axis in range(3)]
     near = [ndimage.binary_dilation(one, np.ones((3, 3, 3))) for one in inner]
     edges = held & (near[0].astype(np.int8) + near[1] + near[2] >= 2)
@@ -84,6 +85,8 @@ def _plane(axis: int) -> np.ndarray:
 
 def _dilated(held: np.ndarray, axis: int) -> np.ndarray:
     """Blocks that hold points, and those beside them along an axis: surfaces up to 45 degrees aslant have no steps."""
+    from scipy import ndimage
+
     return ndimage.binary_dilation(held, np.ones([3 if other == axis else 1 for other in range(3)]))
 
 

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.project import MOST_AVERAGED
-from model.station_weights import HEAVIEST, UNPLACED
+from model.soft_z import MOST_AVERAGED
+from model.station_constants import HEAVIEST, UNPLACED
 from viewer.render import shader
 from viewer.render.batches import BatchTable, PageMap
 from viewer.render.cull import DrawList
@@ -29,7 +29,7 @@ from viewer.render.stations import MOST_STATIONS
 if TYPE_CHECKING:
     import moderngl
 
-    from model.project import SoftZ
+    from model.soft_z import SoftZ
     from viewer.camera import Camera
     from viewer.render.context import Device
     from viewer.render.points import PointPages

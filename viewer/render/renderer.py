@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.memory import give_back
-from model.project import SoftZ
+from model.soft_z import SoftZ
 from viewer.errors import DeviceError, InputError
 from viewer.render.context import describe_device
 from viewer.render.cull import Culler, DrawList
@@ -48,12 +48,23 @@ def camera_key(camera: "Camera") -> tuple:
 RASTERISERS: dict[str, type[Rasteriser]] = {"compute": ComputeRasteriser, "points": PointRasteriser}
 
 
+_PASSES = ("_rasterisers", "_filter", "_fill", "_trust", "_noise", "_neural")
+"""Attributes of a Renderer whose textures have the picture's size."""
+
+
+def _release(passes: dict) -> None:
+    for made in (*passes["_rasterisers"].values(), *(passes[name] for name in _PASSES if name != "_rasterisers")):
+        if made is not None:
+            made.release()
+
+
 class Renderer:
     """Draws one scene.  raster, device: defaults for settings that say ``auto``.  memory: what the points may take.
-    wake: called on another thread when points have arrived that a streamed picture lacked."""
+    wake: called on another thread when points have arrived that a streamed picture lacked, or a network has ended.
+    kept_sizes: picture sizes besides the last one whose passes are kept, for callers that change between sizes."""
 
     def __init__(self, context: "moderngl.Context", scene: "Scene", *, raster: str = "auto", device: str = "auto",
-                 memory: Memory = MEMORY, wake: Callable[[], None] = lambda: None):
+                 memory: Memory = MEMORY, wake: Callable[[], None] = lambda: None, kept_sizes: int = 0):
         self.context, self.scene = context, scene
         self.device = describe_device(context)
         self._raster, self._device = raster, device
@@ -74,6 +85,8 @@ class Renderer:
         self._neural: NeuralStage | None = None
         self._wake, self._serial = wake, 0
         self._size = (0, 0)
+        self._kept_sizes = kept_sizes
+        self._kept: dict[tuple[int, int], dict] = {}
 
     @property
     def metre(self) -> float:
@@ -306,15 +319,25 @@ class Renderer:
                 f"a picture of {size[0]}x{size[1]} is larger than this device's textures ({self.device.texture_limit} "
                 "pixels a side); choose a smaller --size"
             )
-        self._release_passes()
+        passes = self._swap_passes({})
+        if self._size != (0, 0):
+            self._kept[self._size] = passes
+        while len(self._kept) > self._kept_sizes and (oldest := next(iter(self._kept))) != size:
+            _release(self._kept.pop(oldest))
+        self._swap_passes(self._kept.pop(size, {}))
         self._size = size
 
+    def _swap_passes(self, passes: dict) -> dict:
+        """Uses other passes, by attribute; returns those used before."""
+        before = {name: getattr(self, name) for name in _PASSES}
+        for name in _PASSES:
+            setattr(self, name, passes.get(name, {} if name == "_rasterisers" else None))
+        return before
+
     def _release_passes(self) -> None:
-        for made in (*self._rasterisers.values(), self._filter, self._fill, self._trust, self._noise, self._neural):
-            if made is not None:
-                made.release()
-        self._rasterisers = {}
-        self._filter = self._fill = self._trust = self._noise = self._neural = None
+        for passes in (self._swap_passes({}), *self._kept.values()):
+            _release(passes)
+        self._kept = {}
 
     def release(self) -> None:
         """Frees everything on the GPU, and gives back what memory its pictures kept."""

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.scanner_positions import told_apart
-from model.station_weights import FEW, HEAVIEST, TRUST_BLOCK
+from model.station_constants import FEW, HEAVIEST, TRUST_BLOCK
 from viewer.render import shader
 
 if TYPE_CHECKING:

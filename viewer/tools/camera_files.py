@@ -1,4 +1,4 @@
-"""Cameras from files: nerfstudio, COLMAP text and TUM trajectories, told apart by name and content.
+"""Cameras from files: nerfstudio, COLMAP and TUM trajectories, told apart by name and content.
 
 Whatever a file's own axes, what comes back is :class:`viewer.camera.Camera`: OpenGL camera axes, camera to world, the
 scan's coordinates.  Distortion is refused, never ignored.  Every error is one line with file, frame and value.
@@ -13,7 +13,8 @@ import numpy as np
 
 from viewer.camera import Camera
 from viewer.errors import InputError
-from viewer.tools.camera_formats.colmap import find_model, read_colmap
+from viewer.tools.camera_formats.colmap import find_model, read_text_model
+from viewer.tools.camera_formats.colmap_binary import read_binary_model
 from viewer.tools.camera_formats.nerfstudio import read_json
 from viewer.tools.camera_formats.parse import read_text, shown
 from viewer.tools.camera_formats.tum import read_tum
@@ -45,15 +46,28 @@ def _read(path: Path, size: tuple[int, int] | None) -> list[Camera]:
     if path.is_dir():
         folder = find_model(path)
         if folder is None:
-            raise InputError(f"{path}: no cameras.txt and images.txt in this folder")
-        return read_colmap(folder)
+            raise InputError(f"{path}: no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder")
+        return _read_colmap(folder)
     if not path.is_file():
         raise InputError(f"{path}: no such camera file")
     if path.name in ("images.txt", "cameras.txt", "images.bin", "cameras.bin"):
-        return read_colmap(path.parent)
+        return _read_colmap(path.parent)
     if path.suffix.lower() == ".json" or read_text(path).lstrip()[:1] in ("{", "["):
         return read_json(path, size)
     return read_tum(path, size)
+
+
+def _read_colmap(folder: Path) -> list[Camera]:
+    """A COLMAP model from its text files where they are there, else from its binary ones."""
+    for suffix, read in ((".txt", read_text_model), (".bin", read_binary_model)):
+        if (folder / f"cameras{suffix}").is_file() and (folder / f"images{suffix}").is_file():
+            return read(folder)
+    for there, missing in (("cameras", "images"), ("images", "cameras")):
+        for suffix in (".txt", ".bin"):
+            if (folder / f"{there}{suffix}").is_file():
+                raise InputError(f"{folder / missing}{suffix}: no such file; COLMAP cameras need cameras{suffix} and "
+                                 f"images{suffix} together")
+    raise InputError(f"{folder}: no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder")
 
 
 def write_camera_path(path: Path, cameras: Iterable[Camera]) -> None:

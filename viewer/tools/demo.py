@@ -3,6 +3,7 @@
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from viewer.paths import assets_dir
 from viewer.settings import VIEWS, Settings
 from viewer.tools.files import out_folder, write_png
 
+if TYPE_CHECKING:
+    from viewer.camera import Camera
+
 
 def demo_scan() -> Path:
     """The shipped scan.  Raises InputError where it is missing."""
@@ -18,6 +22,13 @@ def demo_scan() -> Path:
     if not path.is_file():
         raise InputError(f"{path}: the demo scan is not there; make it with `make assets`")
     return path
+
+
+def demo_camera() -> "Camera":
+    """The first of the shipped cameras, where a visit to the demo begins."""
+    from viewer.tools.camera_files import read_cameras
+
+    return read_cameras(assets_dir() / "demo_cameras.json")[0]
 
 
 def has_display() -> bool:
@@ -70,16 +81,3 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     sheet = out / "contact-sheet.png"
     write_png(sheet, contact_sheet(rows))
     return [sheet, *files]
-
-
-def run_demo(out: Path, settings: Settings) -> int:
-    """What ``pointglass demo`` does.  Returns the exit code."""
-    if has_display():
-        from viewer.tools.camera_files import read_cameras
-        from viewer.window.app import run
-
-        return run([demo_scan()], settings, start=read_cameras(assets_dir() / "demo_cameras.json")[0])
-    files = demo_pictures(out, settings)
-    print(f"no display here: {len(files) - 1} pictures (raw, filtered, filled, neural) in {out.resolve()}")
-    print(f"look at {files[0].resolve()} first")
-    return 0

@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from viewer.errors import InputError
-from viewer.numerals import whole_number
 from viewer.progress import progress
 from viewer.settings import Settings
+from viewer.text import whole_number
 from viewer.tools.background import as_saved
 from viewer.tools.files import out_folder, write_array, write_json, write_png, write_together
 from viewer.tools.provenance import provenance, views_with_mask
+from viewer.tools.shot_metadata import KEY, Shot, describe_shot
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -38,11 +39,12 @@ def parse_shard(text: str) -> tuple[int, int]:
 
 def export_pictures(
     renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False,
-    background: str = "black",
+    background: str = "black", exposures: str = "matched",
 ) -> int:  # fmt: skip
     """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask, provenance and stats.  Returns how many.
 
-    background: behind the pictures, a key of viewer.settings.BACKGROUNDS.
+    background: behind the pictures, a key of viewer.settings.BACKGROUNDS.  exposures: how the scene was opened.  Each picture
+    says inside its PNG how it was made (viewer.tools.shot_metadata).
 
     The files of one camera appear whole and together, or not at all; a new ``out`` without any does not stay.  A mask needs
     the filter, whatever the view.
@@ -51,16 +53,18 @@ def export_pictures(
     with out_folder(out), progress(len(cameras), "rendering", "picture") as meter:
         for camera in cameras:
             frame = renderer.render(camera, settings, views)
-            write_together(out, _files(frame, camera.name, settings.view, aux=aux, background=background))
+            shot = describe_shot(renderer.scene, camera, settings, background=background, exposures=exposures)
+            write_together(out, _files(frame, shot, aux=aux))
             meter.update(1)
     return len(cameras)
 
 
-def _files(frame: "Frame", name: str, view: str, *, aux: bool, background: str) -> dict[str, Callable[[Path], object]]:
+def _files(frame: "Frame", shot: Shot, *, aux: bool) -> dict[str, Callable[[Path], object]]:
     """What is written of one camera: file name -> what writes it at a path."""
+    name, view = shot.camera.name, shot.settings.view
     image = frame.image(view)
     files: dict[str, Callable[[Path], object]] = {
-        f"{name}.png": lambda path: write_png(path, as_saved(image, background)),
+        f"{name}.png": lambda path: write_png(path, as_saved(image, shot.background), {KEY: shot.text()}),
     }
     if aux:
         mask = frame.mask()

@@ -58,11 +58,15 @@ def _named(path: Path, work: Callable[[], object]) -> None:
         raise InputError(f"{path}: cannot be written ({why}); free space in {path.parent}, or choose another --out") from None
 
 
-def write_png(path: Path, image: np.ndarray) -> None:
-    """Writes (H, W, 3 or 4) uint8, or (H, W) as grey levels, row 0 at the top."""
+def write_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None) -> None:
+    """Writes (H, W, 3 or 4) uint8, or (H, W) as grey levels, row 0 at the top.  text: keyword -> text, kept inside the PNG."""
     from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
-    write_whole(path, lambda p: Image.fromarray(image).save(p, format="PNG", compress_level=3))
+    kept = PngInfo()
+    for key, value in (text or {}).items():
+        kept.add_itxt(key, value)
+    write_whole(path, lambda p: Image.fromarray(image).save(p, format="PNG", compress_level=3, pnginfo=kept))
 
 
 def write_array(path: Path, array: np.ndarray) -> None:

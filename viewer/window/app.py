@@ -8,6 +8,7 @@ framebuffer.
 
 import ctypes
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -54,12 +55,18 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     columns: of text files.  start: the first camera; None: one is chosen (viewer.window.start_viewpoint).
     Raises DeviceError where there is no display or no OpenGL 4.3.
     """
-    app = App(settings, cache=cache, match=match, memory=memory, start=start, columns=columns)
+    neural_later = bool(paths) and settings.view == "neural"  # torch would slow the first picture down: import it after that
+    first = replace(settings, view="filled") if neural_later else settings
+    app = App(first, cache=cache, match=match, memory=memory, start=start, columns=columns)
     try:
         if paths:
             app.session.open(paths)
         while not app.closing:
             app.step()
+            if neural_later and app.session.picture.made is not None:
+                neural_later = False
+                if app.session.drawn == ("filled",):  # else another view was chosen meanwhile
+                    app.act("view_neural")
     finally:
         app.close()
     return 0

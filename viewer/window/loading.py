@@ -69,11 +69,9 @@ def preview_scene(paths: list[Path], *, match: bool = True, columns: str | None 
     files = as_paths(paths)
     if any(is_grid(file) for file in files) or (cache.folder_of(files, match, columns) / "meta.json").is_file():
         return None
-    try:
-        from viewer.grid.preview import preview_scene as coarse  # type: ignore[import-not-found]
-    except ImportError:
-        return None
-    return coarse(files)
+    from viewer.grid.preview import preview_scene as coarse
+
+    return coarse(files, columns=columns)
 
 
 def load_network(settings: Settings) -> None:

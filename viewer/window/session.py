@@ -89,6 +89,7 @@ class Session:
         self.dragging_handle = False
         self.help, self.interface, self.profiler = False, True, False
         self.panels = Panels()
+        self._scale: float | None = None  # of the interface, once it was arranged
         self.layout = Layout(Rect(0.0, 0.0, *map(float, size)))
         self.recording: FrameTimes | None = None
         self._shown_at: deque[tuple[float, tuple[int, int]]] = deque()  # of pictures whose cost is not known yet
@@ -267,6 +268,7 @@ class Session:
 
     def arrange(self, scale: float) -> None:
         """Gives the picture the space that panels and status bar leave.  scale: interface pixels per design unit."""
+        self._scale = scale
         if min(self.window_size) == 0:
             return
         width, height = (pixels / self.density for pixels in self.window_size)
@@ -312,6 +314,8 @@ class Session:
         self._shown_at.clear()
         self.point = None
         document = self.work.document if stays and not self.work.opens_project else self.work.accept()
+        if self._scale is not None:
+            self.arrange(self._scale)  # the start viewpoint frames what the panels leave
         if stays:
             self.flight.continue_in(loaded.seen)
         else:

@@ -10,25 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.camera import Camera, from_fov
+from viewer.tools.standing_place import FIELD_OF_VIEW, overview_position, standing_view
 from viewer.window.navigation import FlyState, looking
 from viewer.window.notices import ScanNotice
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
-FIELD_OF_VIEW = 60.0
-"""Degrees, from the top edge to the bottom edge."""
-EYE_HEIGHT = 1.6  # metres
 _SAMPLE = 400_000
-_TOO_COARSE = 0.12  # metres between points: from there on, what stands at eye height cannot be made out
 _BLACK = 8  # of 255
 _DARK = 0.22  # median level below which a scan counts as dark
-_CANDIDATES = 40  # places to stand that are looked around from
-_AZIMUTHS = 72
-_ROWS = 24
-_ENCLOSED = 0.5
-"""Share of the directions within 31 degrees of the horizon in which there must be points around a place to stand.  Measured:
-two rooms 0.92 and 0.99, the demo's court 0.74; a statue 0.21, a pair of pumps 0.14."""
 _OUTSIDE = 16  # azimuths from which a scan is looked at from outside
 _PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55,)}  # radians: objects from just above, terrain from above at an angle
 _FLAT = 0.3  # height over width below which a scan without a place to stand is terrain
@@ -87,10 +78,10 @@ def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:
 
     aspect: width over height of the picture.
     """
-    for place in (_scanner(scene, seen), _standing_place(seen)):
-        if place is not None and enclosure(seen, place) >= _ENCLOSED:
-            walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
-            return looking(place, _best_direction(seen, place), walking)
+    view = standing_view(scene, seen)
+    if view is not None:
+        walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
+        return looking(*view, walking)
     return _from_outside(seen, aspect)
 
 
@@ -102,15 +93,7 @@ def start_camera(scene: "Scene", width: int, height: int) -> Camera:
 
 def overview(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
     """Looking along ``direction`` (3,) from as far as it takes to see everything.  aspect: width over height."""
-    facing = looking(np.zeros(3), direction, speed)
-    centre, half = (seen.low + seen.high) / 2, (seen.high - seen.low) / 2
-    corners = half * np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    axes = facing.camera_to_world[:3, :3]
-    right, up, back = (corners @ axes).T
-    tall = np.tan(np.radians(FIELD_OF_VIEW) / 2)
-    distance = max((np.abs(right) / (tall * aspect) + back).max(), (np.abs(up) / tall + back).max())
-    distance = max(1.04 * distance, 20 * seen.spacing)
-    return looking(centre - distance * facing.forward, direction, speed)
+    return looking(overview_position(seen, aspect, direction), direction, speed)
 
 
 def framed(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
@@ -174,103 +157,3 @@ def _visible(seen: Survey, state: FlyState, aspect: float) -> float:
     reach = 0.02 * float(np.linalg.norm(seen.high - seen.low))
     front = (depth[ahead] <= nearest[at] + reach) & lit[ahead]
     return float(front.sum()) / len(points) * float(np.isfinite(nearest).mean()) ** 0.5
-
-
-def enclosure(seen: Survey, position: np.ndarray) -> float:
-    """Share of the directions near the horizon, around ``position`` (3,), in which there are points."""
-    nearest, _ = _around(seen, position)
-    return float((nearest > 0).mean())
-
-
-def _around(seen: Survey, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By direction (azimuth, then height; 72 x 24): horizontal distance of the nearest point, 0 where there is none, and the
-    share of lit points."""
-    some = slice(None, None, max(1, len(seen.points) // 50_000))
-    away = seen.points[some] - position
-    flat = np.hypot(away[:, 0], away[:, 1])
-    slope = away[:, 2] / np.maximum(flat, 1e-9)
-    use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
-    at = ((np.arctan2(away[use, 1], away[use, 0]) / (2 * np.pi) + 0.5) * _AZIMUTHS).astype(int) % _AZIMUTHS
-    height = np.clip(((slope[use] + 0.6) / 1.2 * _ROWS).astype(int), 0, _ROWS - 1)
-    bins = at * _ROWS + height
-    held = np.bincount(bins, minlength=_AZIMUTHS * _ROWS)
-    lit = np.bincount(bins, seen.lit[some][use], _AZIMUTHS * _ROWS) / np.maximum(held, 1)
-    nearest = np.full(_AZIMUTHS * _ROWS, np.inf)
-    np.minimum.at(nearest, bins, flat[use])
-    return np.where(held > 0, nearest, 0.0), lit
-
-
-def _scanner(scene: "Scene", seen: Survey) -> np.ndarray | None:
-    """The position of the scan with most points, where the file gives one that lies in the scene."""
-    scans = [s for s in scene.meta.get("scans", []) if s.get("position") is not None]
-    slack = 0.25 * (seen.high - seen.low) + seen.metre
-    for scan in sorted(scans, key=lambda s: -int(s.get("count") or 0)):
-        position = np.asarray(scan["position"], np.float64)
-        inside = (position > seen.low - slack) & (position < seen.high + slack)
-        if position.shape == (3,) and inside.all():
-            return position
-    return None
-
-
-def _standing_place(seen: Survey) -> np.ndarray | None:
-    """A free place to stand, at eye height, with the most points at that height around it; None if there is none."""
-    extent, metre = seen.high - seen.low, seen.metre
-    if seen.spacing > _TOO_COARSE * metre or extent[2] < EYE_HEIGHT * metre or min(extent[:2]) < 2.0 * metre:
-        return None
-    points = seen.points[((seen.points >= seen.low - metre) & (seen.points <= seen.high + metre)).all(axis=1)]
-    counts, edges = np.histogram(points[:, 2], bins=max(8, min(512, int(extent[2] / (0.1 * metre)))))
-    level = counts >= 3 * np.median(counts[counts > 0])  # walls spread over all heights, a floor is at one
-    level[len(level) // 2 :] = False
-    floor = edges[int(np.argmax(level if level.any() else counts >= 0.3 * counts.max()))]
-    eye = floor + EYE_HEIGHT * metre
-    if eye > seen.high[2]:
-        return None
-    side = max(0.25 * metre, float(extent[:2].max()) / 160)
-    shape = tuple((np.ceil(extent[:2] / side).astype(int) + 1).tolist())
-
-    def plan(low: float, high: float) -> np.ndarray:
-        rows = points[(points[:, 2] >= low) & (points[:, 2] < high), :2]
-        at = np.clip(((rows - seen.low[:2]) / side).astype(int), 0, np.array(shape) - 1)
-        return np.bincount(at[:, 0] * shape[1] + at[:, 1], minlength=shape[0] * shape[1]).reshape(shape)
-
-    blocked = plan(floor + 0.5 * metre, eye + 0.3 * metre) > 0
-    ground = _box_sum(plan(floor - 0.3 * metre, floor + 0.4 * metre), round(metre / side)) > 0
-    around = _box_sum(plan(eye - 0.5 * metre, eye + 0.5 * metre), max(1, round(3 * metre / side))).astype(np.float64)
-    for clearance in (round(0.75 * metre / side), 1, 0):
-        free = (_box_sum(blocked, clearance) == 0) & ground & (around > 0)
-        if free.any():
-            places = np.argwhere(free & (around >= 0.5 * around[free].max()))
-            places = places[:: max(1, len(places) // _CANDIDATES)]
-            xy = seen.low[:2] + (places + 0.5) * side
-            standing = [np.array([*place, eye]) for place in xy]
-            worth = [view_worth(seen, place).max() for place in standing]
-            return standing[int(np.argmax(worth))]
-    return None
-
-
-def view_worth(seen: Survey, position: np.ndarray) -> np.ndarray:
-    """(72,) how much there is to see from ``position`` (3,) along azimuths -pi to pi: how much of the picture is
-    covered, and with far things rather than near ones.  Black points hide what is behind them and are worth nothing."""
-    nearest, lit = _around(seen, position)
-    worth = np.where(nearest > 0, lit * np.log1p(nearest / seen.metre), 0.0)
-    worth = worth.reshape(_AZIMUTHS, _ROWS).sum(axis=1)
-    spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])  # +-35 degrees, the middle counting most
-    return sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(_AZIMUTHS))
-
-
-def _best_direction(seen: Survey, position: np.ndarray) -> np.ndarray:
-    """(3,) direction, all but level, in which there is most to see."""
-    best = (int(np.argmax(view_worth(seen, position))) + 0.5) / _AZIMUTHS * 2 * np.pi - np.pi
-    return np.array([np.cos(best), np.sin(best), -0.04])
-
-
-def _box_sum(values: np.ndarray, radius: int) -> np.ndarray:
-    """Sum over the square of ``2 * radius + 1`` cells around each cell of a 2-D array."""
-    if radius <= 0:
-        return values.astype(np.int64)
-    total = np.pad(values.astype(np.int64), radius + 1).cumsum(axis=0).cumsum(axis=1)
-    width = 2 * radius + 1
-    rows, columns = values.shape
-    a, b = slice(0, rows), slice(width, width + rows)
-    c, d = slice(0, columns), slice(width, width + columns)
-    return total[b, d] - total[a, d] - total[b, c] + total[a, c]

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from viewer.window.picture_plan import Plan
 
 _NO_MEMORY = "not enough memory for its points"
+_KEPT_SIZES = 2  # internal resolutions besides the last one: they change while the camera moves
 _UPLOAD_SECONDS = 0.1  # between two pictures at rest that wait for points
 
 
@@ -107,7 +108,7 @@ class Viewport:
     def _new(self, scene: "Scene") -> "Renderer":
         from viewer.render.renderer import Renderer
 
-        return Renderer(self._context, scene, memory=self._memory, wake=self._wake)
+        return Renderer(self._context, scene, memory=self._memory, wake=self._wake, kept_sizes=_KEPT_SIZES)
 
     def _forget(self, renderer: "Renderer | None") -> None:
         """Takes another renderer, of which there is no picture yet."""

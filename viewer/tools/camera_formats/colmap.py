@@ -1,4 +1,4 @@
-"""COLMAP's text model: ``cameras.txt`` (lenses) and ``images.txt`` (world-to-camera poses, OpenCV camera axes)."""
+"""COLMAP models: lenses (``cameras``) and world-to-camera poses with OpenCV camera axes (``images``), the text form here."""
 
 from pathlib import Path
 
@@ -6,10 +6,10 @@ import numpy as np
 
 from viewer.camera import Camera
 from viewer.errors import InputError
-from viewer.numerals import whole_number
+from viewer.text import whole_number
 from viewer.tools.camera_formats.parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
 
-_MODELS = {  # name: (focal lengths, parameters behind cx cy, all of them distortion)
+MODELS = {  # name: (focal lengths, parameters behind cx cy, all of them distortion)
     "SIMPLE_PINHOLE": (1, 0), "PINHOLE": (2, 0), "SIMPLE_RADIAL": (1, 1), "RADIAL": (1, 2), "OPENCV": (2, 4),
     "FULL_OPENCV": (2, 8),
 }
@@ -22,14 +22,8 @@ def find_model(folder: Path) -> Path | None:
     return next((f for name in ("images.txt", "images.bin") for f in places if (f / name).is_file()), None)
 
 
-def read_colmap(folder: Path) -> list[Camera]:
-    """The model's images in their order."""
-    for name in ("cameras.txt", "images.txt"):
-        if not (folder / name).is_file():
-            if (folder / name).with_suffix(".bin").is_file():
-                raise InputError(f"{(folder / name).with_suffix('.bin')}: COLMAP's binary model is not read; make it text by "
-                                 f"`colmap model_converter --input_path {folder} --output_path {folder} --output_type TXT`")
-            raise InputError(f"{folder / name}: no such file; COLMAP cameras need cameras.txt and images.txt together")
+def read_text_model(folder: Path) -> list[Camera]:
+    """The model's images in their order.  Raises InputError naming file and line."""
     lenses = read_lenses(folder / "cameras.txt")
     path = folder / "images.txt"
     lines = ((n, line.strip()) for n, line in enumerate(read_text(path).split("\n"), 1))
@@ -48,15 +42,25 @@ def _image(where: str, line: str, lenses: dict[str, Lens], lens_file: Path) -> C
     parts = line.split(maxsplit=9)
     if len(parts) < 10:
         raise InputError(f"{where}: expected {_FIELDS}, got {shown(line)}")
-    name = Path(parts[9].replace("\\", "/")).stem
+    name = stem(parts[9])
     where = f"{where} ({shown(name)})"
     pose = numbers(parts[1:8], 7, where)
     if parts[8] not in lenses:
         raise InputError(f"{where}: camera {shown(parts[8])} is not in {lens_file}")
+    return posed(where, lenses[parts[8]], pose, name)
+
+
+def stem(name: str) -> str:
+    """A picture's name without folders and ending."""
+    return Path(name.replace("\\", "/")).stem
+
+
+def posed(where: str, lens: Lens, pose: np.ndarray, name: str) -> Camera:
+    """pose: (7,) QW QX QY QZ TX TY TZ, world to camera, OpenCV camera axes."""
     camera_to_world = np.eye(4)
     camera_to_world[:3, :3] = rotation(pose[:4], where).T
     camera_to_world[:3, 3] = -camera_to_world[:3, :3] @ pose[4:]
-    return camera(where, lenses[parts[8]], camera_to_world @ TO_OPENGL, name)
+    return camera(where, lens, camera_to_world @ TO_OPENGL, name)
 
 
 def _skip_points(path: Path, line_number: int, line: str) -> None:
@@ -80,17 +84,28 @@ def read_lenses(path: Path) -> dict[str, Lens]:
         where = f"{path}: line {line_number}"
         if len(parts) < 5:
             raise InputError(f"{where}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS..., got {shown(line)}")
-        if parts[1] not in _MODELS:
-            raise InputError(f"{where}: camera model {shown(parts[1])} is not supported ({', '.join(_MODELS)} are)")
-        focals, others = _MODELS[parts[1]]
-        values = numbers(parts[2:], 2 + focals + 2 + others, f"{where}: {parts[1]}")
-        if values[4 + focals :].any():
-            bent = shown(values[4 + focals :].tolist())
-            raise InputError(f"{where}: distortion {bent} is not supported; run `colmap image_undistorter` first")
-        cx, cy = values[2 + focals : 4 + focals]
-        lens = checked(where, Lens(values[0], values[1], values[2], values[1 + focals], cx, cy))
+        if parts[1] not in MODELS:
+            raise InputError(f"{where}: camera model {shown(parts[1])} is not supported ({', '.join(MODELS)} are)")
+        values = numbers(parts[2:], 2 + parameters(parts[1]), f"{where}: {parts[1]}")
+        lens = lens_of(where, parts[1], values)
         if lenses.setdefault(parts[0], lens) != lens:
             raise InputError(f"{where}: camera {shown(parts[0])} is there already, with another lens; give each its own number")
     if not lenses:
         raise InputError(f"{path}: holds no cameras")
     return lenses
+
+
+def parameters(model: str) -> int:
+    """How many parameters a camera of this model has."""
+    focals, others = MODELS[model]
+    return focals + 2 + others
+
+
+def lens_of(where: str, model: str, values: np.ndarray) -> Lens:
+    """values: WIDTH HEIGHT PARAMS...  Raises InputError where the picture is distorted."""
+    focals, _ = MODELS[model]
+    if values[4 + focals :].any():
+        bent = shown(values[4 + focals :].tolist())
+        raise InputError(f"{where}: distortion {bent} is not supported; run `colmap image_undistorter` first")
+    cx, cy = values[2 + focals : 4 + focals]
+    return checked(where, Lens(values[0], values[1], values[2], values[1 + focals], cx, cy))

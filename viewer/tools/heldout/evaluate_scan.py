@@ -81,8 +81,8 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     from model.evaluation.heldout import Withheld
     from model.evaluation.methods import WEIGHED, network_method, plain_methods
     from viewer.grid.open_scene import open_scene
-    from viewer.tools.heldout.points import points_of
-    from viewer.tools.heldout.viewpoints import judged_viewpoints, station_viewpoints
+    from viewer.tools.heldout.judged_viewpoints import judged_viewpoints, station_viewpoints
+    from viewer.tools.heldout.scan_points import points_of
 
     names = {"raw": "raw", WEIGHED: FILLED}
     methods = [replace(method, name=names[method.name]) for method in plain_methods() if method.name in names]

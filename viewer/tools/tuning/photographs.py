@@ -21,7 +21,7 @@ from model.data.projected import Projected, project_scan, raster_of, scan_spacin
 from model.depth_filter import keep_mask
 from model.noise import NoiseModel, estimate_noise
 from model.noise_level import seen_noise
-from model.project import network_input
+from model.projection import network_input
 from viewer.errors import InputError
 from viewer.grid.histogram import is_place
 from viewer.preprocess.point_colour import Colours

@@ -22,7 +22,7 @@ from model.evaluation.heldout import Viewpoint
 from model.evaluation.methods import OURS, Sight, sight, soft_z
 from model.noise import NoiseModel
 from model.noise_level import seen_noise
-from model.project import measured_input, rasterise
+from model.projection import measured_input, rasterise
 from viewer.errors import InputError
 from viewer.progress import progress
 from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
@@ -147,8 +147,8 @@ def truth_bytes(colour: Tensor, known: Tensor) -> np.ndarray:
 def withheld_points(path: Path, seed: int) -> WithheldPoints:
     """Opens a scan to be tuned on.  Raises InputError where its points have no colours, or are too few."""
     from viewer.grid.open_scene import open_scene
-    from viewer.tools.heldout.points import points_of
-    from viewer.tools.heldout.viewpoints import judged_viewpoints
+    from viewer.tools.heldout.judged_viewpoints import judged_viewpoints
+    from viewer.tools.heldout.scan_points import points_of
 
     scene = open_scene(path)
     scan, spacing = points_of(scene, path, most=MOST_POINTS, seed=seed)

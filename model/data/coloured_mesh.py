@@ -1,0 +1,95 @@
+"""PLY files of coloured vertices, perhaps with triangles, read by plyfile: as a scan of their points, or of points scattered
+over their surface.  (The viewer's own PLY reader streams scans of any size and checks them first; these are known data sets.)
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from model.data.dataset import FAR, DataError, Scan
+
+_LISTS = {"face": {"vertex_indices": 3, "vertex_index": 3}}
+"""Lists that are triangles where they are read at all, so that plyfile maps them into memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class ColouredMesh:
+    """xyz: (V, 3) float64.  rgb: (V, 3) uint8.  triangles: (T, 3) vertex numbers; none where the file has no faces."""
+
+    path: Path
+    xyz: np.ndarray
+    rgb: np.ndarray
+    triangles: np.ndarray
+
+
+def check_mesh(path: Path) -> None:
+    """Raises DataError where :func:`read_mesh` would, of the file's form; reads no vertex."""
+    _read(path)
+
+
+def read_mesh(path: Path) -> ColouredMesh:
+    """Raises DataError where the file is no whole PLY of coloured vertices."""
+    vertices, faces = _read(path)
+    with np.errstate(invalid="ignore"):  # some NaN of damaged files
+        xyz = np.stack([np.asarray(vertices[axis], np.float64) for axis in "xyz"], 1)
+    rgb = np.stack([np.asarray(vertices[name]) for name in ("red", "green", "blue")], 1)
+    if rgb.dtype.kind == "f" and rgb.size and rgb.max() <= 1:
+        rgb = rgb * 255
+    rgb = np.clip(np.nan_to_num(np.rint(rgb)), 0, 255).astype(np.uint8)
+    triangles = np.zeros((0, 3), np.int64)
+    if faces is not None and len(faces):
+        name = next((name for name in _LISTS["face"] if name in (faces.dtype.names or ())), None)
+        if name is None or faces[name].ndim != 2:
+            raise DataError(f"{path}: faces that are no triangles; download it again")
+        triangles = np.asarray(faces[name], np.int64)
+    return ColouredMesh(path, xyz, rgb, triangles)
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
+    """The vertices' and the faces' rows, memory-mapped where they can be."""
+    from plyfile import PlyData, PlyParseError
+
+    try:
+        data = PlyData.read(str(path), mmap="r", known_list_len=_LISTS)
+    except (PlyParseError, UnicodeDecodeError) as error:
+        torn = "end-of-file" in str(error) or "early" in str(error)
+        raise DataError(f"{path}: {'truncated' if torn else 'not a PLY file'} ({error}); download it again") from None
+    except ValueError as error:  # NumPy's, of a file shorter than its header says
+        raise DataError(f"{path}: truncated ({error}); download it again") from None
+    names = [element.name for element in data.elements]
+    if "vertex" not in names or not len(data["vertex"].data):
+        raise DataError(f"{path}: has no vertices; download it again")
+    vertices = data["vertex"].data
+    if missing := [name for name in ("x", "y", "z", "red", "green", "blue") if name not in (vertices.dtype.names or ())]:
+        raise DataError(f"{path}: its vertices have no {', '.join(missing)}")
+    return vertices, data["face"].data if "face" in names else None
+
+
+def points_scan(mesh: ColouredMesh, hidden: Path) -> Scan:
+    """All vertices but those that are no places or whose indices ``hidden`` lists (where that file is)."""
+    keep = np.asarray((np.abs(mesh.xyz) < FAR).all(axis=1))
+    if hidden.is_file():
+        try:
+            keep[np.array(hidden.read_text().split(), np.int64)] = False
+        except (ValueError, IndexError) as error:
+            raise DataError(f"{hidden}: not a list of point indices ({error}); download it again") from None
+    return Scan(mesh.xyz[keep], mesh.rgb[keep], np.zeros(int(keep.sum()), np.uint8))
+
+
+def scattered_scan(mesh: ColouredMesh, count: int) -> Scan:
+    """Points scattered evenly over the triangles, seeded, colours between their corners'."""
+    corners = mesh.triangles
+    if not len(corners):
+        raise DataError(f"{mesh.path}: has no triangles to scatter points on")
+    if corners.min() < 0 or corners.max() >= len(mesh.xyz):
+        raise DataError(f"{mesh.path}: faces that are no triangles of its vertices; download it again")
+    a, b, c = (mesh.xyz[corners[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    rng = np.random.default_rng(0)
+    pick = rng.choice(len(area), count, p=area / area.sum())
+    s, t = rng.random((2, count, 1))
+    s, t = np.where(s + t > 1, 1 - s, s), np.where(s + t > 1, 1 - t, t)
+    weights = (1 - s - t, s, t)
+    xyz, rgb = (sum(values[corners[pick, k]] * weight for k, weight in enumerate(weights)) for values in (mesh.xyz, mesh.rgb))
+    return Scan(np.asarray(xyz), np.rint(rgb).astype(np.uint8), np.zeros(count, np.uint8))

@@ -1,0 +1,166 @@
+"""Rules of the layout that no single module can keep: directions of imports, no circles, names, sizes.
+
+Imports are read from the source, by its syntax tree: those at module level and those inside functions alike.  Imports under
+``if TYPE_CHECKING:`` are left out, because they do not exist at run time; annotations may name classes of any module.
+"""
+
+import ast
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+MOST_LINES = 320
+LONGER: dict[str, str] = {
+    "viewer/window/app.py": "the window's loop and its table of actions; to be split with the next change of it",
+    "viewer/window/session.py": "joins the parts of the window's state; to be split with the next change of it",
+    "viewer/render/renderer.py": "the order of a frame's passes, read from top to bottom",
+    "viewer/render/cuda_bridge.py": "one class and what it asks of four libraries; to be split with the next change of it",
+}
+"""Modules longer than MOST_LINES, each with its reason."""
+SAME_NAME: dict[str, str] = {
+    "__init__": "packages",
+    "command": "the command line's part of a folder: training, evaluation, film, export",
+    "demo": "the demo scan is made by model/synth and shown by viewer/tools",
+    "errors": "the base class in model/common, and the viewer's classes",
+    "heldout": "held-out points as data, and their judging",
+    "hole_test": "the reference implementation in model/, the pass in viewer/render/",
+    "measure": "measurements, and the window's tool for them",
+    "noise_level": "the reference implementation in model/, the pass in viewer/render/",
+    "scanner_positions": "what a file says (model/common), and what is inferred from the order of points (viewer/preprocess)",
+    "spacing": "the same measure, of training data and of a grid",
+    "stations": "scanner stations of training data, and of a frame",
+}
+"""Base names that several modules have, with the reason."""
+
+
+def sources() -> dict[str, Path]:
+    """Dotted name -> file, of every module of the product."""
+    files = [*ROOT.glob("viewer/**/*.py"), *ROOT.glob("model/**/*.py"), ROOT / "pointglass.py"]
+    return {".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file for file in files}
+
+
+SOURCES = sources()
+
+
+def is_type_checking(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+
+
+def imports_of(tree: ast.AST, known: set[str], *, lazy: bool = True) -> set[str]:
+    """Modules of ours that a syntax tree imports; without ``lazy`` only those that importing it imports."""
+    found: set[str] = set()
+
+    def visit(node: ast.AST) -> None:
+        if is_type_checking(node):
+            assert isinstance(node, ast.If)
+            for child in node.orelse:
+                visit(child)
+            return
+        if not lazy and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            return
+        if isinstance(node, ast.Import):
+            found.update(alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                found.add(whole if whole in known else node.module)
+        for child in ast.iter_child_nodes(node):
+            visit(child)
+
+    visit(tree)
+    return found & known
+
+
+TREES = {name: ast.parse(file.read_text("utf-8")) for name, file in SOURCES.items()}
+IMPORTS = {name: imports_of(tree, set(SOURCES)) - {name} for name, tree in TREES.items()}
+
+
+def circles(graph: dict[str, set[str]]) -> list[list[str]]:
+    """The groups of modules that reach each other (strongly connected components of more than one; Tarjan)."""
+    index: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+    found: list[list[str]] = []
+
+    def connect(name: str) -> None:
+        index[name] = low[name] = len(index)
+        stack.append(name)
+        for other in sorted(graph[name]):
+            if other not in index:
+                connect(other)
+                low[name] = min(low[name], low[other])
+            elif other in stack:
+                low[name] = min(low[name], index[other])
+        if low[name] == index[name]:
+            group = []
+            while not group or group[-1] != name:
+                group.append(stack.pop())
+            if len(group) > 1:
+                found.append(sorted(group))
+
+    for name in sorted(graph):
+        if name not in index:
+            connect(name)
+    return found
+
+
+def test_the_reading_of_imports_sees_what_it_should():
+    tree = ast.parse("import model.a\nfrom viewer import b\nfrom viewer.c import D\n"
+                     "if TYPE_CHECKING:\n    import model.typed\nelse:\n    import model.real\n"
+                     "def f():\n    from model.lazy import x\n")
+    known = {"model.a", "viewer", "viewer.b", "viewer.c", "model.typed", "model.real", "model.lazy"}
+    assert imports_of(tree, known) == {"model.a", "viewer.b", "viewer.c", "model.real", "model.lazy"}
+    assert imports_of(tree, known, lazy=False) == {"model.a", "viewer.b", "viewer.c", "model.real"}
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [["b", "c"]]
+
+
+def test_no_imports_are_circular():
+    assert circles(IMPORTS) == []
+
+
+def inside(name: str, folder: str) -> bool:
+    return name == folder or name.startswith(f"{folder}.")
+
+
+@pytest.mark.parametrize(("importer", "imported"), [
+    ("model", "viewer"),
+    ("model", "pointglass"),
+    ("viewer", "pointglass"),
+    ("viewer.readers", "viewer.grid"),
+    ("viewer.readers", "viewer.render"),
+    ("viewer.preprocess", "viewer.render"),
+    ("viewer.grid", "viewer.render"),
+    ("viewer.stream", "viewer.render"),
+    ("viewer.render", "viewer.window"),
+    ("viewer.tools", "viewer.window"),
+    ("viewer.tools", "viewer.bench"),
+    ("viewer.window", "viewer.bench"),
+])  # fmt: skip
+def test_imports_point_one_way(importer, imported):
+    wrong = {name: sorted(other for other in others if inside(other, imported))
+             for name, others in IMPORTS.items() if inside(name, importer)}
+    assert {name: others for name, others in wrong.items() if others} == {}
+
+
+def test_nothing_imports_the_command_line():
+    importers = {name for name, others in IMPORTS.items() if others & {"viewer.cli", "viewer.__main__"}}
+    assert importers <= {"viewer.__main__"}
+
+
+def test_modules_do_not_share_a_name_unless_they_play_the_same_part():
+    count = Counter(file.stem for file in SOURCES.values())
+    assert {name for name, times in count.items() if times > 1} - set(SAME_NAME) == set()
+
+
+def test_modules_are_short():
+    lines = {str(file.relative_to(ROOT)): len(file.read_text("utf-8").splitlines()) for file in SOURCES.values()}
+    too_long = {name: count for name, count in lines.items() if count > MOST_LINES and name != "pointglass.py"}
+    assert set(too_long) - set(LONGER) == set()
+    assert {name for name in LONGER if lines.get(name, 0) <= MOST_LINES} == set(), "these exceptions are no longer needed"
+
+
+def test_exceptions_name_what_exists():
+    count = Counter(file.stem for file in SOURCES.values())
+    assert {name for name in SAME_NAME if count[name] < 2} == set(), "these names are no longer shared"

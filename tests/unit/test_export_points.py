@@ -1,0 +1,120 @@
+"""``pointglass export``: what is written is what was measured and in sight, and is read back as it was."""
+
+import numpy as np
+import pytest
+
+from viewer import cli
+from viewer.errors import InputError
+from viewer.grid.open_scene import open_scene, scene_from_arrays
+from viewer.grid.scene import unpack
+from viewer.tools.clip import contains
+from viewer.tools.exporting.command import export
+from viewer.tools.exporting.point_writers import WRITERS
+from viewer.tools.exporting.selection import Selection, clips_of, parse_box
+
+
+def random_scene(seed, count=30_000, origin=(0.0, 0.0, 0.0), size=12.0, scans=2):
+    rng = np.random.default_rng(seed)
+    flat = rng.uniform(0, size, (count, 2))
+    xyz = np.column_stack([flat, np.sin(flat[:, 0])]) + origin
+    # levels from 40: the darkest are taken for missing colour where they are frequent
+    return scene_from_arrays(xyz, rng.integers(40, 256, (count, 3), dtype=np.uint8),
+                             intensity=rng.integers(0, 65536, count).astype(np.uint16),
+                             scan=rng.integers(0, scans, count).astype(np.uint8))
+
+
+def rows(scene, keep=None):
+    """Every point's coordinates and attributes, in one order."""
+    xyz, rgb, intensity, _ = unpack(scene)
+    table = np.column_stack([xyz, rgb, intensity])
+    table = table if keep is None else table[keep]
+    return table[np.lexsort(table.T)]
+
+
+@pytest.mark.parametrize("suffix", list(WRITERS))
+@pytest.mark.parametrize(("seed", "origin", "size"), [(1, (0, 0, 0), 12.0), (2, (636_000.0, 5_848_000.0, 400.0), 900.0)])
+def test_an_export_opened_again_holds_exactly_the_points(tmp_path, suffix, seed, origin, size):
+    scene = random_scene(seed, origin=origin, size=size)
+    out = tmp_path / f"all{suffix}"
+    assert export(Selection(scene), out) == scene.count
+    again = open_scene([out], cache=False, match=False)
+    a, b = rows(scene), rows(again)
+    assert a.shape == b.shape
+    # both grids round to their own steps; the file itself keeps the grid's numbers (below)
+    assert np.abs(a[:, :3] - b[:, :3]).max() <= again.step
+    assert np.array_equal(a[:, 3:6], b[:, 3:6])
+    if suffix != ".e57":  # the reader scales an E57's intensity by its own limits
+        assert np.array_equal(a[:, 6], b[:, 6])
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_las_keeps_the_grid_s_coordinates_to_the_bit_and_the_stations(tmp_path):
+    import laspy
+
+    scene = random_scene(3)
+    export(Selection(scene), tmp_path / "a.laz")
+    las = laspy.read(tmp_path / "a.laz")
+    xyz, rgb, intensity, station = unpack(scene)
+    assert np.array_equal(np.column_stack([las.x, las.y, las.z]), xyz)
+    assert np.array_equal(np.column_stack([las.red, las.green, las.blue]) // 257, rgb)
+    assert np.array_equal(las.intensity, intensity) and np.array_equal(las.point_source_id, station.astype(int) + 1)
+
+
+def test_a_clip_leaves_the_points_inside_any_of_its_boxes(tmp_path):
+    scene = random_scene(4)
+    clips = clips_of(["1,1,-2,4,5,2", "6.5,0,-2,7,12,2"])
+    out = tmp_path / "part.ply"
+    count = export(Selection(scene, clips), out)
+    keep = contains(clips, unpack(scene)[0])
+    assert 0 < count == keep.sum() < scene.count
+    again = open_scene([out], cache=False, match=False)
+    a, b = rows(scene, keep), rows(again)
+    assert a.shape == b.shape and np.array_equal(np.sort(a[:, 6]), np.sort(b[:, 6]))
+    assert np.abs(a[:, :3] - b[:, :3]).max() <= again.step
+
+
+def test_e57_keeps_each_station_and_where_it_stood(tmp_path):
+    scene = random_scene(5, scans=3)
+    scene.meta["scans"] = [{"name": f"tripod {i}", "position": (2.0 * i, 1.0, 0.5)} for i in range(3)]
+    export(Selection(scene), tmp_path / "a.e57")
+    again = open_scene([tmp_path / "a.e57"], cache=False, match=False)
+    assert np.allclose(again.station_places, [(2.0 * i, 1.0, 0.5) for i in range(3)])
+    assert [scan["name"] for scan in again.meta["scans"]] == ["tripod 0", "tripod 1", "tripod 2"]
+    assert np.array_equal(np.bincount(unpack(again)[3]), np.bincount(unpack(scene)[3]))
+
+
+@pytest.mark.parametrize("text", ["1,2,3", "a,b,c,d,e,f", "1,1,1,0,2,2", "0,0,0,1,1,inf"])
+def test_a_box_that_is_none_is_refused(text):
+    with pytest.raises(InputError, match="--clip"):
+        parse_box(text)
+
+
+def test_nothing_is_left_where_nothing_can_be_written(tmp_path, capsys, monkeypatch):
+    scene = random_scene(6)
+    with pytest.raises(InputError, match="leave no point"):
+        export(Selection(scene, clips_of(["100,100,100,101,101,101"])), tmp_path / "a.laz")
+    monkeypatch.setattr("viewer.tools.exporting.selection.BLOCK", 4096)
+    calls = []
+
+    def full(self, label):
+        for block in original(self, label):
+            calls.append(label)
+            if label == "writing" and len(calls) > 10:
+                raise OSError(28, "No space left on device")
+            yield block
+
+    original = Selection.blocks
+    monkeypatch.setattr(Selection, "blocks", full)
+    with pytest.raises(InputError, match="No space left"):
+        export(Selection(scene), tmp_path / "a.laz")
+    assert list(tmp_path.iterdir()) == []
+    assert cli.main(["export", str(tmp_path / "none.laz"), "--out", str(tmp_path / "a.xyz")]) == 2
+    assert "ending in" in capsys.readouterr().err
+
+
+def test_a_scan_is_not_written_over_itself(tmp_path):
+    scene = random_scene(7)
+    export(Selection(scene), tmp_path / "a.ply")
+    again = open_scene([tmp_path / "a.ply"], cache=False)
+    with pytest.raises(InputError, match="is the scan itself"):
+        export(Selection(again), tmp_path / "a.ply")

@@ -1,0 +1,61 @@
+"""A saved picture says how it was made, exactly enough to draw it again."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from viewer.camera import from_fov, look_at
+from viewer.errors import InputError
+from viewer.settings import Settings
+from viewer.tools.files import write_png
+from viewer.tools.shot_metadata import KEY, Shot, camera_line, differences, parse_camera_line, read_shot
+
+
+def shot(seed=0):
+    rng = np.random.default_rng(seed)
+    place = rng.uniform(-1e6, 1e6, 3)
+    camera = from_fov(97, 61, rng.uniform(20, 120), look_at(place, place + rng.normal(size=3)), "a view, with \"quotes\" and ü")
+    return Shot(camera, Settings(view="filled", detail=0.3, lod=1.7), "sky", "as-scanned", ("a.laz", "b.e57"), 1234, "", "9.9")
+
+
+def save(path, text):
+    write_png(path, np.zeros((4, 5, 3), np.uint8), {KEY: text})
+    return path
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_is_written_comes_back_to_the_bit(tmp_path, seed):
+    given = shot(seed)
+    found = read_shot(save(tmp_path / "a.png", given.text()))
+    assert np.array_equal(found.camera.camera_to_world, given.camera.camera_to_world)
+    assert replace(found, camera=given.camera) == given
+    assert found.text() == given.text()
+    line = parse_camera_line(camera_line(given.camera))
+    assert np.array_equal(line.camera_to_world, given.camera.camera_to_world) and line.fx == given.camera.fx
+    assert "\n" not in camera_line(given.camera)
+
+
+def test_pictures_without_or_with_a_damaged_description_are_refused(tmp_path):
+    Image.new("RGB", (3, 3)).save(tmp_path / "plain.png")
+    with pytest.raises(InputError, match="does not say how it was made"):
+        read_shot(tmp_path / "plain.png")
+    (tmp_path / "none.png").write_bytes(b"no png")
+    with pytest.raises(InputError, match="no readable PNG"):
+        read_shot(tmp_path / "none.png")
+    whole = json.loads(shot().text())
+    for broken in ("{", "[]", json.dumps(whole | {"camera": {}}), json.dumps(whole | {"settings": {"view": "x"}}),
+                   json.dumps(whole | {"background": "pink"}), json.dumps({**whole, "camera": {**whole["camera"], "fx": "5"}})):
+        with pytest.raises(InputError):
+            read_shot(save(tmp_path / "a.png", broken))
+    with pytest.raises(InputError, match="no camera"):
+        parse_camera_line("hello")
+
+
+def test_what_may_change_the_picture_is_named():
+    given = shot()
+    assert differences(given, given) == []
+    other = replace(given, points=5, scans=("c.ply",), weights="abc", version="10")
+    assert len(differences(given, other)) == 4

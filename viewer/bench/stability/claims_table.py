@@ -1,0 +1,131 @@
+"""``pointglass bench stability``: what scale, origin, lens, size, precision and hard points do to a picture, with limits.
+
+The same measurements as ``tests/stability``, over wider ranges: a table of rows (name, value, limit, ok), the curves over
+scale and origin, the networks' precision table, and a plot of both.
+"""
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from viewer.bench.stability import frame_claims, point_claims, station_claims
+from viewer.bench.stability.exact_claims import depth_faults
+from viewer.bench.stability.network_claims import network_rows
+from viewer.bench.stability.scenes import axis_camera
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.progress import progress
+from viewer.stream.residency import available_memory
+
+LARGEST = (16384, 16384)
+_LARGEST_NEEDS = 10 << 30  # bytes: colour, depth, and both once more on the way back, doubled
+
+
+def largest_picture(stand: frame_claims.Stand, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
+    """The raw view at the device's largest size; where memory does not allow it, a row that says so."""
+    name = f"pixels wrong at {size[0]}x{size[1]}, raw"
+    free = available_memory() or 0
+    if free < _LARGEST_NEEDS:
+        why = f"{free / 2**30:.1f} GiB free, {_LARGEST_NEEDS / 2**30:.0f} needed"
+        return [{**frame_claims.row(name, 0, 0), "skipped": why}]
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform(-1, 1, (200_000, 3)) + [0, 2, 0]
+    scene = scene_from_arrays(xyz, np.full(xyz.shape, 255, np.uint8))
+    camera = axis_camera(size)
+    return [frame_claims.row(name, depth_faults(stand.depth(scene, camera), xyz, camera, scene), 0)]
+
+
+def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path | None = None) -> dict:
+    """All rows.  size: of most pictures.  Returns rows, failed (their names), curves, network, opengl, size, seed."""
+    from model.weights import shipped, weights_name
+    from viewer.render.context import create_context, describe_device
+
+    context, other = create_context(), create_context()
+    stand = frame_claims.Stand(context)
+    rows: list[dict] = []
+    curves: list[dict] = []
+    table: list[dict] = []
+
+    def along_curves() -> list[dict]:
+        found, made = frame_claims.curves(stand, seed, size)
+        curves.extend(made)
+        return found
+
+    def networks() -> list[dict]:
+        found = []
+        for quality, filtered in itertools.product(("fast", "balanced"), (True, False)):
+            if (name := weights_name(quality, filtered=filtered)) in shipped():
+                more, made = network_rows(seed, (112, 80), quality, filtered=filtered)
+                found += more
+                table.extend({"network": name, **entry} for entry in made)
+        return found
+
+    sections: dict[str, Callable[[], list[dict]]] = {
+        "scale and origin": along_curves,
+        "exact": lambda: frame_claims.exactness(stand, seed, size),
+        "range": lambda: frame_claims.wide_range(stand, seed, size),
+        "lens": lambda: frame_claims.lenses(stand, seed, size) + frame_claims.rolled(stand, seed),
+        "cell faces": lambda: frame_claims.cell_faces(stand, seed, size),
+        "camera plane": lambda: frame_claims.camera_plane(stand, seed),
+        "size": lambda: frame_claims.sizes(stand, seed) + largest_picture(stand, seed),
+        "points": lambda: [
+            *point_claims.crowd(stand, seed), *point_claims.crowd(stand, seed, 2_000_000, 255),
+            *point_claims.lonely(stand, seed), *point_claims.doubles(stand, seed),
+            *point_claims.no_numbers(stand, seed, size), *point_claims.levels(stand, seed),
+        ],
+        "scanners": lambda: [
+            *station_claims.anywhere(stand, seed, size, frame_claims.SCALES, frame_claims.ORIGINS),
+            *station_claims.exactness(stand, seed, size), *station_claims.hard_places(stand, seed, size),
+            *station_claims.heavy(stand, seed),
+        ],
+        "network": networks,
+        "the same again": lambda: point_claims.repeats(stand, other, seed, size),
+    }
+    try:
+        context.__enter__()  # the second to be made is the current one
+        with progress(len(sections), "stability", "section") as meter:
+            for group, measure in sections.items():
+                rows += [{"group": group, **row} for row in measure()]
+                meter.update(1)
+        opengl = describe_device(context).renderer
+    finally:
+        other.release()
+        context.release()
+    if plot is not None:
+        _plot(curves, table, plot)
+    return {"opengl": opengl, "size": list(size), "seed": seed, "rows": rows,
+            "failed": [row["name"] for row in rows if not row["ok"]], "curves": curves, "network": table}
+
+
+def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    from model.common.atomic_write import write_whole
+
+    labels = {"depth_99": "depth error, 99th percentile, point spacings", "mask": "keep-masks that differ, share of pixels",
+              "filled": "filled picture, PSNR in dB"}
+    figure, axes = plt.subplots(2, 2, figsize=(11, 8), layout="constrained")
+    for (name, label), axis in zip(labels.items(), axes.flat, strict=False):
+        for away in dict.fromkeys(entry["origin"] for entry in curves):
+            mine = [entry for entry in curves if entry["origin"] == away and name in entry]
+            axis.plot([e["scale"] for e in mine], [e[name] for e in mine], ".-", label=f"origin {away:g}")
+        axis.axhline(frame_claims.LIMITS[name], color="black", linestyle="--", linewidth=1, label="limit")
+        axis.set(xscale="log", xlabel="scale", ylabel=label)
+        if name != "filled":
+            axis.set_yscale("log")
+    axes.flat[0].legend(fontsize="x-small", ncols=2)
+    axis = axes.flat[3]
+    kinds = list(dict.fromkeys(entry["kind"] for entry in table))
+    for precision in dict.fromkeys(entry["precision"] for entry in table):
+        worst = [max(e["mean"] for e in table if (e["precision"], e["kind"]) == (precision, kind)) for kind in kinds]
+        axis.plot(np.maximum(worst, 1e-6), range(len(kinds)), ".", label=precision)
+    if table:
+        axis.set_yticks(range(len(kinds)), kinds, fontsize=6)
+        axis.set(xscale="log", xlim=(1e-6, 1e-2), xlabel="mean difference from float64, the worst of all networks")
+        axis.legend(fontsize="x-small")
+    write_whole(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
+    plt.close(figure)

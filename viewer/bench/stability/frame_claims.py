@@ -1,0 +1,292 @@
+"""Frames under stress, measured: scales and origins, lenses, sizes, camera planes, hard points, the same frame again.
+
+Every function takes a :class:`Stand` and a seed and returns rows (see ``row``); the tests assert them, the bench prints
+them.  Each row's limit is a claim about the renderer and stands where it is measured.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.bench.stability.exact_claims import Agreement, agreement, depth_faults, exact_picture
+from viewer.bench.stability.scenes import DECADES, axis_camera, direction, panels, placed, view_inside, walls
+from viewer.errors import InputError
+from viewer.grid.open_scene import scene_from_arrays
+from viewer.grid.scene import Scene
+from viewer.render.renderer import Renderer
+from viewer.settings import Settings
+
+if TYPE_CHECKING:
+    import moderngl
+
+    from viewer.camera import Camera
+
+VIEWS = ("raw", "filtered", "filled")
+SCALES = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6)
+ORIGINS = (0.0, 1.0, 1e3, 1e5, 1e6, 1e7, 1e9)
+FOVS = (1.0, 2.0, 5.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0)
+SIZES = ((4, 4), (5, 4), (4, 7), (7, 7), (13, 31), (101, 97), (211, 3), (3, 211), (16384, 16), (16, 16384))
+LIMITS = {"depth": 0.005, "depth_99": 0.01, "moved": 0.005, "mask": 0.005, "filled": 40.0, "void": 0.04}
+"""Of :class:`Agreement`, at any scale and origin; ``filled`` is a least value, in dB.  Packing moves a point by about 1/1000
+of the spacing, and so one pixel in a thousand changes hands.  The depth filter decides by whole blocks: where one stands on
+the edge, a single pixel turns up to 1 % of a picture, hence medians over views.  The room is closed, but that it is seen to
+be hangs on which points the skeleton of viewer.render.enclosed_directions happens to hold: near a wall a few degrees may stay
+open."""
+
+
+HELD, LOST = 8.0, 2.0
+"""Steps of float64 (2**-52 of the largest coordinate) to a point spacing: with HELD of them or more a place must be drawn,
+with LOST or fewer refused.  In between either may be: the spacing is itself measured from places so rounded."""
+
+
+def row(name: str, value: float, limit: float, *, least: bool = False, **more: object) -> dict:
+    """One line of the table.  ok: value <= limit, or >= where ``least``; never for NaN."""
+    ok = bool(value >= limit if least else value <= limit)
+    return {"name": name, "value": float(value), "limit": float(limit), "least": least, "ok": ok, **more}
+
+
+class Stand:
+    """Draws scenes in one OpenGL context."""
+
+    def __init__(self, context: "moderngl.Context"):
+        self.context = context
+
+    @contextmanager
+    def renderer(self, scene: Scene) -> Iterator[Renderer]:
+        made = Renderer(self.context, scene, device="cpu")
+        try:
+            yield made
+        finally:
+            made.release()
+
+    def depth(self, scene: Scene, camera: "Camera", settings: Settings | None = None) -> np.ndarray:
+        """(H, W) float32 of the raw view."""
+        with self.renderer(scene) as renderer:
+            return renderer.render(camera, settings or Settings(), views=("raw",)).depth()
+
+    def pictures(self, scene: Scene, camera: "Camera", settings: Settings | None = None) -> dict[str, np.ndarray]:
+        """The views, the mask and the depth by name."""
+        with self.renderer(scene) as renderer:
+            return arrays_of(renderer, camera, settings or Settings())
+
+
+def arrays_of(renderer: Renderer, camera: "Camera", settings: Settings) -> dict[str, np.ndarray]:
+    """Views, mask and depth of one frame, copied."""
+    frame = renderer.render(camera, settings, views=VIEWS)
+    return {**{view: frame.image(view) for view in VIEWS}, "mask": frame.mask(), "depth": frame.depth()}
+
+
+def different(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> int:
+    """Bytes that differ between two frames, over all their pictures."""
+    return sum(int((x.reshape(-1).view(np.uint8) != y.reshape(-1).view(np.uint8)).sum()) for x, y in
+               ((a[key], b[key]) for key in a))
+
+
+# The same place anywhere, at any scale
+
+
+def place_at(seed: int, scale: float, away: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """xyz and rgb of the place in file coordinates, and its origin: ``away`` from zero."""
+    place, rgb = walls(seed)
+    origin = direction(seed) * away
+    return place * scale + origin, rgb, origin
+
+
+def agree_at(stand: Stand, seed: int, scale: float, away: float, size=(160, 120), views: int = 4) -> Agreement | str:
+    """The median agreement over some views (void: the mean), or the line with which the scan was refused."""
+    xyz, rgb, origin = place_at(seed, scale, away)
+    try:
+        scene = scene_from_arrays(xyz, rgb)
+    except InputError as error:
+        return str(error)
+    found = []
+    with stand.renderer(scene) as renderer:
+        for number in range(views):
+            camera = placed(view_inside(seed + number, size), scale, origin)
+            made = arrays_of(renderer, camera, Settings())
+            truth = exact_picture(xyz, rgb, camera, scene.spacing)
+            found.append(agreement(made["depth"], made["mask"], made["filled"], truth, scene.spacing))
+    over = {name: np.mean if name == "void" else np.median for name in LIMITS}
+    return Agreement(**{name: float(over[name]([getattr(one, name) for one in found])) for name in LIMITS})
+
+
+def curves(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[float] = SCALES,
+           origins: Sequence[float] = ORIGINS) -> tuple[list[dict], list[dict]]:
+    """Rows, the worst over all scales by origin; and every point of the curves: scale, origin, Agreement or ``refused``."""
+    points, rows = [], []
+    unit = scene_from_arrays(*walls(seed)).spacing
+    for away in origins:
+        found = [(scale, agree_at(stand, seed, scale, away, size)) for scale in scales]
+        good = [made for _, made in found if isinstance(made, Agreement)]
+        points += [{"scale": s, "origin": away, **({"refused": m} if isinstance(m, str) else vars(m))} for s, m in found]
+        for name, limit in LIMITS.items() if good else ():
+            least = name == "filled"
+            worst = (min if least else max)(getattr(made, name) for made in good)
+            rows.append(row(f"{name}, scales {min(scales):g} to {max(scales):g}, origin {away:g}", worst, limit, least=least))
+        resolution = float(np.abs(direction(seed)).max() * away * 2.0**-52)
+        said = [(scale * unit, isinstance(made, str)) for scale, made in found]
+        if away:  # one spacing that just is held, and one that just is not
+            said += [(s * resolution, _is_refused(seed, s * resolution / unit, away)) for s in (HELD, LOST)]
+        wrong = sum(refused if spacing >= HELD * resolution else spacing <= LOST * resolution and not refused
+                    for spacing, refused in said)
+        rows.append(row(f"scales refused that float64 holds, or drawn that it does not, origin {away:g}", wrong, 0))
+    return rows, points
+
+
+def _is_refused(seed: int, scale: float, away: float) -> bool:
+    try:
+        scene_from_arrays(*place_at(seed, scale, away)[:2])
+    except InputError:
+        return True
+    return False
+
+
+def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, -3, 7, 20),
+              shifts: Sequence[int] = (4, 12, 23, 30), scene_at: Callable[[float, np.ndarray], Scene] | None = None,
+              what: str = "bytes changed") -> list[dict]:
+    """Powers of two of the scale, and shifts by whole cells (2**n file units): bytes that differ.
+
+    scene_at: the place at a scale and an origin (3,), None: that of ``walls``.  what: a row says, changed by which of them.
+    """
+    place, rgb = walls(seed)
+    at = scene_at or (lambda factor, origin: scene_from_arrays(place * factor + origin, rgb))
+    camera, zero = view_inside(seed, size), np.zeros(3)
+    base = stand.pictures(at(1.0, zero), camera)
+    rows = []
+    for exponent in exponents:
+        factor = 2.0**exponent
+        made = stand.pictures(at(factor, zero), placed(camera, factor, zero))
+        made["depth"] = made["depth"] / np.float32(factor)
+        rows.append(row(f"{what} by scaling by 2^{exponent}", different(base, made), 0))
+    for shift in shifts:
+        origin = np.round(direction(seed + shift) * 2.0 ** (shift - 4)) * 16.0  # whole cells: none is larger than 16
+        rows.append(row(f"{what} by a shift of about 2^{shift}",
+                        different(base, stand.pictures(at(1.0, origin), placed(camera, 1.0, origin))), 0))
+    return rows
+
+
+# Lenses, planes, sizes
+
+
+def wide_range(stand: Stand, seed: int, size: tuple[int, int] = (320, 240)) -> list[dict]:
+    """1 cm to 100 km in one frame."""
+    xyz, rgb, camera = panels(seed, size)
+    scene = scene_from_arrays(xyz, rgb)
+    made = stand.pictures(scene, camera)
+    depth = made["depth"]
+    rows = [row("pixels wrong, 1 cm to 100 km in one frame", depth_faults(depth, xyz, camera, scene), 0)]
+    for number in range(DECADES + 1):
+        columns = slice(number * size[0] // (DECADES + 1), (number + 1) * size[0] // (DECADES + 1))
+        z, seen = 0.01 * 10.0**number, np.isfinite(depth[:, columns])
+        gap = np.abs(depth[:, columns][seen] - z).max(initial=0.0) / (scene.step + 2.0**-22 * z) if seen.any() else np.nan
+        rows.append(row(f"depth error at {z:g}, in packed steps and float32 roundings", gap, 1.0))
+        kept = (made["mask"][:, columns] & seen).sum() / max(seen.sum(), 1)
+        rows.append(row(f"share kept by the filter at {z:g}", kept, 0.98, least=True))
+    return rows
+
+
+def lenses(stand: Stand, seed: int, size: tuple[int, int], fovs: Sequence[float] = FOVS) -> list[dict]:
+    """Fields of view, principal points outside the picture, pixels that are not square."""
+    xyz, rgb, origin = place_at(seed, 1.0, 1e5)
+    scene = scene_from_arrays(xyz, rgb)
+    rows = []
+    with stand.renderer(scene) as renderer:
+        for fov in fovs:
+            camera = placed(view_inside(seed, size, fov), 1.0, origin)
+            rows.append(row(f"pixels wrong at a field of view of {fov:g} degrees", _faults(renderer, camera, xyz), 0))
+        camera = placed(view_inside(seed, size, 60.0), 1.0, origin)
+        camera = replace(camera, cx=-0.7 * size[0], cy=1.9 * size[1], fy=3.7 * camera.fy)
+        rows.append(row("pixels wrong with the principal point outside and oblong pixels", _faults(renderer, camera, xyz), 0))
+    return rows
+
+
+def _faults(renderer: Renderer, camera: "Camera", xyz: np.ndarray) -> int:
+    return depth_faults(renderer.render(camera, Settings(), views=("raw",)).depth(), xyz, camera, renderer.scene)
+
+
+def cell_faces(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
+    """Cameras in a cell's middle, on its face, edge and corner, and the next float to either side."""
+    xyz, rgb, _ = place_at(seed, 1.0, 1e5)
+    scene = scene_from_arrays(xyz, rgb)
+    rng = np.random.default_rng(seed)
+    low = scene.cell_min[rng.integers(len(scene.cell_coords))]
+    spots = {
+        "in a cell": low + rng.random(3) * scene.cell_size,
+        "on a cell's face": low + [0.0, *(rng.random(2) * scene.cell_size)],
+        "on a cell's edge": low + [0.0, 0.0, rng.random() * scene.cell_size],
+        "on a cell's corner": low,
+        "just before a cell's corner": np.nextafter(low, low - 1),
+        "just behind a cell's corner": np.nextafter(low, low + 1),
+    }
+    rows = []
+    with stand.renderer(scene) as renderer:
+        for name, position in spots.items():
+            turned = view_inside(seed, size, 90.0).camera_to_world.copy()
+            turned[:3, 3] = position
+            cameras = [axis_camera(size, position), view_inside(seed, size, 90.0).moved(turned)]
+            rows.append(row(f"pixels wrong with the camera {name}", sum(_faults(renderer, c, xyz) for c in cameras), 0))
+    return rows
+
+
+def camera_plane(stand: Stand, seed: int, size: tuple[int, int] = (64, 48)) -> list[dict]:
+    """Points at, behind and within an epsilon of the camera's plane: every depth drawn is in front, none is missed."""
+    rng = np.random.default_rng(seed)
+    base = np.round(rng.uniform(-1, 1, (4000, 3)) * 2**12) / 2**12
+    base[:2000, 1] = 0.5  # half of them in one plane
+    rgb = rng.integers(0, 256, (len(base), 3)).astype(np.uint8)
+    scene = scene_from_arrays(base, rgb)
+    rows = []
+    with stand.renderer(scene) as renderer:
+        plane = 0.5 + 0.5 * scene.step  # where the packed plane lies
+        for power in (None, 8, 16, 24, 32, 40, 50):
+            wrong = 0
+            for side in (1, -1) if power else (0,):
+                position = np.array([0.01, plane + side * 2.0 ** -(power or 0), 0.02])
+                camera = axis_camera(size, position)
+                wrong += _faults(renderer, camera, base)
+            where = "in" if power is None else f"2^-{power} from"
+            rows.append(row(f"pixels wrong with the camera {where} a plane of points", wrong, 0))
+    flat = base[:2000]
+    scene = scene_from_arrays(flat, rgb[:2000])
+    position = np.array([0.01, 0.5 + 0.5 * scene.step, 0.02])
+    drawn = np.isfinite(stand.depth(scene, axis_camera(size, position))).sum()
+    rows.append(row("pixels drawn of points that all lie in the camera's plane", drawn, 0))
+    return rows
+
+
+def sizes(stand: Stand, seed: int, wanted: Sequence[tuple[int, int]] = SIZES) -> list[dict]:
+    """Pictures from 4x4 up; all views are made, the depth is judged."""
+    xyz, rgb, origin = place_at(seed, 1.0, 1e3)
+    scene = scene_from_arrays(xyz, rgb)
+    rows = []
+    with stand.renderer(scene) as renderer:
+        for size in wanted:
+            camera = placed(view_inside(seed, size, 60.0), 1.0, origin)
+            made = arrays_of(renderer, camera, Settings())
+            wrong = depth_faults(made["depth"], xyz, camera, scene)
+            measured = made["mask"]
+            wrong += int((made["filled"][measured] != made["raw"][measured]).any(axis=1).sum())
+            rows.append(row(f"pixels wrong at {size[0]}x{size[1]}", wrong, 0))
+    return rows
+
+
+def rolled(stand: Stand, seed: int, size: tuple[int, int] = (96, 96)) -> list[dict]:
+    """A camera rolled by quarter turns shows the same picture turned: pixels that another point fills."""
+    xyz, rgb, origin = place_at(seed, 1.0, 1e6)
+    scene = scene_from_arrays(xyz, rgb)
+    camera = placed(view_inside(seed, size, 70.0), 1.0, origin)
+    rows = []
+    with stand.renderer(scene) as renderer:
+        upright = renderer.render(camera, Settings(), views=("raw",)).image("raw")
+        for turns, name in ((1, "rolled by 90 degrees"), (2, "upside down"), (3, "rolled by 270 degrees")):
+            pose = camera.camera_to_world.copy()
+            right, up = pose[:3, 0].copy(), pose[:3, 1].copy()
+            pose[:3, 0], pose[:3, 1] = {1: (up, -right), 2: (-right, -up), 3: (-up, right)}[turns]
+            made = renderer.render(camera.moved(pose), Settings(), views=("raw",)).image("raw")
+            moved = (np.rot90(made, turns) != upright).any(-1).mean()
+            rows.append(row(f"pixels changed, {name}", moved, 0.005))
+    return rows
+

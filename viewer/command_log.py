@@ -1,0 +1,63 @@
+"""What a command reports while it runs: Python's ``logging``, shown on standard error and, on request, kept in a file.
+
+Modules log to ``logging.getLogger(__name__)`` and configure nothing.  Levels: WARNING, a fallback that costs the person
+something (a damaged cache, a slower engine); INFO, what was chosen and why (device, rasteriser, cache); DEBUG, the rest.
+"""
+
+import logging
+import platform
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+from viewer import __version__
+from viewer.errors import InputError
+
+OURS = ("viewer", "model", "pointglass")
+"""Top-level loggers; those of libraries keep to themselves."""
+
+
+@contextmanager
+def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) -> Iterator[None]:
+    """Within the block warnings go to standard error, with ``verbose`` INFO as well, and everything goes to ``file``, appended.
+
+    arguments: of the command, for the file's first line.  Raises InputError if the file cannot be written.
+    """
+    screen = logging.StreamHandler(sys.stderr)
+    screen.setLevel(logging.INFO if verbose else logging.WARNING)
+    screen.setFormatter(_ScreenLine())
+    handlers: list[logging.Handler] = [screen]
+    if file is not None:
+        try:
+            kept = logging.FileHandler(file, encoding="utf-8", errors="backslashreplace")
+        except OSError as error:
+            raise InputError(f"{file}: cannot write this log ({error.strerror}); choose another --log-file") from None
+        kept.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s [%(threadName)s] %(message)s"))
+        handlers.append(kept)
+    before = {name: logging.getLogger(name).level for name in OURS}
+    for name in OURS:
+        logger = logging.getLogger(name)
+        logger.setLevel(logging.DEBUG if file is not None else screen.level)
+        for handler in handlers:
+            logger.addHandler(handler)
+    try:
+        logging.getLogger("pointglass").debug(
+            "pointglass %s, Python %s, %s, arguments: %s", __version__, platform.python_version(), platform.platform(),
+            " ".join(arguments))
+        yield
+    finally:
+        for name, level in before.items():
+            logger = logging.getLogger(name)
+            logger.setLevel(level)
+            for handler in handlers:
+                logger.removeHandler(handler)
+        for handler in handlers:
+            handler.close()
+
+
+class _ScreenLine(logging.Formatter):
+    """``pointglass: warning: text``, one line a record, with tracebacks left to the file."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return f"pointglass: {record.levelname.lower()}: {' '.join(record.getMessage().split())}"

@@ -1,0 +1,87 @@
+"""Compiles numba's loops ahead of the first use: ``python -m viewer.compile_kernels``, the last step of ``make``'s set-up.
+
+numba keeps compiled loops on disk, beside the modules or in its cache folder.  Each is compiled for the types it is called
+with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, renders the scan in
+every view, and opens it once more from the cache.  Without it the first scan that is opened waits for the compiler instead.
+"""
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+from time import perf_counter
+
+from viewer.errors import DeviceError
+
+
+def compile_kernels() -> str | None:
+    """Compiles every loop of the window and of ``render``.  Returns None, or why no picture could be rendered.
+
+    POINTGLASS_CACHE is replaced during the call: no grid is kept.
+    """
+    before = os.environ.get("POINTGLASS_CACHE")
+    with tempfile.TemporaryDirectory(prefix="pointglass-compile-") as folder:
+        os.environ["POINTGLASS_CACHE"] = str(Path(folder) / "cache")
+        try:
+            _open_scans(Path(folder))
+            _render_demo()
+        except DeviceError as error:
+            return str(error)
+        finally:
+            if before is None:
+                del os.environ["POINTGLASS_CACHE"]
+            else:
+                os.environ["POINTGLASS_CACHE"] = before
+    return None
+
+
+def _open_scans(folder: Path) -> None:
+    import numpy as np
+
+    from viewer.grid.open_scene import open_scene
+    from viewer.tools.demo import demo_scan
+
+    text = folder / "points.xyz"
+    rng = np.random.default_rng(0)
+    np.savetxt(text, np.c_[rng.uniform(0, 4, (5000, 3)), rng.integers(0, 256, (5000, 3))], fmt="%.4f %.4f %.4f %d %d %d")
+    open_scene(text, cache=False)
+    open_scene(demo_scan())
+
+
+def _render_demo() -> None:
+    """From the cache: every view of the first camera, then with level of detail and occlusion culling as a window has them."""
+    from viewer.grid.open_scene import open_scene
+    from viewer.paths import assets_dir
+    from viewer.render.context import create_context
+    from viewer.render.occlusion import Occlusion
+    from viewer.render.renderer import Renderer
+    from viewer.settings import VIEWS, Settings
+    from viewer.tools.camera_files import read_cameras
+    from viewer.tools.demo import demo_scan
+
+    camera = read_cameras(assets_dir() / "demo_cameras.json", size=(320, 240))[0]
+    context = create_context()
+    try:
+        renderer = Renderer(context, open_scene(demo_scan()))
+        try:
+            renderer.render(camera, Settings(), views=tuple(VIEWS))
+            history = Occlusion()
+            for _ in range(2):
+                renderer.render(camera, Settings(view="filled", lod=1.0), history=history, streaming=True)
+        finally:
+            renderer.release()
+    finally:
+        context.release()
+
+
+def main() -> int:
+    """Compiles, says how long it took and, on a machine without OpenGL, what is left to compile.  Returns 0."""
+    start = perf_counter()
+    problem = compile_kernels()
+    print(f"compiled loops are ready ({perf_counter() - start:.0f} s)"
+          + (f", but those of rendering: {problem}" if problem else ""), file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

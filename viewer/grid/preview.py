@@ -1,0 +1,134 @@
+"""A coarse scene of scan files within about a second, shown while the complete grid is being built.
+
+A sample spread over each file stands for all of it: formats that can seek give runs of points at even distances
+(``Source.sample``), of the others the points that can be read in the time are thinned.  What decides colours over whole files
+(exposure compensation, missing colour, scanner positions from the order of points) is left to the complete grid.
+Frame: file coordinates.
+"""
+
+import logging
+import os
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.errors import InputError
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+    from viewer.readers.source import Chunk, Source
+
+LEAST_POINTS = 2000
+"""Fewer points than these show nothing that could be recognised."""
+LEAST_BYTES = 8 << 20
+"""Smaller files are opened completely within the time that a preview takes."""
+RUN = 1024
+"""Points read side by side: of a scanner's file about a scan line."""
+_log = logging.getLogger(__name__)
+
+
+def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: float = 1.0, columns: str | None = None,
+                  least_bytes: int = LEAST_BYTES) -> "Scene | None":
+    """A scene in memory of about ``points`` points, read in about ``seconds``.
+
+    None where the files are smaller than ``least_bytes`` together, cannot be read (the complete load says why), or show too
+    little.  columns: of text files.
+    """
+    from viewer.grid.open_scene import as_paths, facts_of, scene_from_arrays
+    from viewer.preprocess.point_colour import height_colours
+    from viewer.readers.formats import open_sources
+
+    end = time.monotonic() + seconds
+    try:
+        files = as_paths(paths)
+        if sum(_size(file) for file in files) < least_bytes:
+            return None
+        sources = open_sources(files, columns)
+        parts = [_sampled(source, points // len(sources), end) for source in sources]
+    except (InputError, OSError) as error:
+        _log.info("no preview of %s: %s", ", ".join(map(str, paths)), error)
+        return None
+    chunks = [chunk for part in parts for chunk in part]
+    xyz = np.concatenate([np.zeros((0, 3)), *(chunk.xyz for chunk in chunks)])
+    if np.isfinite(xyz).all(axis=1).sum() < LEAST_POINTS:
+        return None
+    heights = tuple(np.nanpercentile(xyz[:, 2], [2, 98]).tolist())
+    rgb, intensity, scan, first = [], [], [], 0
+    for source, part in zip(sources, parts, strict=True):
+        largest = max((int(chunk.rgb.max()) for chunk in part if chunk.rgb is not None and len(chunk.rgb)), default=0)
+        grey = _grey_range(part)
+        for chunk in part:
+            rgb.append(_colours(chunk, largest, grey, lambda z: height_colours(z, *heights)))
+            intensity.append(np.zeros(len(chunk.xyz), np.uint16) if chunk.intensity is None else chunk.intensity)
+            scan.append(np.broadcast_to(np.minimum(np.asarray(chunk.scan) + first, 255), len(chunk.xyz)).astype(np.uint8))
+        first += len(source.scans)
+    scans = [{"name": info.name, "count": 0, "position": info.position} for source in sources for info in source.scans]
+    meta = facts_of(files, sources) | {"scans": scans, "preview": True}
+    try:
+        return scene_from_arrays(xyz, np.concatenate(rgb), intensity=np.concatenate(intensity), scan=np.concatenate(scan),
+                                 meta=meta)
+    except InputError as error:  # nothing but outlier points
+        _log.info("no preview: %s", error)
+        return None
+
+
+def _size(file: Path) -> int:
+    """Bytes of a file; of a folder's description, those of the folder's own files."""
+    if file.name in ("cloud.js", "metadata.json", "ept.json"):
+        return sum(entry.stat().st_size for entry in os.scandir(file.parent) if entry.is_file()) + LEAST_BYTES
+    return file.stat().st_size
+
+
+def _sampled(source: "Source", points: int, end: float) -> "list[Chunk]":
+    """About ``points`` points spread over a source, read before ``end`` (time.monotonic)."""
+    found = source.sample(points, RUN)
+    if found is None:
+        return _thinned(source, points, end)
+    return list(_until(found, end))
+
+
+def _until(chunks: "Iterator[Chunk]", end: float) -> "Iterator[Chunk]":
+    for chunk in chunks:
+        yield chunk
+        if time.monotonic() > end:
+            return
+
+
+def _thinned(source: "Source", points: int, end: float) -> "list[Chunk]":
+    """The points that can be read in the time, thinned so that later chunks count as much as the first."""
+    chunks: list[Chunk] = []
+    for chunk in _until(source.chunks(), end):
+        chunks.append(chunk)
+    total = sum(len(chunk.xyz) for chunk in chunks)
+    step = max(1, total // max(points, 1))
+    return [_every(chunk, step) for chunk in chunks]
+
+
+def _every(chunk: "Chunk", step: int) -> "Chunk":
+    from dataclasses import replace
+
+    def thin(values):
+        return values[::step] if isinstance(values, np.ndarray) else values
+
+    return replace(chunk, xyz=chunk.xyz[::step], rgb=thin(chunk.rgb), intensity=thin(chunk.intensity), scan=thin(chunk.scan),
+                   station=thin(chunk.station), classification=thin(chunk.classification))
+
+
+def _grey_range(chunks: "Sequence[Chunk]") -> tuple[float, float]:
+    """1st and 99th percentile of the intensities."""
+    values = [chunk.intensity for chunk in chunks if chunk.intensity is not None and len(chunk.intensity)]
+    low, high = np.percentile(np.concatenate(values), [1, 99]) if values else (0.0, 0.0)
+    return float(low), float(high)
+
+
+def _colours(chunk: "Chunk", largest: int, grey: tuple[float, float], by_height) -> np.ndarray:
+    """(n, 3) uint8.  largest: colour value of the whole sample; grey: range of intensity, equal where there is none."""
+    if chunk.rgb is not None and largest > 0:
+        return (chunk.rgb >> 8 if largest > 255 else chunk.rgb).astype(np.uint8)
+    if chunk.intensity is not None and grey[1] > grey[0]:
+        level = np.clip((chunk.intensity - grey[0]) / (grey[1] - grey[0]) * 255 + 0.5, 0, 255).astype(np.uint8)
+        return np.repeat(level[:, None], 3, axis=1)
+    return by_height(chunk.xyz[:, 2])

@@ -1,0 +1,64 @@
+"""``pointglass export``: measured points only; never a filled pixel or a colour that the network made."""
+
+import argparse
+import shutil
+from pathlib import Path
+
+from model.common.atomic_write import passes_through, write_whole
+from viewer.errors import InputError
+from viewer.text import bytes_text, counted
+from viewer.tools.exporting.point_writers import WRITERS, bytes_needed, writer_for
+from viewer.tools.exporting.selection import Selection, clips_of
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options besides scans and exposures."""
+    parser.add_argument("--out", type=Path, required=True, metavar="F",
+                        help=f"the file to write; its ending decides the format: {', '.join(WRITERS)}")
+    parser.add_argument("--clip", action="append", default=[], metavar="BOX",
+                        help="keep only points inside xmin,ymin,zmin,xmax,ymax,zmax (file coordinates); several boxes add up")
+
+
+def export(selection: Selection, out: Path) -> int:
+    """Writes the points of a selection; returns how many.  Raises InputError; then nothing is left behind."""
+    writer = writer_for(out)
+    if out.is_dir() or passes_through(out):
+        raise InputError(f"--out {out}: is not a file that can be replaced; choose another name")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: its folder does not exist; make {out.parent} first")
+    sources = {Path(source).resolve() for source in selection.scene.meta.get("sources") or []}
+    if out.resolve() in sources:
+        raise InputError(f"--out {out}: is the scan itself; choose another name")
+    counts = selection.count()
+    total = int(counts.sum())
+    free, needed = shutil.disk_usage(out.parent).free, bytes_needed(out, total)
+    if free < needed:
+        raise InputError(f"--out {out}: needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}; make room")
+    try:
+        write_whole(out, lambda beside: _with_ending(beside, out, lambda path: writer(path, selection, counts)))
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
+    return total
+
+
+def _with_ending(beside: Path, out: Path, write) -> None:
+    """Writes under a name with the ending of ``out``: libraries decide the compression by it."""
+    named = beside.with_name(beside.name + out.suffix)
+    try:
+        write(named)
+        named.replace(beside)
+    finally:
+        named.unlink(missing_ok=True)
+
+
+def run(options: argparse.Namespace) -> int:
+    """The command.  Returns the exit code."""
+    writer_for(options.out)
+    clips = clips_of(options.clip)
+
+    from viewer.grid.open_scene import open_scene
+
+    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
+    count = export(Selection(scene, clips), options.out)
+    print(f"{counted(count, 'point')} in {options.out}")
+    return 0

@@ -1,0 +1,109 @@
+"""The points of a grid in blocks, clipped, as numbers a file holds.  Memory: one block, whatever the scan's size.
+
+Frame: file coordinates, file units.  A point lies within half a grid step of where it was measured (``Scene.step``: the cell's
+side over 65,536, micrometres to fractions of a millimetre for a building).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.progress import progress
+from viewer.tools.clip import Clip, box_around, contains, may_contain
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+
+BLOCK = 1 << 20
+"""Points read at a time: 28 MiB of float64 coordinates and attributes."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """xyz (n, 3) float64; rgb (n, 3) uint8, as shown; intensity (n,) uint16; station (n,) uint8, the number of the scan."""
+
+    xyz: np.ndarray
+    rgb: np.ndarray
+    intensity: np.ndarray
+    station: np.ndarray
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The points of a scene that the clips leave."""
+
+    scene: "Scene"
+    clips: tuple[Clip, ...] = ()
+
+    def blocks(self, label: str) -> Iterator[Block]:
+        """Every point once, in the order of the grid (coarse layers first), with a progress bar."""
+        from viewer.grid.scene import unpack
+
+        scene = self.scene
+        for start, stop in self._runs(label):
+            xyz, rgb, intensity, station = unpack(scene, slice(start, stop))
+            if self.clips:
+                kept = contains(self.clips, xyz)
+                xyz, rgb, intensity, station = xyz[kept], rgb[kept], intensity[kept], station[kept]
+            if len(xyz):
+                yield Block(xyz, rgb, intensity, station)
+
+    def _runs(self, label: str) -> Iterator[tuple[int, int]]:
+        scene = self.scene
+        possible = self._possible_cells()
+        with progress(scene.count, label, "point") as meter:
+            for start in range(0, scene.count, BLOCK):
+                stop = min(start + BLOCK, scene.count)
+                if possible is None or possible[self._cells_of(start, stop)].any():
+                    yield start, stop
+                meter.update(stop - start)
+
+    def _possible_cells(self) -> np.ndarray | None:
+        """(C,) bool: cells that may hold a point left by the clips; None without clips."""
+        if not self.clips:
+            return None
+        half = self.scene.cell_size / 2
+        return may_contain(self.clips, self.scene.cell_min + half, half)
+
+    def _cells_of(self, start: int, stop: int) -> np.ndarray:
+        """The cells that a run of points touches, some of them more than once."""
+        offsets = self.scene.offsets
+        first = np.searchsorted(offsets, start, side="right") - 1
+        last = np.searchsorted(offsets, stop, side="left")
+        return np.arange(first, last) % len(self.scene.cell_coords)
+
+    def count(self) -> np.ndarray:
+        """(256,) int64: how many points are left of each scan number.  Raises InputError where none is."""
+        found = np.zeros(256, np.int64)
+        for block in self.blocks("counting"):
+            found += np.bincount(block.station, minlength=256)
+        if not found.any():
+            low, high = self.scene.bounds
+            raise InputError("the clips leave no point; the scan lies between "
+                             f"{_triple(low)} and {_triple(high)} (file coordinates)")
+        return found
+
+
+def parse_box(text: str) -> Clip:
+    """``xmin,ymin,zmin,xmax,ymax,zmax`` in file coordinates -> the box.  Raises InputError."""
+    try:
+        values = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        values = np.empty(0)
+    if values.shape != (6,) or not np.isfinite(values).all():
+        raise InputError(f"--clip {text!r}: expected xmin,ymin,zmin,xmax,ymax,zmax in file coordinates")
+    if not (values[3:] > values[:3]).all():
+        raise InputError(f"--clip {text!r}: each maximum must be greater than its minimum")
+    return box_around(values[:3], values[3:], "--clip")
+
+
+def clips_of(texts: Sequence[str]) -> tuple[Clip, ...]:
+    """The boxes of ``--clip`` options; a point inside any of them is left."""
+    return tuple(parse_box(text) for text in texts)
+
+
+def _triple(values: np.ndarray) -> str:
+    return ",".join(f"{value:.3f}" for value in values)

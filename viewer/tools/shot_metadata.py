@@ -1,0 +1,147 @@
+"""How a picture was made, written into its PNG: camera, settings, weights, scans and version, enough to draw it again.
+
+A PNG text chunk named ``pointglass`` holds one JSON object.  The same picture has the same metadata, so that
+``render --like SHOT.png`` writes the same bytes.  A camera is also one line of text, to be copied and pasted.
+"""
+
+import json
+from dataclasses import asdict, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from viewer import __version__
+from viewer.camera import Camera
+from viewer.errors import InputError
+from viewer.settings import BACKGROUNDS, Settings
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+
+KEY = "pointglass"
+"""Keyword of the PNG's text chunk."""
+EXPOSURES = ("matched", "as-scanned")
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture's description.
+
+    background: a key of viewer.settings.BACKGROUNDS.  exposures: of EXPOSURES.  scans: names of the scan files; points: of the
+    scene.  weights: first digits of the weights file's SHA-256, "" where no network ran.  version: of pointglass.
+    """
+
+    camera: Camera
+    settings: Settings
+    background: str
+    exposures: str
+    scans: tuple[str, ...]
+    points: int
+    weights: str = ""
+    version: str = __version__
+
+    def text(self) -> str:
+        """The JSON that the PNG keeps."""
+        return json.dumps({
+            "version": self.version, "scans": list(self.scans), "points": self.points, "exposures": self.exposures,
+            "background": self.background, "weights": self.weights, "settings": asdict(self.settings),
+            "camera": camera_fields(self.camera),
+        })
+
+
+def describe_shot(scene: "Scene", camera: Camera, settings: Settings, *, background: str, exposures: str = "matched") -> Shot:
+    """The description of a picture of ``scene``."""
+    scans = tuple(Path(source).name for source in scene.meta.get("sources") or [])
+    weights = _weights_digest(settings) if settings.view == "neural" else ""
+    return Shot(camera, settings, background, exposures, scans, scene.count, weights)
+
+
+def _weights_digest(settings: Settings) -> str:
+    from model.weights import weights_dir, weights_name
+
+    shipped = f"{weights_name(settings.quality, filtered=settings.filter != 'off')}.safetensors"
+    path = Path(settings.weights) if settings.weights else weights_dir() / shipped
+    return _digest(path, path.stat().st_mtime_ns)
+
+
+@cache
+def _digest(path: Path, _changed: int) -> str:
+    """Of megabytes, hence once a file.  _changed: its time of change."""
+    from model.weights import digest
+
+    return digest(path)
+
+
+def camera_fields(camera: Camera) -> dict:
+    """A camera as JSON: numbers that come back to the bit."""
+    return {
+        "name": camera.name, "width": camera.width, "height": camera.height, "fx": camera.fx, "fy": camera.fy, "cx": camera.cx,
+        "cy": camera.cy, "camera_to_world": camera.camera_to_world.tolist(),
+    }
+
+
+def camera_line(camera: Camera) -> str:
+    """One line of text that :func:`parse_camera_line` turns into the same camera."""
+    return json.dumps({"pointglass camera": camera_fields(camera)}, separators=(",", ":"))
+
+
+def parse_camera_line(text: str) -> Camera:
+    """The camera of a line that :func:`camera_line` made.  Raises InputError."""
+    try:
+        found = json.loads(text)["pointglass camera"]
+    except (ValueError, TypeError, KeyError, RecursionError):
+        raise InputError("this text is no camera; copy one from pointglass first") from None
+    return _camera(found, "the copied camera")
+
+
+def read_shot(path: Path) -> Shot:
+    """The description inside a PNG.  Raises InputError where there is none, or it is damaged."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            text = getattr(image, "text", {}).get(KEY)
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"{path}: is no readable PNG ({error})") from None
+    if text is None:
+        raise InputError(f"{path}: does not say how it was made; give a PNG that pointglass saved, or --cameras")
+    try:
+        found = json.loads(text)
+        settings = {key: value for key, value in found["settings"].items() if key in {field.name for field in fields(Settings)}}
+        shot = Shot(_camera(found["camera"], str(path)), Settings(**settings), found["background"], found["exposures"],
+                    tuple(map(str, found["scans"])), int(found["points"]), str(found["weights"]), str(found["version"]))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise InputError(f"{path}: its description is damaged; give --cameras instead") from None
+    if shot.background not in BACKGROUNDS or shot.exposures not in EXPOSURES:
+        raise InputError(f"{path}: its background {shot.background!r} or exposures {shot.exposures!r} are unknown; it was made "
+                         f"by pointglass {shot.version}, this is {__version__}")
+    return shot
+
+
+def differences(then: Shot, now: Shot) -> list[str]:
+    """Why a picture drawn again may differ from the first one, in words; empty where nothing speaks for it."""
+    found = []
+    if then.points != now.points:
+        found.append(f"the scan has {now.points:,} points, and had {then.points:,}")
+    if then.scans != now.scans:
+        found.append(f"it was made from {', '.join(then.scans) or 'arrays'}")
+    if then.weights != now.weights:
+        found.append(f"the network's weights are {now.weights or 'not used'}, and were {then.weights or 'not used'}")
+    if then.version != now.version:
+        found.append(f"it was made by pointglass {then.version}, this is {now.version}")
+    return found
+
+
+def _camera(found: dict, where: str) -> Camera:
+    try:
+        lens = [found[key] for key in ("width", "height", "fx", "fy", "cx", "cy")]
+        if any(isinstance(value, bool) or not isinstance(value, (int, float)) for value in lens):
+            raise TypeError
+        width, height, fx, fy, cx, cy = lens
+        return Camera(width, height, fx, fy, cx, cy, np.array(found["camera_to_world"], np.float64), str(found["name"]))
+    except (TypeError, KeyError, ValueError):
+        raise InputError(f"{where}: its camera is damaged") from None
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
