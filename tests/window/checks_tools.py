@@ -132,10 +132,12 @@ def check_the_look_colours_points_and_tones_pictures(d: Driver) -> None:
     d.rest()
 
 
-def check_stations_and_colours_have_panels(d: Driver) -> None:
+def check_every_tool_draws_its_panel(d: Driver) -> None:
     for key in ("C", "P", "B", "T", "I", "M"):
         d.key(key)
         d.rest()
         d.canvas()
-    d.key("M")
+    d.app.toolbox.select("scene", d.app.tools)
+    d.canvas()
+    d.key("ESCAPE")
     assert d.app.toolbox.active is d.app.toolbox.fly

@@ -1,4 +1,4 @@
-"""The compiled loop that shows a photograph in a camera's view; see viewer.tools.photographs."""
+"""The compiled loop that shows a photograph in a camera's view; see viewer.tools.photo_in_view."""
 
 import numpy as np
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from viewer.readers.e57_photographs import StationPhoto
-from viewer.tools.photographs import agreement, blended, filled_depth, resampled, strength
+from viewer.tools.photo_in_view import agreement, blended, filled_depth, resampled, strength
 
 if TYPE_CHECKING:
     import moderngl

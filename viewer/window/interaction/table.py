@@ -8,11 +8,12 @@ from viewer.window.interaction.colours import AttributeLegend, Colours
 from viewer.window.interaction.fly import Fly
 from viewer.window.interaction.inspect_point import InspectPoint, UnderPointer
 from viewer.window.interaction.measure import Measure, Measurements
+from viewer.window.interaction.scene_settings import SceneSettings
 from viewer.window.interaction.stations import Stations
 from viewer.window.interaction.tool import Overlay, Tool, Toolbox
 from viewer.window.interaction.what_is_real import WhatIsReal
 
-TOOLS: tuple[type[Tool], ...] = (Fly, InspectPoint, Measure, ClipTool, Colours, Stations, WhatIsReal)
+TOOLS: tuple[type[Tool], ...] = (Fly, InspectPoint, Measure, ClipTool, Colours, Stations, WhatIsReal, SceneSettings)
 OVERLAYS: tuple[type[Overlay], ...] = (UnderPointer, ClipOutlines, Measurements, AttributeLegend)
 
 

@@ -8,7 +8,7 @@ from test_e57_images import AWAY, Picture, encoded, hit, paint, room_points, wri
 from viewer.camera import from_fov, look_at
 from viewer.errors import InputError
 from viewer.readers.e57_photographs import KINDS, read_station_photos
-from viewer.tools.photographs import agreement, blended, filled_depth, resampled, strength
+from viewer.tools.photo_in_view import agreement, blended, filled_depth, resampled, strength
 
 SIZE = (250, 125)
 """Below 256, so that a channel can say which column or row a pixel is."""
