@@ -142,9 +142,9 @@ class Points:
     @property
     def intensity(self) -> npt.NDArray[np.uint16]:
         """(n,) uint16, 0 where the file holds none."""
-        from viewer.grid.scene import packed
+        from viewer.grid.scene import intensities, packed
 
-        return (packed(self._scene, self._index)[:, 1] >> 16).astype(np.uint16)
+        return intensities(self._scene, packed(self._scene, self._index))
 
     @property
     def station(self) -> npt.NDArray[np.uint8]:

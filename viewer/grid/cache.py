@@ -27,13 +27,14 @@ from viewer.grid.scratch_folder import move, reserve, scratch
 from viewer.grid_folder import MAGIC, is_grid
 from viewer.grid_folder import META as _META
 from viewer.paths import cache_dir
+from viewer.preprocess.point_attributes import layout_from
 from viewer.progress import progress
 from viewer.readers.formats import KNOWN
 
 VERSION = 4
-# How colours are made; how points are ordered and their spacing is measured; how noise is estimated: a grid in the cache
-# made otherwise is made anew, a folder of convert stays as it is.
-COLOURS, ORDER, NOISE = 3, 5, 1
+# Versions of how colours are decided, points ordered and their spacing measured, noise estimated, attributes packed.  They are
+# part of the cache key: a change rebuilds cached grids.  Folders made by convert stay as they are.
+COLOURS, ORDER, NOISE, ATTRIBUTES = 3, 5, 1, 1
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4")}
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
@@ -54,7 +55,8 @@ class CacheError(InputError):
 def folder_of(files: list[Path], match: bool = True, columns: str | None = None) -> Path:
     """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures.
     columns: of text files."""
-    key = json.dumps([VERSION, COLOURS, ORDER, NOISE, _identity(files), match, *([columns] if columns else [])]).encode()
+    versions = [VERSION, COLOURS, ORDER, NOISE, ATTRIBUTES]
+    key = json.dumps([*versions, _identity(files), match, *([columns] if columns else [])]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 
@@ -128,6 +130,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
         raise ValueError("its numbers are not usable")
     if not isinstance(head["meta"], dict):
         raise ValueError("meta.json does not say what it was made from")
+    layout_from(head["meta"])  # raises where it makes no sense
     size, spacing = float(head["cell_size"]), float(head["spacing"])
     return Scene(
         points, cells, offsets, origin, size, layers, count, spacing, bounds, head["meta"],

@@ -6,6 +6,7 @@ from model.common.scanner_positions import told_apart
 from viewer.grid.cache import CacheError
 from viewer.grid.open_scene import open_scene
 from viewer.grid.scene import Scene
+from viewer.preprocess.point_attributes import described
 from viewer.text import counted
 
 
@@ -41,6 +42,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "exposures": meta.get("exposures"),
         "passes": meta.get("passes"),
         "noise": _noise_facts(scene),
+        "attributes": meta.get("attributes", {}),
         "scans": meta.get("scans", []),
         "dropped": meta.get("dropped", {}),
         "warnings": meta.get("warnings", []),
@@ -76,6 +78,7 @@ def format_text(info: dict) -> str:
         ("colour", (info["colour"] or {}).get("note", "-")),
     ]
     rows.append(("noise", _noise(info["noise"])))
+    rows += described({"attributes": info["attributes"]})
     if exposures := info.get("exposures"):
         rows.append(("exposure", _exposures(exposures)))
     if (passes := info.get("passes")) and passes["applied"]:

@@ -142,11 +142,11 @@ def add_rows(counts, order, number, sums):
 
 
 @compiled(nogil=True)
-def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words, marks):
+def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words, marks):
     """Packs a slice of points and names each one's bucket, layer * cells + cell.
 
-    rgb: (n, 3) uint8.  intensity: (n,) uint16.  scan: (n,) uint8.  base: of
-    the cells.  dense: (X, Y, Z) int32 cell numbers, or empty, then ``table`` has them.  Others as in count_points.
+    rgb: (n, 3) uint8.  attributes: (n,) uint16 (viewer.preprocess.point_attributes).  scan: (n,) uint8.  base: of the
+    cells.  dense: (X, Y, Z) int32 cell numbers, or empty, then ``table`` has them.  Others as in count_points.
     marks: (C,) int64, one bit set for each sixteenth of a cell that holds a point (viewer.grid.cell_boxes).
     Writes buckets (n,) int32 and words (n, 3) uint32: points of one half of the buckets from the front in their order, those of
     the other from the back in reverse, so that two threads can place them.
@@ -197,7 +197,7 @@ def pack_points(xyz, rgb, intensity, scan, first, inverse, base, reach, dense, t
             back -= behind
             buckets[place] = bucket
             words[place, 0] = qx | qy << np.uint32(16)
-            words[place, 1] = qz | np.uint32(intensity[i]) << np.uint32(16)
+            words[place, 1] = qz | np.uint32(attributes[i]) << np.uint32(16)
             colour = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
             words[place, 2] = colour | np.uint32(scan[i]) << np.uint32(24)
     return front, n - 1 - back

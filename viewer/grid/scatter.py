@@ -17,6 +17,7 @@ from viewer.grid.cell_layout import Layout
 from viewer.grid.count_points import Survey, numbered_chunks
 from viewer.grid.histogram import dense_table_of, table_of
 from viewer.grid.noise_sample import NoiseSample
+from viewer.preprocess.point_attributes import AttributeLayout
 from viewer.preprocess.point_colour import Colours
 from viewer.readers.source import Chunk, Source
 
@@ -25,10 +26,11 @@ BLOCK = 1 << 18
 
 
 def scatter(sources: list[Source], colours: Colours | None, survey: Survey, layout: Layout, points: np.ndarray, pool: Executor,
-            processors: int, sample: NoiseSample | None = None) -> np.ndarray:
+            processors: int, attributes: AttributeLayout, sample: NoiseSample | None = None) -> np.ndarray:
     """Reads the sources again and fills ``points`` (N, 3) uint32 as in Scene.  Returns the cells' boxes, (C, 6) uint8.
 
     colours: as in build_grid, having decided.  processors: pieces of a block that are packed side by side.
+    attributes: how class and intensity are packed.
     sample: is given all points anew, for their noise.
     Raises InputError where a file is no longer what the survey saw.
     """
@@ -39,14 +41,14 @@ def scatter(sources: list[Source], colours: Colours | None, survey: Survey, layo
     for number, chunk in numbered_chunks(sources, "building the grid"):
         xyz = np.ascontiguousarray(chunk.xyz, np.float64)
         rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
+        bits = np.ascontiguousarray(attributes.pack(chunk.classification, chunk.intensity, len(xyz)), np.uint16)
         begun.setdefault(number, first)
         scan = _scan_numbers(sources, number, chunk, first - begun[number])
         if sample is not None:
             sample.add(number, chunk, xyz, rgb, scan, first)
         for start in range(0, len(xyz), BLOCK):
             rows = slice(start, start + BLOCK)
-            intensity = None if chunk.intensity is None else chunk.intensity[rows]
-            blocks.add(xyz[rows], rgb[rows], intensity, scan[rows], first + start)
+            blocks.add(xyz[rows], rgb[rows], bits[rows], scan[rows], first + start)
         first += len(xyz)
     runs, boxes = blocks.finish()
     if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
@@ -67,19 +69,18 @@ class _Blocks:
         # Two blocks are on their way at a time: nothing that packing writes may be the other's.
         self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 3), np.uint32), np.zeros((processors, len(cells)), np.int64))
                       for _ in range(2)]
-        self._no_intensity = np.zeros(BLOCK, np.uint16)
         self._packing: tuple[list[Future], list[int], np.ndarray, np.ndarray] | None = None
         self._placing: list[Future] = []
 
-    def add(self, xyz: np.ndarray, rgb: np.ndarray, intensity: np.ndarray | None, scan: np.ndarray, first: int) -> None:
-        """Has a block packed, at most BLOCK points, and the one before it placed.  first: running number of its first point."""
+    def add(self, xyz: np.ndarray, rgb: np.ndarray, bits: np.ndarray, scan: np.ndarray, first: int) -> None:
+        """Has a block packed, at most BLOCK points, and the one before it placed.  bits: (n,) uint16 attributes.
+        first: running number of its first point."""
         self._wait()  # for the block that was packed into the same room
-        intensity = self._no_intensity if intensity is None else intensity
         edges = [len(xyz) * i // self._parts for i in range(self._parts + 1)]
         self._room.reverse()
         buckets, words, marks = self._room[0]
         jobs = [
-            self._pool.submit(kernels.pack_points, xyz[a:b], rgb[a:b], intensity[a:b], scan[a:b], first + a, *self._grid,
+            self._pool.submit(kernels.pack_points, xyz[a:b], rgb[a:b], bits[a:b], scan[a:b], first + a, *self._grid,
                               buckets[a:b], words[a:b], marked)
             for marked, (a, b) in zip(marks, itertools.pairwise(edges), strict=True)
         ]

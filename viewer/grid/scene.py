@@ -3,8 +3,9 @@
 Frame: file coordinates (float64) are ``origin + cell_coords * cell_size`` for a cell's lower corner, plus 16-bit
 fractions of the cell for a point.  The cell size is a power of two, so every one of these products is exact.
 
-Packed point, 12 bytes: word 0 = qx | qy << 16;  word 1 = qz | intensity << 16;
+Packed point, 12 bytes: word 0 = qx | qy << 16;  word 1 = qz | attributes << 16;
 word 2 = r | g << 8 | b << 16 | scan << 24.
+attributes, 16 bits: intensity, or class << 8 | quantised intensity (viewer.preprocess.point_attributes).
 A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most half a step from where it was measured.
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from model.common.scanner_positions import places_of
 from model.noise import NoiseModel
+from viewer.preprocess.point_attributes import AttributeLayout, layout_from
 
 STEPS = 65536
 """Positions a coordinate can take inside a cell."""
@@ -37,7 +39,7 @@ class Scene:
     layers: L.  count: N.
     spacing: file units, 1/sqrt(points per surface area), the median over the scan.
     bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
-    meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, dropped, warnings.
+    meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, attributes, dropped, warnings.
     checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
     parts: how many parts the points of each layer and cell lie in (viewer.grid.density_layers), so that the first few are
     spread as
@@ -84,6 +86,11 @@ class Scene:
         return np.where(away.any(axis=1)[:, None], np.nan, places)
 
     @property
+    def attributes(self) -> AttributeLayout:
+        """Which attributes the points have besides colour and station, and how their bits are read."""
+        return layout_from(self.meta)
+
+    @property
     def unlit(self) -> bool:
         """Whether black points have no colour (see viewer.preprocess.point_colour)."""
         return bool((self.meta.get("colour") or {}).get("uncoloured"))
@@ -108,10 +115,32 @@ class Scene:
 def unpack(scene: Scene, index=slice(None)) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Points as numbers.  ``index``: anything that indexes a one-dimensional array of N points.
 
-    Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8.
+    Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8; other
+    attributes: ``attributes_of``.
     """
     words = packed(scene, index)
-    return positions(scene, words, index), colours(words), (words[:, 1] >> 16).astype(np.uint16), scan_numbers(words)
+    return positions(scene, words, index), colours(words), intensities(scene, words), scan_numbers(words)
+
+
+@dataclass(frozen=True, eq=False)
+class PointAttributes:
+    """station: (n,) uint8, index into ``meta["scans"]``, 255 for all later ones.  classification: (n,) uint8 codes, as in ASPRS
+    LAS, or None where the scan has none.  intensity: (n,) uint16 in the file's values, at most half a
+    ``Scene.attributes.step`` off, or None where the scan has none."""
+
+    station: np.ndarray
+    classification: np.ndarray | None
+    intensity: np.ndarray | None
+
+
+def attributes_of(scene: Scene, index: Any = slice(None)) -> PointAttributes:
+    """The attributes of the points that ``index`` names, as for ``unpack``."""
+    words, layout = packed(scene, index), scene.attributes
+    return PointAttributes(
+        scan_numbers(words),
+        layout.class_of(words[:, 1] >> 16) if layout.has_classes else None,
+        intensities(scene, words) if layout.low is not None else None,
+    )
 
 
 def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:
@@ -135,6 +164,11 @@ def positions(scene: Scene, words: np.ndarray, index: Any = slice(None)) -> np.n
 def colours(words: np.ndarray) -> np.ndarray:
     """(n, 3) uint8 sRGB of packed points."""
     return np.stack([words[:, 2] >> shift & 0xFF for shift in (0, 8, 16)], axis=1).astype(np.uint8)
+
+
+def intensities(scene: Scene, words: np.ndarray) -> np.ndarray:
+    """(n,) uint16 intensities of packed points, in the file's values; 0 where the scan has none."""
+    return scene.attributes.intensity_of(words[:, 1] >> 16)
 
 
 def scan_numbers(words: np.ndarray) -> np.ndarray:

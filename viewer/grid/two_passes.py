@@ -22,6 +22,7 @@ from viewer.grid.projected_coverage import cover_of_faces
 from viewer.grid.scatter import scatter
 from viewer.grid.scene import STEPS, Scene
 from viewer.grid.spacing import measure_spacing
+from viewer.preprocess.point_attributes import AttributeCounts
 from viewer.preprocess.point_colour import Colours
 from viewer.preprocess.scanner_positions import Standpoints
 from viewer.readers.source import Source
@@ -66,7 +67,8 @@ def build_grid(
     clock = _Clock({} if stages is None else stages)
     with ThreadPoolExecutor(processors(), "grid") as pool:
         stands, apart = Standpoints(sources), Apart(sources)
-        watchers = () if colours is None else (colours, stands)
+        counts = AttributeCounts()
+        watchers = (counts,) if colours is None else (counts, colours, stands)
         survey = survey_points(sources, (*watchers, apart) if len(sources) > 1 else watchers)
         _check_any(sources, survey)
         if colours is not None:
@@ -75,6 +77,8 @@ def build_grid(
             meta |= colours.matched
             meta["warnings"] += said
         meta["warnings"] += apart.said()
+        attributes = counts.layout()
+        meta["attributes"] = attributes.to_meta()
         clock.lap("count")
         points = allocate(survey.count)
         layout, steps = choose_layout(survey), 0.0
@@ -82,7 +86,8 @@ def build_grid(
         sample = NoiseSample(sources, survey)
         for attempt in range(_ATTEMPTS):
             clock.lap("cells")
-            boxes = scatter(sources, colours, survey, layout, points, pool, processors(), sample if attempt == 0 else None)
+            boxes = scatter(sources, colours, survey, layout, points, pool, processors(), attributes,
+                            sample if attempt == 0 else None)
             clock.lap("place")
             steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
             clock.lap("spacing")
@@ -103,7 +108,7 @@ def build_grid(
             layout = choose_layout(survey, size)
         if coarsest and coarsest[1] is not layout and coinciding > _PARTED * coarsest[3]:
             survey, layout, steps, _ = coarsest  # the same points over and over: no cells part them
-            boxes = scatter(sources, colours, survey, layout, points, pool, processors())
+            boxes = scatter(sources, colours, survey, layout, points, pool, processors(), attributes)
             clock.lap("place")
         known = {"faces": cover_of_faces(points, layout.offsets, layout.layers, pool), "boxes": boxes}
         clock.lap("faces")

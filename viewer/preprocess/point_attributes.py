@@ -1,0 +1,138 @@
+"""Classification and intensity of points: collected in pass 1, packed beside the position in pass 2.
+
+A packed point has 16 bits for both (viewer.grid.scene).  A scan without classification keeps its intensities as they are.
+In a scan with classification the upper 8 bits hold the class and the lower 8 bits the intensity, quantised linearly between the
+lowest and the highest value of the whole scan; up to 256 different consecutive values this is exact.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from viewer.readers.source import Chunk
+from viewer.text import counted
+
+CODES = 256
+"""Classes that 8 bits tell apart, as in LAS 1.4."""
+_QUANTISED_BITS, _EXACT_BITS = 8, 16
+
+
+@dataclass(frozen=True)
+class AttributeLayout:
+    """What the 16 attribute bits of a packed point hold.
+
+    classes: points by class code, in ascending order of the code, those left out of the grid as invalid included; empty where
+        the scan has no classification.
+    low, high: range of the intensities over the whole scan, in the file's values; None where the scan has none.
+    """
+
+    classes: dict[int, int]
+    low: int | None = None
+    high: int | None = None
+
+    @property
+    def has_classes(self) -> bool:
+        """Whether class and intensity share the 16 bits."""
+        return len(self.classes) > 0
+
+    @property
+    def step(self) -> float:
+        """Difference in the file's intensity values between two neighbouring stored values; 1 where storage is exact."""
+        if not self.has_classes or self.low is None or self.high is None:
+            return 1.0
+        return max((self.high - self.low) / (CODES - 1), 1.0)
+
+    def pack(self, classification: np.ndarray | None, intensity: np.ndarray | None, count: int) -> np.ndarray:
+        """(count,) uint16 attribute bits.  classification: (count,) uint8 or None, taken as class 0 ("never classified").
+        intensity: (count,) uint16 or None, stored as the lowest value of the scan."""
+        if not self.has_classes:
+            return np.zeros(count, np.uint16) if intensity is None else intensity
+        bits = np.zeros(count, np.uint16)
+        if intensity is not None and self.low is not None:
+            bits = np.rint((intensity.astype(np.float32) - self.low) * np.float32(1 / self.step))
+            bits = np.clip(bits, 0, CODES - 1).astype(np.uint16)
+        return bits if classification is None else bits | classification.astype(np.uint16) << 8
+
+    def class_of(self, bits: np.ndarray) -> np.ndarray:
+        """(n,) uint8 class codes of attribute bits (n,); 0 where the scan has no classification."""
+        return (bits >> 8).astype(np.uint8) if self.has_classes else np.zeros(len(bits), np.uint8)
+
+    def intensity_of(self, bits: np.ndarray) -> np.ndarray:
+        """(n,) uint16 intensities in the file's values, at most half a ``step`` off; 0 where the scan has none."""
+        if not self.has_classes:
+            return bits.astype(np.uint16)
+        return np.rint((bits & 0xFF) * self.step + (self.low or 0)).astype(np.uint16)
+
+    def to_meta(self) -> dict:
+        """The layout as JSON: {"class": {code: points}, "intensity": {"low", "high", "bits"}}, each only where it exists."""
+        found: dict = {}
+        if self.has_classes:
+            found["class"] = {str(code): count for code, count in self.classes.items()}
+        if self.low is not None:
+            bits = _QUANTISED_BITS if self.has_classes else _EXACT_BITS
+            found["intensity"] = {"low": self.low, "high": self.high, "bits": bits}
+        return found
+
+
+def layout_from(meta: dict) -> AttributeLayout:
+    """The layout that ``Scene.meta`` describes; without a description (grids of earlier versions): exact intensities only.
+
+    Raises ValueError where the description makes no sense.
+    """
+    found = meta.get("attributes", {})
+    if not (isinstance(found, dict) and all(isinstance(entry, dict) for entry in found.values())):
+        raise ValueError("its attributes are not described")
+    classes = {int(code): int(count) for code, count in found.get("class", {}).items()}
+    low, high = (found["intensity"][end] for end in ("low", "high")) if "intensity" in found else (None, None)
+    if not all(0 <= code < CODES and count >= 0 for code, count in classes.items()):
+        raise ValueError("its classes are not codes from 0 to 255")
+    if low is not None and not 0 <= low <= high <= 65535:
+        raise ValueError("its range of intensity is not within 0 to 65535")
+    return AttributeLayout(classes, low, high)
+
+
+class AttributeCounts:
+    """Pass 1: counts classes and finds the range of intensity of every chunk (``add``); ``layout`` is the result."""
+
+    def __init__(self) -> None:
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins pass 1 anew."""
+        self._classes, self._missing = np.zeros(CODES, np.int64), 0
+        self._low, self._high = 65536, -1
+
+    def add(self, source: int, first: int, chunk: Chunk) -> None:
+        """Counts a chunk's points.  Points of chunks without classification count as class 0."""
+        if len(chunk.xyz) == 0:
+            return
+        if chunk.classification is None:
+            self._missing += len(chunk.xyz)
+        else:
+            self._classes += np.bincount(chunk.classification, minlength=CODES)
+        if chunk.intensity is not None:
+            self._low = min(self._low, int(chunk.intensity.min()))
+            self._high = max(self._high, int(chunk.intensity.max()))
+
+    def layout(self) -> AttributeLayout:
+        """What the scan has.
+
+        A scan whose classes are all 0 or all 1 (LAS: never classified, unclassified) has no classification, one whose
+        intensities are all 0 has no intensity.
+        """
+        counts = self._classes.copy()
+        classified = counts[2:].any() or (counts[0] and counts[1])
+        counts[0] += self._missing
+        classes = {int(code): int(counts[code]) for code in np.flatnonzero(counts)} if classified else {}
+        return AttributeLayout(classes, self._low, self._high) if self._high > 0 else AttributeLayout(classes)
+
+
+def described(meta: dict) -> list[tuple[str, str]]:
+    """Rows (name, text) for ``pointglass info``: classes with their counts, range of intensity."""
+    layout, rows = layout_from(meta), []
+    if layout.has_classes:
+        rows.append(("class", ", ".join(f"{code}: {counted(count, 'point')}" for code, count in layout.classes.items())))
+    if layout.low is not None:
+        stored = "" if layout.step == 1 else f", stored in steps of {layout.step:.3g}"
+        rows.append(("intensity", f"{layout.low:,} to {layout.high:,}{stored}"))
+    return rows
