@@ -23,8 +23,8 @@ from viewer.stream.residency import available_memory
 from viewer.text import counted
 
 LIBRARIES = (
-    "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
-    "platformdirs", "pye57", "safetensors", "scipy", "torch", "tqdm", "zstandard",
+    "av", "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
+    "platformdirs", "plyfile", "pye57", "safetensors", "scipy", "torch", "tqdm", "zstandard",
 )  # fmt: skip
 """What pyproject.toml asks for, for a checkout that is run without being installed."""
 OPTIONAL = ("cuda-core", "cuda-bindings")

@@ -21,16 +21,34 @@ from viewer.paths import shaders_dir
 from viewer.render import renderer as module
 from viewer.render import shader
 from viewer.render.bridge import ReadBackBridge, works
+from viewer.render.develop import Developer, read_picture
+from viewer.render.edits import Edits
 from viewer.render.occlusion import Occlusion
 from viewer.render.renderer import RASTERISERS, Renderer
 from viewer.render.shader import Programs
 from viewer.settings import FILTERS, Settings
+from viewer.tools.clip import box_around
+from viewer.tools.look import Look
 from viewer.window.present import Canvas
 
 pytestmark = pytest.mark.gl
 
 SEED = 7
 VIEWS = ("raw", "filtered", "filled")
+
+
+def edited_pictures(renderer, camera) -> list[bytes]:
+    """Clipped, coloured by an attribute, and developed in every way."""
+    low, high = renderer.scene.bounds
+    edits = Edits(clips=(box_around(low, (low + 3 * high) / 4),), look=Look(colour_by="height"))
+    frame = renderer.render(camera, Settings(), ("raw", "filtered", "filled"), edits=edits)
+    frame.textures["neural"] = frame.textures["filled"]
+    look = Look(exposure=0.5, point_size=2, edl=0.7)
+    developer = Developer(renderer._programs, (camera.width, camera.height))
+    made = [read_picture(developer.run(frame, view, look, tint=tint, lock=view == "neural")).tobytes()
+            for view in ("raw", "neural") for tint in (False, True)]
+    developer.release()
+    return made
 
 
 def pictures(context) -> list[bytes]:
@@ -52,6 +70,7 @@ def pictures(context) -> list[bytes]:
             out.append(frame.image("filled").tobytes())
         away = from_fov(97, 61, 60.0, look_at(scene.bounds[1] + 9.0, scene.bounds.mean(axis=0)))
         out += [renderer.render(other, Settings(), VIEWS).image("filled").tobytes() for other in (least, away)]
+        out += edited_pictures(renderer, small)
         renderer.release()
     return out
 

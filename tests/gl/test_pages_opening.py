@@ -198,12 +198,12 @@ def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch)
     monkeypatch.setattr(Viewport, "_new", new)
     try:
         assert painter.upload(SimpleNamespace(scene=small))  # type: ignore[arg-type]
-        painter._frame = painter.renderer.render(camera_in(SCENE, 1), Settings(view="filtered"))  # type: ignore[union-attr]
+        painter.frame = painter.renderer.render(camera_in(SCENE, 1), Settings(view="filtered"))  # type: ignore[union-attr]
         painter._shown = ("filtered",)
         assert not painter.upload(SimpleNamespace(scene=large))  # type: ignore[arg-type]
         assert [scene is large for scene in made] == [False, True, True, False] and len(said) == 1
         assert painter.renderer is not None and painter.renderer.scene is small and painted.dirty
-        assert painter._frame is None and painter._shown == (), "of what is gone nothing is shown"
+        assert painter.frame is None and painter._shown == (), "of what is gone nothing is shown"
         painter.renderer.render(camera_in(SCENE, 1), Settings(view="filtered"))
     finally:
         painter.release()

@@ -116,6 +116,6 @@ def test_several_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path
         assert sheet.width > 3 * 48
     with pytest.raises(DataError, match="--plot: for one folder"):
         from model.evaluation.command import run
-        from viewer.cli import _parser
+        from viewer.commands import make_parser
 
-        run(_parser().parse_args([*told, "--plot", str(tmp_path / "p.png")]))
+        run(make_parser().parse_args([*told, "--plot", str(tmp_path / "p.png")]))
