@@ -1,5 +1,6 @@
 """Loading scans and networks off the window's thread, and the notices about a scan."""
 
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,9 @@ from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
+
+
+_PREVIEW_SECONDS = 3.0  # that the complete load waits at most for the preview to be on the screen
 
 
 @dataclass(frozen=True)
@@ -136,6 +140,7 @@ class ScanLoads:
         self.prepare: Callable[[Sequence[Path]], list[Path]] = list
         self.current: Worker | None = None
         self._preview: Loaded | None = None
+        self._shown = threading.Event()
         self._abandoned: list[Worker] = []
 
     def open(self, paths: Sequence[Path], *, as_scanned: bool = False) -> None:
@@ -174,11 +179,18 @@ class ScanLoads:
             return False
         self._preview = Loaded(scene, survey(scene), tuple(files), preview=True)
         self._wake()
+        self._shown.wait(_PREVIEW_SECONDS)  # the first picture does not share the processors with the complete load
         return True
+
+    def preview_shown(self) -> None:
+        """The preview is on the screen: the complete load goes on."""
+        self._shown.set()
 
     def cancel(self) -> None:
         """Stops the load under way; the scene stays."""
         self._preview = None
+        self._shown.set()
+        self._shown = threading.Event()
         if self.current is not None:
             self.current.cancel()
             self._abandoned.append(self.current)

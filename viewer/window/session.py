@@ -139,6 +139,8 @@ class Session:
         follow, when the network has run or more points have arrived."""
         self.picture.drew(plan, hides=hides, approximations=approximations, shown=shown, pending=pending)
         self.view_settings.worked()
+        if self.preview:
+            self.loads.preview_shown()
         self._shown_at.append((self._clock(), self.size))
 
     def learn(self, plan: Plan, stats: dict) -> None:
