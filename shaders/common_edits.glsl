@@ -6,8 +6,8 @@ layout(std140, binding = EDITS_BINDING) uniform Edits {
     uvec4 clip_groups;   // x: how many clips; bits of the clips: y: boxes that keep, z: slabs that keep, w: that remove
     uvec4 hidden[2];     // a bit for each station
     vec4 upward;         // xyz: the up axis in the view frame; w: height of the eye above the ramp's lower end
-    vec4 ramp;           // x: lower end, y: 255 / (upper - lower end)
-    uvec4 mode;          // x: what points are coloured by, in the order of viewer.tools.look.COLOUR_BY
+    vec4 ramp;           // x: lower end, y: 255 / (upper - lower end); zw: of a scan with classes, lowest intensity and step
+    uvec4 mode;          // x: what points are coloured by, in the order of viewer.tools.look.COLOUR_BY; y: 1, points have classes
     uvec4 table[64];     // 256 colours, r | g << 8 | b << 16
 };
 
@@ -28,10 +28,10 @@ bool dropped(vec3 at, uint station) {
 uint recoloured(uint second, uint third, vec3 at) {
     if (mode.x == 0u) return third;
     uint row;
-    if (mode.x == 3u) row = point_class(second, third);
+    if (mode.x == 3u) row = point_class(second, mode.y != 0u);
     else if (mode.x == 4u) row = third >> 24;
     else {
-        float above = mode.x == 1u ? float(point_intensity(second, third)) - ramp.x
+        float above = mode.x == 1u ? point_intensity(second, mode.y != 0u, ramp.zw) - ramp.x
                     : mode.x == 2u ? dot(upward.xyz, at) + upward.w
                     : length(at) - ramp.x;
         row = uint(clamp(above * ramp.y, 0.0, 255.0) + 0.5);

@@ -140,3 +140,37 @@ def test_filled_pictures_keep_rgb_and_fill_nothing_where_clips_cut(context, seed
     behind = Box(vector(middle - (2.0, 0.0, 0.0)), (1.9, 9.0, 9.0))  # all that the camera looks at is cut away
     cut = pictures(context, scene, camera, "compute", Edits((behind,)), views=("filled",))
     assert (plain[0][..., 3] > 0).mean() > 0.9 and (cut[0][..., 3] == 0).all()
+
+
+@pytest.mark.parametrize("colour_by", ["class", "intensity"])
+@pytest.mark.parametrize("raster", ["points", "compute"])
+def test_a_classified_scan_is_coloured_by_what_its_file_says(context, tmp_path, colour_by, raster):
+    import laspy
+
+    from viewer.grid.open_scene import open_scene
+    from viewer.grid.scene import attributes_of
+
+    random = np.random.default_rng(8)
+    xyz, rgb, _, _ = unpack(room(8, 20_000))
+    header = laspy.LasHeader(point_format=7, version="1.4")
+    header.scales = np.full(3, 1e-4)
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = xyz.T
+    las.red, las.green, las.blue = (rgb.astype(np.uint16) * 257).T
+    las.classification = random.choice([2, 6, 17], len(xyz))
+    las.intensity = random.integers(100, 60_000, len(xyz))
+    las.write(str(tmp_path / "a.las"))
+    scene = open_scene([tmp_path / "a.las"], cache=False)
+    held = attributes_of(scene)
+    assert held.classification is not None and held.intensity is not None
+    look = Look(colour_by=colour_by, low=0.0, high=60_000.0)
+    if colour_by == "class":
+        expected = category_colours("class")[held.classification]
+    else:
+        expected = ramp_colours("viridis")[levels(held.intensity, 0.0, 60_000.0)]
+    camera = camera_in(scene, 4, (160, 120))
+    shown = pictures(context, scene, camera, raster, Edits(look=look))[0]
+    words = np.array(scene.points)
+    recoloured = expected.astype(np.uint32)
+    words[:, 2] = (words[:, 2] & 0xFF000000) | recoloured[:, 0] | recoloured[:, 1] << 8 | recoloured[:, 2] << 16
+    assert (shown == pictures(context, replace(scene, points=words, checksums=None), camera, raster)[0]).mean() > 0.9999

@@ -83,6 +83,9 @@ def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
     up = np.array(edits.up)
     data["upward"] = (*(rotation @ up), up @ camera.position - low)
     data["ramp"][:2] = low, (LEVELS - 1) / (high - low) if high > low else 1e30
+    layout = scene.attributes
+    data["ramp"][2:] = layout.low or 0, layout.step
+    data["mode"][1] = layout.has_classes
     data["mode"][0] = list(COLOUR_BY).index(edits.look.colour_by)
     colours = table_of(edits.look).astype(np.uint32)
     data["table"] = colours[:, 0] | colours[:, 1] << 8 | colours[:, 2] << 16

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.grid.scene import packed, positions, unpack
+from viewer.grid.scene import attributes_of, packed, positions, unpack
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -56,7 +56,7 @@ class Surface:
 @dataclass(frozen=True)
 class Picked:
     """A measured point.  index: its running number in the scene.  position: file coordinates.  distance: from the camera, file
-    units.  rgb: sRGB levels.  intensity: 16 bits as stored.  scan: its number; station: that scan's name.  pixel: column and
+    units.  rgb: sRGB levels.  intensity: in the file's values.  scan: its number; station: that scan's name.  pixel: column and
     row of the picture in which it was found.  classification: LAS code, None where the scan has none."""
 
     index: int
@@ -144,8 +144,9 @@ def describe(scene: "Scene", camera: "Camera", index: int, pixel: tuple[int, int
     x, y, z = (float(value) for value in xyz[0])
     red, green, blue = (int(value) for value in rgb[0])
     distance = float(np.linalg.norm(xyz[0] - camera.position))
-    number = int(scan[0])
-    return Picked(index, (x, y, z), distance, (red, green, blue), int(intensity[0]), number, station_name(scene, number), pixel)
+    number, classes = int(scan[0]), attributes_of(scene, slice(index, index + 1)).classification
+    return Picked(index, (x, y, z), distance, (red, green, blue), int(intensity[0]), number, station_name(scene, number), pixel,
+                  None if classes is None else int(classes[0]))
 
 
 def station_name(scene: "Scene", scan: int) -> str:

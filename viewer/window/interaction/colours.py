@@ -21,18 +21,23 @@ if TYPE_CHECKING:
 
 POINT_VIEWS = ("raw", "filtered")
 _MOST_ROWS = 12  # of a legend
-_SAMPLE = 200_000  # points that tell which classes a scan has
+_SAMPLE = 200_000  # points that tell whether a scan has intensities
 
 
 def missing(scene: "Scene", colour_by: str) -> str | None:
     """Why a scan cannot be coloured by an attribute, None where it can."""
-    if colour_by == "class" and not scene.meta.get("classes"):
+    if colour_by == "class" and not scene.attributes.has_classes:
         return "this scan has no classification"
     if colour_by == "station" and len(scene.meta.get("scans") or []) < 2:
         return "this scan is a single station"
-    if colour_by == "intensity" and not unpack(scene, slice(0, min(scene.count, _SAMPLE)))[2].any():
+    if colour_by == "intensity" and scene.attributes.low is None and not _has_intensity(scene):
         return "this scan has no intensity"
     return None
+
+
+def _has_intensity(scene: "Scene") -> bool:
+    """Of a grid of an earlier version, which does not say."""
+    return bool(unpack(scene, slice(0, min(scene.count, _SAMPLE)))[2].any())
 
 
 class AttributeLegend(Overlay):
@@ -55,7 +60,7 @@ class AttributeLegend(Overlay):
                 numbers = range(min(len(scene.meta.get("scans") or [0]), 256))
                 named = [(number, station_name(scene, number)) for number in numbers]
             else:
-                named = [(code, f"{code} {CLASSES.get(code, ('other',))[0]}") for code in scene.meta.get("classes") or []]
+                named = [(code, f"{code} {CLASSES.get(code, ('other',))[0]}") for code in scene.attributes.classes]
             rows = [(tuple(int(c) for c in colours[number]), name) for number, name in named[:_MOST_ROWS]]
             if len(named) > _MOST_ROWS:
                 title += f" (first {_MOST_ROWS} of {len(named)})"
