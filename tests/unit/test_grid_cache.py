@@ -359,3 +359,27 @@ def test_info_can_be_written_as_json_and_as_text(scan):
     assert facts["points"] == 3000 and sum(facts["grid"]["layers"]) == 3000
     text = format_text(facts)
     assert "3,000" in text and "PLY" in text
+
+
+def test_the_log_says_why_a_grid_is_built_again(scan, caplog):
+    with caplog.at_level("INFO", logger="viewer.grid.cache"):
+        open_scene(scan)
+        open_scene(scan)
+        assert not caplog.records, "a complete cache is used silently, a missing one is no damage"
+        folder = cache.folder_of([scan])
+        (folder / "offsets.npy").write_bytes(b"torn")
+        open_scene(scan)
+    [record] = caplog.records
+    assert record.levelname == "WARNING" and str(folder) in record.getMessage() and "offsets.npy" in record.getMessage()
+
+
+@pytest.mark.parametrize("error", [TypeError, ValueError, KeyError, OSError])
+def test_a_bug_in_reading_the_cache_is_not_taken_for_damage(scan, monkeypatch, error):
+    open_scene(scan)
+
+    def broken(*_, **__):
+        raise error("a bug")
+
+    monkeypatch.setattr(cache, "Scene", broken)
+    with pytest.raises(error, match="a bug"):
+        open_scene(scan)

@@ -1,14 +1,15 @@
 """Built grids on disk: a folder of plain .npy files and a meta.json, memory-mapped when opened.
 
-A grid is written into a sibling folder and renamed in one step, so that it is there whole or not at all.  What is torn,
-stale or not ours is never read: in the cache it is built again, as a folder named by a person it is refused.  Whether
-the points are still those written is checked chunk by chunk as they are read (viewer.stream.chunk_source); the other arrays,
-tens of bytes a cell, are read and checked on opening.
+Atomic write: a grid is written into a sibling folder, which is then renamed.  A torn, stale or foreign folder is never read: in
+the cache the grid is built again, and the log says why; a folder that a person named is refused.  The checksums of the points
+are checked chunk by chunk as they are read (viewer.stream.chunk_source); the other arrays, tens of bytes a cell, are read and
+checked on opening.
 """
 
 import errno
 import hashlib
 import json
+import logging
 import os
 import zlib
 from collections.abc import Callable, Iterator
@@ -18,33 +19,30 @@ from pathlib import Path
 
 import numpy as np
 
-from model.noise import KNOTS, MOST_VOXELS, NoiseModel
+from model.noise import MOST_VOXELS, NoiseModel
 from viewer.errors import InputError
 from viewer.grid.checksum import checksum
-from viewer.grid.density_layers import EARLIER_PARTS, PARTS
+from viewer.grid.grid_header import VERSION, DamagedGrid, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
 from viewer.grid.scene import CHUNK, Scene
 from viewer.grid.scratch_folder import move, reserve, scratch
 from viewer.grid_folder import MAGIC, is_grid
 from viewer.grid_folder import META as _META
 from viewer.paths import cache_dir
-from viewer.preprocess.point_attributes import layout_from
 from viewer.progress import progress
 from viewer.readers.formats import KNOWN
 
-VERSION = 4
 # Versions of how colours are decided, points ordered and their spacing measured, noise estimated, attributes packed.  They are
 # part of the cache key: a change rebuilds cached grids.  Folders made by convert stay as they are.
 COLOURS, ORDER, NOISE, ATTRIBUTES = 3, 5, 1, 1
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4")}
+_log = logging.getLogger(__name__)
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 """What file managers leave in folders, and nobody's loss."""
 _LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
 _OPTIONAL = {*_LATER, "noise"}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
-_DAMAGE = (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError)
-"""What reading a folder that is not whole raises."""
 _JOB = 16  # chunks a thread sums at a time
 
 
@@ -69,11 +67,16 @@ def _identity(files: list[Path]) -> list:
 
 
 def load(folder: Path, files: list[Path]) -> Scene | None:
-    """The grid of ``files`` kept in ``folder``, or None where there is none that can be trusted."""
+    """The grid of ``files`` stored in ``folder``, or None where there is none that can be used; the log says why."""
+    if not folder.exists():
+        return None
     try:
         return _read(folder, _identity(files))
-    except _DAMAGE:
-        return None
+    except OtherGrid as error:
+        _log.info("%s: not used (%s); the grid is built again", folder, error)
+    except DamagedGrid as error:
+        _log.warning("%s: damaged grid (%s); it is built again", folder, error)
+    return None
 
 
 def stranger(folder: Path) -> str | None:
@@ -89,90 +92,60 @@ def load_folder(folder: Path) -> Scene:
         raise InputError(f"{folder}: is a folder, but not one made by convert; give a {KNOWN}")
     try:
         return _read(folder, None)
-    except _DAMAGE as error:
-        raise InputError(f"{folder}: damaged grid ({_first_line(error)}); convert the scan again") from None
+    except DamagedGrid as error:
+        raise InputError(f"{folder}: damaged grid ({error}); convert the scan again") from None
 
 
 def _read(folder: Path, identity: list | None) -> Scene:
-    head = _head(folder)
-    if head["magic"] != MAGIC or head["version"] != VERSION:
-        raise ValueError(f"version {head['version']!r} where {VERSION} is expected")
-    if head.pop("sum", None) not in (None, _sum(head)):  # earlier versions kept none
-        raise ValueError(f"{_META} does not match its checksum")
-    if identity is not None and head["identity"] != identity:
-        raise ValueError("made from other files")
-    arrays, sums = {}, head.get("sums")  # earlier versions kept no sums
+    """The grid in a folder.  identity: of the files that it must have been made from.  Raises DamagedGrid."""
+    header = read_header(folder, identity)
+    arrays = {}
     for name, dtype in _ARRAYS.items():
-        if name in _OPTIONAL and name not in head["shapes"]:
+        if name in _OPTIONAL and name not in header.shapes:
             continue
-        arrays[name] = _mapped(folder / f"{name}.npy")
-        if arrays[name].dtype != dtype or list(arrays[name].shape) != head["shapes"][name]:
-            raise ValueError(f"{name}.npy is not what meta.json says")
-        if name == "points":
-            continue
-        arrays[name] = np.array(arrays[name])  # what is checked is what is used, whatever becomes of the file
-        if sums is not None and zlib.crc32(arrays[name].data) != sums[name]:
-            raise ValueError(f"{name}.npy does not match its checksum")
+        array = _mapped(folder / f"{name}.npy")
+        if array.dtype != dtype or array.shape != header.shapes.get(name):
+            raise DamagedGrid(f"{name}.npy is not what meta.json says")
+        if name != "points":
+            array = np.array(array)  # a copy: what is checked is what is used, whatever becomes of the file
+            if header.sums is not None and zlib.crc32(array.data) != header.sums.get(name):
+                raise DamagedGrid(f"{name}.npy does not match its checksum")
+        arrays[name] = array
     points, cells, offsets = arrays["points"], arrays["cell_coords"], arrays["offsets"]
-    layers, count = int(head["layers"]), int(head["count"])
+    layers, count = header.layers, header.count
     fits = points.shape == (count, 3) and cells.shape[1:] == (3,) and offsets.shape == (layers * len(cells) + 1,)
     fits = fits and arrays["checksums"].shape == (-(-count // CHUNK),)
-    parts = int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1))
-    if parts not in (1, EARLIER_PARTS, PARTS):
-        raise ValueError(f"its points lie in {parts} parts")
     later = {name: arrays[name] for name in _LATER if name in arrays}
     fits = fits and all(array.shape == (len(cells), _LATER[name]) for name, array in later.items())
     if not (fits and offsets[0] == 0 and offsets[-1] == count and (np.diff(offsets) >= 0).all()):
-        raise ValueError("its arrays do not fit together")
-    origin, bounds = np.array(head["origin"], np.float64), np.array(head["bounds"], np.float64)
-    numbers = [head["cell_size"], head["spacing"], *origin, *bounds.reshape(-1)]
-    if origin.shape != (3,) or bounds.shape != (2, 3) or not np.isfinite(numbers).all() or not min(numbers[:2]) > 0:
-        raise ValueError("its numbers are not usable")
-    if not isinstance(head["meta"], dict):
-        raise ValueError("meta.json does not say what it was made from")
-    layout_from(head["meta"])  # raises where it makes no sense
-    size, spacing = float(head["cell_size"]), float(head["spacing"])
+        raise DamagedGrid("its arrays do not fit together")
     return Scene(
-        points, cells, offsets, origin, size, layers, count, spacing, bounds, head["meta"],
-        arrays["checksums"], parts, noise=_noise(head, arrays.get("noise")), **later,
+        points, cells, offsets, header.origin, header.cell_size, layers, count, header.spacing, header.bounds, header.meta,
+        arrays["checksums"], header.parts, noise=_noise(header.noise, arrays.get("noise")), **later,
     )  # fmt: skip
 
 
-def _noise(head: dict, sigma: np.ndarray | None) -> NoiseModel | None:
-    """The noise kept with the points, None where an earlier version kept none.  Raises one of _DAMAGE where it is damaged."""
+def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel | None:
+    """The noise stored with the points, None where an earlier version stored none.  Raises DamagedGrid."""
     if sigma is None:
         return None
-    kept = head["noise"]
-    origin, curve = np.array(kept["origin"], np.float64), np.array(kept["curve"], np.float32)
-    numbers = np.concatenate([origin, curve, [kept["voxel"], kept["overall"]], sigma.reshape(-1)])
-    usable = origin.shape == (3,) and curve.shape == (KNOTS,) and sigma.ndim == 3 and min(sigma.shape) > 0
-    usable = usable and max(sigma.shape) <= MOST_VOXELS and np.isfinite(numbers).all() and numbers[3:].min() >= 0
-    if not (usable and kept["voxel"] > 0):
-        raise ValueError("its noise is not usable")
-    return NoiseModel(origin, float(kept["voxel"]), sigma, curve, float(kept["overall"]), int(kept["neighbourhoods"]))
-
-
-def _head(folder: Path) -> dict:
-    if not (folder / _META).is_file():
-        raise ValueError(f"{_META} is no file")
-    return json.loads((folder / _META).read_text("utf-8"))
-
-
-def _sum(head: dict) -> int:
-    """The checksum of what meta.json says, whatever its spaces."""
-    return zlib.crc32(json.dumps(head).encode())
+    if header is None or sigma.ndim != 3 or min(sigma.shape) == 0 or max(sigma.shape) > MOST_VOXELS:
+        raise DamagedGrid("its noise is not usable")
+    if not np.isfinite(sigma).all() or sigma.min() < 0:
+        raise DamagedGrid("its noise is not usable")
+    return NoiseModel(header.origin, header.voxel, sigma, header.curve, header.overall, header.neighbourhoods)
 
 
 def _mapped(path: Path) -> np.ndarray:
-    """The array in an .npy file, memory-mapped, in C order.  Raises ValueError naming the file where it holds none."""
+    """The array in an .npy file, memory-mapped, in C order.  Raises DamagedGrid naming the file where it holds none."""
     if not path.is_file():  # of a pipe, opening would wait
-        raise ValueError(f"{path.name} is no file")
+        raise DamagedGrid(f"{path.name} is no file")
     try:
         array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load takes no zip and no pickle for an array
-    except Exception as error:  # of what NumPy raises, much is not of one kind: torn headers are parsed as Python
-        raise ValueError(f"{path.name}: {_first_line(error)}") from None
+    except Exception as error:  # NumPy evaluates the header as a Python literal: a torn one raises anything
+        raise DamagedGrid(f"{path.name}: {first_line(error)}") from None
     if not array.flags.c_contiguous:
-        raise ValueError(f"{path.name}: its rows lie in another order")
+        raise DamagedGrid(f"{path.name}: its rows lie in another order")
     return array
 
 
@@ -245,7 +218,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
             "origin": noise.origin.tolist(), "voxel": noise.voxel, "curve": noise.curve.tolist(), "overall": noise.overall,
             "neighbourhoods": noise.neighbourhoods,
         }  # fmt: skip
-    head["sum"] = _sum(head)
+    head["sum"] = checksum_of(head)
     (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")
 
 
@@ -287,7 +260,3 @@ def _written(folder: Path, remedy: str) -> Iterator[Path]:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             why = "no space left" + why.removeprefix(os.strerror(error.errno)).removeprefix("no space left")
         raise CacheError(f"{folder.parent}: cannot be written ({why}); {remedy}") from None
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:120]

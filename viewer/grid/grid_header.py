@@ -1,0 +1,134 @@
+"""The meta.json of a grid on disk: parsed into typed fields, each checked, before any array is used.
+
+Only what the file says can make a grid "damaged": conversions of its values are the only code whose TypeError or ValueError is
+read as damage.  An error anywhere else in reading a grid is a bug and keeps its traceback.
+"""
+
+import json
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.noise import KNOTS
+from viewer.grid.density_layers import EARLIER_PARTS, PARTS
+from viewer.grid_folder import MAGIC, META
+from viewer.preprocess.point_attributes import layout_from
+
+VERSION = 4
+_CONVERSION_ERRORS = (KeyError, TypeError, ValueError, OverflowError, AttributeError)
+
+
+class DamagedGrid(Exception):
+    """A folder does not hold a complete grid whose parts fit together; the text names the part and what is wrong with it."""
+
+
+class OtherGrid(DamagedGrid):
+    """The grid is of another version of the format, or of other files."""
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseHeader:
+    """As in model.noise.NoiseModel, without the array of standard deviations."""
+
+    origin: np.ndarray
+    voxel: float
+    curve: np.ndarray
+    overall: float
+    neighbourhoods: int
+
+
+@dataclass(frozen=True, eq=False)
+class GridHeader:
+    """shapes: of each array.  sums: CRC-32 of each array but the points; None in folders of earlier versions, which had none.
+    Others as in Scene; noise: None where none was stored."""
+
+    shapes: dict[str, tuple[int, ...]]
+    sums: dict[str, int] | None
+    origin: np.ndarray
+    cell_size: float
+    layers: int
+    count: int
+    spacing: float
+    bounds: np.ndarray
+    parts: int
+    meta: dict[str, Any]
+    noise: NoiseHeader | None
+
+
+def read_header(folder: Path, identity: list | None) -> GridHeader:
+    """The header of the grid in ``folder``.  identity: of the files that it must have been made from; None: of any.
+
+    Raises OtherGrid where version or files are others, DamagedGrid where the file is missing or cannot be right.
+    """
+    head = _object_in(folder / META)
+    if head.get("magic") != MAGIC or head.get("version") != VERSION:
+        raise OtherGrid(f"version {head.get('version')!r} where {VERSION} is expected")
+    if head.pop("sum", None) not in (None, checksum_of(head)):  # earlier versions stored none
+        raise DamagedGrid(f"{META} does not match its checksum")
+    if identity is not None and head.get("identity") != identity:
+        raise OtherGrid("made from other files")
+    try:
+        header = _parsed(head)
+    except _CONVERSION_ERRORS as error:
+        raise DamagedGrid(f"{META}: {first_line(error)}") from None
+    numbers = [header.cell_size, header.spacing, *header.origin.reshape(-1), *header.bounds.reshape(-1)]
+    shaped = header.origin.shape == (3,) and header.bounds.shape == (2, 3)
+    if not (shaped and np.isfinite(numbers).all() and min(numbers[:2]) > 0):
+        raise DamagedGrid("its numbers are not usable")
+    if header.parts not in (1, EARLIER_PARTS, PARTS):
+        raise DamagedGrid(f"its points lie in {header.parts} parts")
+    if (noise := header.noise) is not None:
+        numbers = np.concatenate([noise.origin.reshape(-1), noise.curve.reshape(-1), [noise.voxel, noise.overall]])
+        fits = noise.origin.shape == (3,) and noise.curve.shape == (KNOTS,) and np.isfinite(numbers).all()
+        if not (fits and numbers[3:].min() >= 0 and noise.voxel > 0):
+            raise DamagedGrid("its noise is not usable")
+    return header
+
+
+def checksum_of(head: dict) -> int:
+    """CRC-32 of what meta.json says, whatever its white space."""
+    return zlib.crc32(json.dumps(head).encode())
+
+
+def first_line(error: Exception) -> str:
+    """The first line of an error, its class where it has no text."""
+    return (str(error).splitlines() or [type(error).__name__])[0][:120]
+
+
+def _object_in(path: Path) -> dict[str, Any]:
+    if not path.is_file():  # opening a pipe would block
+        raise DamagedGrid(f"{path.name} is no file")
+    try:
+        head = json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise DamagedGrid(f"{path.name}: {first_line(error)}") from None
+    if not isinstance(head, dict):
+        raise DamagedGrid(f"{path.name}: holds no JSON object")
+    return head
+
+
+def _parsed(head: dict[str, Any]) -> GridHeader:
+    """Conversions only: raises _CONVERSION_ERRORS where a value is missing or of the wrong kind."""
+    noise, sums = head.get("noise"), head.get("sums")
+    if not isinstance(head["meta"], dict):
+        raise ValueError("does not say what it was made from")
+    layout_from(head["meta"])
+    return GridHeader(
+        shapes={str(name): tuple(int(side) for side in shape) for name, shape in head["shapes"].items()},
+        sums=None if sums is None else {str(name): int(value) for name, value in sums.items()},
+        origin=np.array(head["origin"], np.float64),
+        cell_size=float(head["cell_size"]),
+        layers=int(head["layers"]),
+        count=int(head["count"]),
+        spacing=float(head["spacing"]),
+        bounds=np.array(head["bounds"], np.float64),
+        parts=int(head.get("parts", EARLIER_PARTS if head.get("spread") else 1)),
+        meta=head["meta"],
+        noise=None if noise is None else NoiseHeader(
+            np.array(noise["origin"], np.float64), float(noise["voxel"]), np.array(noise["curve"], np.float32),
+            float(noise["overall"]), int(noise["neighbourhoods"]),
+        ),
+    )  # fmt: skip
