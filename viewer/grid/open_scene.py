@@ -93,11 +93,12 @@ def scene_from_arrays(
     scan: np.ndarray | None = None,
     meta: dict | None = None,
     stages: dict[str, float] | None = None,
+    noise: bool = True,
 ) -> Scene:
     """A scene in memory from points in memory.
 
     xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.  meta: copied
-    over what is known.  stages: if given, receives the seconds each stage took.
+    over what is known.  stages: if given, receives the seconds each stage took.  noise: estimate the noise of the colours.
     Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
     """
     from viewer.grid.two_passes import build_grid
@@ -109,7 +110,7 @@ def scene_from_arrays(
         "colour": {"source": "rgb", "bits": 8, "note": "8-bit colour"}, "warnings": [],
     } | (meta or {})  # fmt: skip
     known["warnings"] = list(known["warnings"])
-    return build_grid([source], colours=None, allocate=in_memory, meta=known, stages=stages)
+    return build_grid([source], colours=None, allocate=in_memory, meta=known, stages=stages, noise=noise)
 
 
 def in_memory(count: int) -> np.ndarray:

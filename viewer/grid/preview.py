@@ -69,7 +69,7 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     meta = facts_of(files, sources) | {"scans": scans, "preview": True}
     try:
         return scene_from_arrays(xyz, np.concatenate(rgb), intensity=np.concatenate(intensity), scan=np.concatenate(scan),
-                                 meta=meta)
+                                 meta=meta, noise=False)
     except InputError as error:  # nothing but outlier points
         _log.info("no preview: %s", error)
         return None

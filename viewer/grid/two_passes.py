@@ -55,13 +55,15 @@ def processors() -> int:
 
 
 def build_grid(
-    sources: list[Source], *, colours: Colours | None, allocate: Allocate, meta: dict, stages: dict | None = None
+    sources: list[Source], *, colours: Colours | None, allocate: Allocate, meta: dict, stages: dict | None = None,
+    noise: bool = True,
 ) -> Scene:
     """Reads the sources twice and returns the finished scene.
 
     colours: decides on colours over whole files; None takes the chunks' 8-bit colours as they are.
     meta: completed in place (dropped, scans, colour, warnings) and kept in the scene.
     stages: if given, receives the seconds each stage took.
+    noise: estimate the noise of the colours; otherwise ``Scene.noise`` is None.
     Raises InputError for damaged files, and where no valid point is found.
     """
     clock = _Clock({} if stages is None else stages)
@@ -83,7 +85,7 @@ def build_grid(
         points = allocate(survey.count)
         layout, steps = choose_layout(survey), 0.0
         coinciding, coarsest, boxes = 0.0, None, None
-        sample = NoiseSample(sources, survey)
+        sample = NoiseSample(sources, survey) if noise else None
         for attempt in range(_ATTEMPTS):
             clock.lap("cells")
             boxes = scatter(sources, colours, survey, layout, points, pool, processors(), attributes,
@@ -112,7 +114,7 @@ def build_grid(
             clock.lap("place")
         known = {"faces": cover_of_faces(points, layout.offsets, layout.layers, pool), "boxes": boxes}
         clock.lap("faces")
-        known["noise"] = sample.solve()
+        known["noise"] = sample.solve() if sample else None
         clock.lap("noise")
     return _finish(sources, survey, layout, points, steps, known, meta)
 
