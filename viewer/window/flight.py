@@ -44,6 +44,11 @@ class Flight:
         self._seen = seen
 
     @property
+    def at_home(self) -> bool:
+        """Whether the camera is where the visit began."""
+        return _place(self.state) == _place(self.home)
+
+    @property
     def middle(self) -> np.ndarray:
         """(3,) the middle of the scene, file coordinates."""
         return np.zeros(3) if self._seen is None else (self._seen.low + self._seen.high) / 2

@@ -22,6 +22,7 @@ from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
 from viewer.text import counted
 from viewer.tools.document import Document
+from viewer.tools.standing_place import standing_view
 from viewer.window import loading
 from viewer.window.capture import FrameTimes
 from viewer.window.flight import Flight
@@ -86,6 +87,7 @@ class Session:
         self.point: np.ndarray | None = None
         self.paths: tuple[Path, ...] = ()
         self.preview = self.lost = False
+        self._inside = False  # whether the visit began standing in the scan
         self.dragging_handle = False
         self.help, self.interface, self.profiler = False, True, False
         self.panels = Panels()
@@ -310,8 +312,15 @@ class Session:
         return self.loads.poll()
 
     def accept(self, loaded: loading.Loaded) -> None:
-        """The scene was uploaded: visit it.  After its preview, and with other colours, the camera stays where it is."""
+        """The scene was uploaded: visit it.
+
+        After its preview, and with other colours, the camera stays; but a person who has not moved yet is let into a
+        scan of which the preview showed too little to stand in it.
+        """
         stays = self.scene is not None and (loaded.follows_preview or (bool(loaded.paths) and loaded.paths == self.paths))
+        if stays and loaded.follows_preview and self.flight.at_home and not self._inside:
+            stays = standing_view(loaded.scene, loaded.seen) is None
+        self._inside = stays and self._inside
         self.scene, self.paths, self.preview = loaded.scene, loaded.paths, loaded.preview
         self._shown_at.clear()
         self.point = None
@@ -330,6 +339,7 @@ class Session:
                 state = looking(seen_from.position, seen_from.view_rotation[2], state.speed)
                 self.view_settings.request(document.settings)
                 self.view_settings.background = document.background
+            self._inside = standing_view(loaded.scene, loaded.seen) is not None
             self.flight.begin(state, loaded.seen)
         self.picture.begin(loaded.scene.count)
         self.notices.leave_scene()
