@@ -5,7 +5,7 @@ Frame: the files' own coordinates, taken to be shared; lengths in their units.
 
 import numpy as np
 
-from viewer.grid.histogram import is_place
+from viewer.preprocess.positions import is_position
 from viewer.readers.source import Chunk, Source
 
 _EVERY = 64  # points, of which one is looked at
@@ -27,7 +27,7 @@ class Apart:
     def add(self, source: int, first: int, chunk: Chunk) -> None:
         """Keeps some of a chunk's points."""
         some = np.array(chunk.xyz[-first % _EVERY :: _EVERY] if len(chunk.xyz) >= _EVERY else chunk.xyz, np.float64)
-        some = some[is_place(some)]
+        some = some[is_position(some)]
         if len(some):
             self._parts[source].append(np.percentile(some, _STRAY, axis=0))
 

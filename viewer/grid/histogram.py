@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from viewer.grid import kernels
+from viewer.preprocess.positions import FARTHEST, is_position
 
 SLICES = 2
 """Tables filled side by side, each on a thread of its own.  Fixed, not the number of processors, so that every machine builds
 the same grid: when a table is full, and cells are merged, depends on its own points alone."""
 MAX_CELLS = 1 << 18
 _REACH = 1 << 30  # cells either side of the middle of the scan
-FARTHEST = 1e20  # file units from zero; beyond it a number is no position: a light year has 1e16 m, GPU floats end at 3e38
 _DENSE = 1 << 24  # cells of a box looked up without searching
 _LOST = 0.01  # share of a chunk out of reach that is taken for a part of the scan and not for stray points
 
@@ -72,7 +72,7 @@ class Histogram:
     def __init__(self, sample: np.ndarray, expected: int, cell_size: float | None = None):
         wanted = int(np.clip(expected // 1024, 8192, MAX_CELLS // 4))
         sample = np.ascontiguousarray(sample[:: max(1, len(sample) // (8 * wanted))])
-        sample = sample[is_place(sample)]
+        sample = sample[is_position(sample)]
         if len(sample) == 0:
             sample = np.zeros((1, 3))
         low, middle, high = _quantiles(sample, (0.02, 0.5, 0.98))
@@ -149,7 +149,7 @@ class Histogram:
                 raise OutOfReach(wider)
 
     def _wide_enough(self, xyz: np.ndarray) -> float:
-        near = xyz[is_place(xyz)]
+        near = xyz[is_position(xyz)]
         if len(near) == 0:
             return 0.0
         # the furthest tolerated share stays stray
@@ -192,12 +192,6 @@ def _wait(parts: Iterable[_Part]) -> None:
     for part in parts:
         if part.job is not None:
             part.job.result()
-
-
-def is_place(xyz: np.ndarray) -> np.ndarray:
-    """(n,) bool: points that are positions, and no NaN, infinity or number beyond any place."""
-    x, y, z = np.abs(xyz).T  # a comparison with NaN is false
-    return (x <= FARTHEST) & (y <= FARTHEST) & (z <= FARTHEST)
 
 
 def _quantiles(sample: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:

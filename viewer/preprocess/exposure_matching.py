@@ -10,8 +10,8 @@ import numpy as np
 
 from model.exposure import exposures_of
 from model.scan_runs import Passes, solve_passes
-from viewer.grid.histogram import is_place
 from viewer.preprocess.black_border import DARK, rim_share
+from viewer.preprocess.positions import is_position
 from viewer.readers.source import Chunk
 
 SAMPLE = 1_000_000
@@ -40,7 +40,7 @@ class Matching:
             return
         number = self._numbers(source, first, chunk)
         pick = np.flatnonzero(self._rng.random(len(chunk.xyz)) < self._share)
-        pick = pick[is_place(chunk.xyz[pick])]
+        pick = pick[is_position(chunk.xyz[pick])]
         self._parts.append((chunk.xyz[pick], chunk.rgb[pick], number[pick], first + pick))
         self._held += len(pick)
         while self._held > 2 * SAMPLE:

@@ -83,7 +83,7 @@ def layout_from(meta: dict) -> AttributeLayout:
     if not (isinstance(found, dict) and all(isinstance(entry, dict) for entry in found.values())):
         raise ValueError("its attributes are not described")
     classes = {int(code): int(count) for code, count in found.get("class", {}).items()}
-    low, high = (found["intensity"][end] for end in ("low", "high")) if "intensity" in found else (None, None)
+    low, high = (int(found["intensity"][end]) for end in ("low", "high")) if "intensity" in found else (None, None)
     if not all(0 <= code < CODES and count >= 0 for code, count in classes.items()):
         raise ValueError("its classes are not codes from 0 to 255")
     if low is not None and high is not None and not 0 <= low <= high <= 65535:

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from model.common.scanner_positions import places_of, told_apart
-from viewer.grid.histogram import is_place
+from viewer.preprocess.positions import is_position
 from viewer.preprocess.scan_lines import WINDOW, Stand, find_stands
 from viewer.readers.source import Chunk, ScanInfo, Source
 
@@ -45,7 +45,7 @@ class Standpoints:
         self._points[source] = at + len(chunk.xyz)
         for start in range(-at % self._stride, len(chunk.xyz) - WINDOW + 1, self._stride):
             window = np.array(chunk.xyz[start : start + WINDOW], np.float64)
-            if is_place(window).all():
+            if is_position(window).all():
                 self._kept.append((at + start, window))
         while len(self._kept) > 2 * MOST:
             self._stride *= 2

@@ -23,8 +23,8 @@ from model.noise import NoiseModel, estimate_noise
 from model.noise_level import seen_noise
 from model.projection import network_input
 from viewer.errors import InputError
-from viewer.grid.histogram import is_place
 from viewer.preprocess.point_colour import Colours
+from viewer.preprocess.positions import is_position
 from viewer.progress import progress
 from viewer.readers.e57_images import Photo, read_photographs
 from viewer.readers.formats import open_source
@@ -75,7 +75,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
         for chunk in source.chunks():
             rgb = colours.apply(0, first, chunk)
             shown = rgb.any(1) if facts["uncoloured"] else np.ones(len(rgb), bool)
-            pick = np.flatnonzero(shown & is_place(chunk.xyz) & (rng.random(len(chunk.xyz)) < share))
+            pick = np.flatnonzero(shown & is_position(chunk.xyz) & (rng.random(len(chunk.xyz)) < share))
             station = np.broadcast_to(np.minimum(chunk.scan, 255), len(chunk.xyz))[pick].astype(np.uint8)
             parts.append((chunk.xyz[pick], rgb[pick], station))
             first += len(chunk.xyz)

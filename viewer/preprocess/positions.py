@@ -1,0 +1,12 @@
+"""Which coordinates are positions at all: the test that preprocessing and the grid share.  Frame and units: the file's."""
+
+import numpy as np
+
+FARTHEST = 1e20
+"""File units from zero beyond which a number is no position: a light year has 1e16 m, and 32-bit floats of GPUs end at 3e38."""
+
+
+def is_position(xyz: np.ndarray) -> np.ndarray:
+    """(n,) bool: True where all three coordinates of (n, 3) are finite and at most FARTHEST from zero."""
+    x, y, z = np.abs(xyz).T  # a comparison with NaN is False
+    return (x <= FARTHEST) & (y <= FARTHEST) & (z <= FARTHEST)
