@@ -118,3 +118,18 @@ def test_a_scan_is_not_written_over_itself(tmp_path):
     again = open_scene([tmp_path / "a.ply"], cache=False)
     with pytest.raises(InputError, match="is the scan itself"):
         export(Selection(again), tmp_path / "a.ply")
+
+
+def test_classes_are_kept(tmp_path):
+    import laspy
+    from cloud_files import surface, write_las
+
+    from viewer.grid.scene import attributes_of
+
+    xyz, rgb = surface(5000, seed=9)
+    classes = np.random.default_rng(9).choice([2, 6, 17], len(xyz)).astype(np.uint8)
+    scene = open_scene([write_las(tmp_path / "a.las", xyz, rgb, classes=np.minimum(classes, 31))], cache=False, match=False)
+    export(Selection(scene), tmp_path / "b.laz")
+    held = attributes_of(scene).classification
+    assert held is not None and np.array_equal(laspy.read(tmp_path / "b.laz").classification, held)
+    assert sorted(np.unique(held)) == [2, 6, 17]

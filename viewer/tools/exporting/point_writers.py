@@ -45,7 +45,7 @@ def write_las(path: Path, selection: Selection, counts: np.ndarray) -> None:
             points = laspy.ScaleAwarePointRecord.zeros(len(block.xyz), header=header)
             points.x, points.y, points.z = block.xyz.T
             points.red, points.green, points.blue = (block.rgb.astype(np.uint16) * _WIDE).T
-            points.intensity = block.intensity
+            points.intensity, points.classification = block.intensity, block.classification
             points.point_source_id = block.station.astype(np.uint16) + 1
             points.return_number[:] = 1
             points.number_of_returns[:] = 1
@@ -74,7 +74,7 @@ def _reference_records(scene: "Scene") -> list:
 
 
 _PLY_TYPE = np.dtype([("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("red", "u1"), ("green", "u1"), ("blue", "u1"),
-                      ("intensity", "<u2"), ("scan", "u1")])
+                      ("intensity", "<u2"), ("scan", "u1"), ("classification", "u1")])
 _PLY_NAMES = {"f8": "double", "u1": "uchar", "u2": "ushort"}
 
 
@@ -90,7 +90,7 @@ def write_ply(path: Path, selection: Selection, counts: np.ndarray) -> None:
                 rows[name] = values
             for name, values in zip(("red", "green", "blue"), block.rgb.T, strict=True):
                 rows[name] = values
-            rows["intensity"], rows["scan"] = block.intensity, block.station
+            rows["intensity"], rows["scan"], rows["classification"] = block.intensity, block.station, block.classification
             rows.tofile(file)
 
 

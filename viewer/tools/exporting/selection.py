@@ -23,12 +23,14 @@ BLOCK = 1 << 20
 
 @dataclass(frozen=True)
 class Block:
-    """xyz (n, 3) float64; rgb (n, 3) uint8, as shown; intensity (n,) uint16; station (n,) uint8, the number of the scan."""
+    """xyz (n, 3) float64; rgb (n, 3) uint8, as shown; intensity (n,) uint16; station (n,) uint8, the number of the scan;
+    classification (n,) uint8, 0 where the scan has none."""
 
     xyz: np.ndarray
     rgb: np.ndarray
     intensity: np.ndarray
     station: np.ndarray
+    classification: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -40,16 +42,16 @@ class Selection:
 
     def blocks(self, label: str) -> Iterator[Block]:
         """Every point once, in the order of the grid (coarse layers first), with a progress bar."""
-        from viewer.grid.scene import unpack
+        from viewer.grid.scene import attributes_of, unpack
 
         scene = self.scene
         for start, stop in self._runs(label):
             xyz, rgb, intensity, station = unpack(scene, slice(start, stop))
-            if self.clips:
-                kept = contains(self.clips, xyz)
-                xyz, rgb, intensity, station = xyz[kept], rgb[kept], intensity[kept], station[kept]
-            if len(xyz):
-                yield Block(xyz, rgb, intensity, station)
+            classes = attributes_of(scene, slice(start, stop)).classification
+            classes = np.zeros(len(xyz), np.uint8) if classes is None else classes
+            kept = contains(self.clips, xyz) if self.clips else slice(None)
+            if len(xyz[kept]):
+                yield Block(xyz[kept], rgb[kept], intensity[kept], station[kept], classes[kept])
 
     def _runs(self, label: str) -> Iterator[tuple[int, int]]:
         scene = self.scene
