@@ -6,8 +6,9 @@ from window_session import room
 
 from viewer.camera import look_at
 from viewer.grid.open_scene import scene_from_arrays
+from viewer.window.framing import overview
 from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
-from viewer.window.start_viewpoint import overview, start_camera, survey
+from viewer.window.start_viewpoint import start_camera, survey
 
 
 @pytest.mark.parametrize("steps", [2, 7, 60])

@@ -5,8 +5,8 @@ import pytest
 from window_session import room
 
 from viewer.grid.open_scene import scene_from_arrays
-from viewer.window.framing import enclosure, start_camera
-from viewer.window.start_viewpoint import darkness, survey
+from viewer.tools.standing_place import enclosure
+from viewer.window.start_viewpoint import darkness, start_camera, survey
 
 
 @pytest.mark.parametrize("aspect", [0.8, 1.6, 2.4])

@@ -52,7 +52,8 @@ class Sampled(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SceneSample:
-    """A :class:`Sampled`, as :func:`sample_scene` makes it."""
+    """A :class:`Sampled` that :func:`sample_scene` makes.  diagonal: of the range, file units, above 0.  brightness: median
+    level of the points that are not black, 0 to 1."""
 
     points: np.ndarray
     lit: np.ndarray
@@ -60,6 +61,8 @@ class SceneSample:
     high: np.ndarray
     spacing: float
     metre: float
+    diagonal: float
+    brightness: float
 
 
 def sample_scene(scene: "Scene") -> SceneSample:
@@ -73,7 +76,10 @@ def sample_scene(scene: "Scene") -> SceneSample:
     metres = scene.meta.get("metres_per_unit")
     diagonal = max(float(np.linalg.norm(high - low)), 10 * scene.step)
     spacing = min(max(float(scene.spacing), scene.step), diagonal)
-    return SceneSample(points, rgb.max(axis=1) > _BLACK, low, high, spacing, 1.0 / metres if metres else 1.0)
+    level = rgb.max(axis=1)
+    lit = level > _BLACK
+    brightness = float(np.median(level[lit])) / 255 if lit.any() else 0.0
+    return SceneSample(points, lit, low, high, spacing, 1.0 / metres if metres else 1.0, diagonal, brightness)
 
 
 def standing_view(scene: "Scene", seen: Sampled) -> tuple[np.ndarray, np.ndarray] | None:

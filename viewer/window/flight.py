@@ -8,8 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from viewer.window.framing import overview
 from viewer.window.navigation import FlyState, Motion, changed_speed, step
-from viewer.window.start_viewpoint import Survey, overview
+from viewer.window.start_viewpoint import Survey
 
 REST = 0.25
 """Seconds without a change of camera that count as rest."""

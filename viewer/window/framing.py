@@ -1,27 +1,14 @@
-"""The start viewpoint: inside, where the scan surrounds the eye; else outside, with the whole scan in the picture and upright.
+"""Views from outside: the whole scan in the picture, upright, from the side that shows most.
 
-``start_viewpoint`` proposes a place to stand.  Statues and machines often have one beside them, from which little is seen;
-those, and terrain, are framed entire from the side that shows most.
-Frame: file coordinates, world up = +z, file units.  Works on the points of a Survey, a uniform subsample.
+Statues and machines, in which nobody can stand, and terrain are framed entire.  Frame: file coordinates, world up = +z, file
+units.  Works on a uniform subsample of the points.
 """
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.camera import Camera, from_fov
-from viewer.window import start_viewpoint
+from viewer.tools.standing_place import FIELD_OF_VIEW, Sampled, overview_position
 from viewer.window.navigation import FlyState, looking
-from viewer.window.start_viewpoint import FIELD_OF_VIEW, Survey, overview, survey
 
-if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
-
-_AZIMUTHS = 72
-_ROWS = 24
-ENCLOSED = 0.5
-"""Share of the directions within 31 degrees of the horizon in which there must be points around a place to stand.  Measured:
-two rooms 0.92 and 0.99, the demo's court 0.74; a statue 0.21, a pair of pumps 0.14."""
 _OUTSIDE = 16  # azimuths from which a scan is looked at from outside
 _PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55,)}  # radians: objects from just above, terrain from above at an angle
 _FLAT = 0.3  # height over width below which a scan without a place to stand is terrain
@@ -29,22 +16,12 @@ _MARGIN = 0.86  # share of the picture that a framed scan may take
 _FEW = 8_000  # points that decide on a view from outside
 
 
-def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:
-    """At a scanner or at eye height where the scan surrounds that place, else outside with everything in view.
-
-    aspect: width over height of the picture.
-    """
-    state = start_viewpoint.start_state(scene, seen, aspect)
-    return state if enclosure(seen, state.position) >= ENCLOSED else from_outside(seen, aspect)
+def overview(seen: Sampled, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
+    """Looking along ``direction`` (3,) from as far as it takes to see everything.  aspect: width over height."""
+    return looking(overview_position(seen, aspect, direction), direction, speed)
 
 
-def start_camera(scene: "Scene", width: int, height: int) -> Camera:
-    """The first camera of ``scene``, width and height in pixels."""
-    state = start_state(scene, survey(scene), width / height)
-    return from_fov(width, height, FIELD_OF_VIEW, state.camera_to_world)
-
-
-def framed(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
+def framed(seen: Sampled, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
     """Looking along ``direction`` (3,) so that the points themselves, and not their box, fill the picture."""
     facing = looking(np.zeros(3), direction, speed)
     inside = ((seen.points >= seen.low) & (seen.points <= seen.high)).all(axis=1)
@@ -70,7 +47,7 @@ def framed(seen: Survey, aspect: float, direction: np.ndarray, speed: float) -> 
     return looking(eye, direction, speed)
 
 
-def from_outside(seen: Survey, aspect: float) -> FlyState:
+def from_outside(seen: Sampled, aspect: float, speed: float) -> FlyState:
     """The whole scan, from the side from which most of it is seen and lit."""
     extent = seen.high - seen.low
     flat = extent[2] < _FLAT * max(float(extent[:2].max()), 1e-300)
@@ -79,7 +56,7 @@ def from_outside(seen: Survey, aspect: float) -> FlyState:
         for number in range(_OUTSIDE):
             yaw = 2 * np.pi * number / _OUTSIDE + 0.41  # along no axis: a corner shows more of a box than a side
             direction = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
-            state = framed(seen, aspect, direction, seen.speed)
+            state = framed(seen, aspect, direction, speed)
             value = _visible(seen, state, aspect)
             if value > best[0] + 1e-9:
                 best = value, state
@@ -87,7 +64,7 @@ def from_outside(seen: Survey, aspect: float) -> FlyState:
     return best[1]
 
 
-def _visible(seen: Survey, state: FlyState, aspect: float) -> float:
+def _visible(seen: Sampled, state: FlyState, aspect: float) -> float:
     """How good a view from outside is: the share of the points that are lit and in front, times the root of the share of the
     picture that they cover."""
     some = slice(None, None, max(1, len(seen.points) // _FEW))
@@ -105,27 +82,3 @@ def _visible(seen: Survey, state: FlyState, aspect: float) -> float:
     reach = 0.02 * float(np.linalg.norm(seen.high - seen.low))
     front = (depth[ahead] <= nearest[at] + reach) & lit[ahead]
     return float(front.sum()) / len(points) * float(np.isfinite(nearest).mean()) ** 0.5
-
-
-def enclosure(seen: Survey, position: np.ndarray) -> float:
-    """Share of the directions near the horizon, around ``position`` (3,), in which there are points."""
-    nearest, _ = _around(seen, position)
-    return float((nearest > 0).mean())
-
-
-def _around(seen: Survey, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By direction (azimuth, then height; 72 x 24): horizontal distance of the nearest point, 0 where there is none, and the
-    share of lit points."""
-    some = slice(None, None, max(1, len(seen.points) // 50_000))
-    away = seen.points[some] - position
-    flat = np.hypot(away[:, 0], away[:, 1])
-    slope = away[:, 2] / np.maximum(flat, 1e-9)
-    use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
-    at = ((np.arctan2(away[use, 1], away[use, 0]) / (2 * np.pi) + 0.5) * _AZIMUTHS).astype(int) % _AZIMUTHS
-    height = np.clip(((slope[use] + 0.6) / 1.2 * _ROWS).astype(int), 0, _ROWS - 1)
-    bins = at * _ROWS + height
-    held = np.bincount(bins, minlength=_AZIMUTHS * _ROWS)
-    lit = np.bincount(bins, seen.lit[some][use], _AZIMUTHS * _ROWS) / np.maximum(held, 1)
-    nearest = np.full(_AZIMUTHS * _ROWS, np.inf)
-    np.minimum.at(nearest, bins, flat[use])
-    return np.where(held > 0, nearest, 0.0), lit
