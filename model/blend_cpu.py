@@ -25,13 +25,11 @@ from model.blend_rows import (
     mean_row,
     square_means,
     square_row,
-    stray_row,
     weigh_row,
 )
 from model.common.jit import compiled
-from model.unet import BLENDS, CONTRAST_AT, MEAN_BLOCK, MOST_STRAYS, STRAYS
+from model.unet import BLENDS, CONTRAST_AT, MEAN_BLOCK
 
-_MAY_TAKE = (1e30, *(MOST_STRAYS * stray for stray in STRAYS))  # the finest blend has no bound
 _LEAST_ROWS = 32
 """Of a thread, since 15 above and below them are blurred too."""
 
@@ -45,9 +43,9 @@ def _make(packed, blocks, block, means, made, first, last):
     """
     height, width = packed.shape[0], packed.shape[1]
     behind = 2**BLENDS - 1
-    kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 6, width), np.float32)  # of blur k from row 2**(k + 1) - 2 + k
-    out, bounds = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, 2, width), np.float32)
-    smoothest, line = np.empty((6, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
+    kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # of blur k from row 2**(k + 1) - 2 + k
+    out, limit = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, width), np.float32)
+    smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
     whole, row_of = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
     said = np.empty((1 + BLENDS, 5, width), np.float32)  # the last rows of the network's channels, of each up to row had
     had = np.full(1 + BLENDS, max(first - 2, 0))
@@ -68,10 +66,8 @@ def _make(packed, blocks, block, means, made, first, last):
             smooth = smoothest
             if number + 1 < BLENDS:
                 smooth = kept[begin + rows + y % (4 * reach + 1)]
-            for plane in range(6 if number == CONTRAST_AT else 5):
+            for plane in range(5 if number == CONTRAST_AT else 4):
                 blur_row(above[plane], here[plane], below[plane], reach, line, smooth[plane])
-            if number == 0:
-                stray_row(smooth)
             if number + 1 == CONTRAST_AT:
                 square_row(smooth)
             if y < first or y >= last:
@@ -83,9 +79,9 @@ def _make(packed, blocks, block, means, made, first, last):
                 said[channel, had[channel] % 5] = whole[:width]
                 had[channel] += 1
             half_band_row(said[channel], y, height, line, row_of)
-            blend_row(here, smooth, row_of, _MAY_TAKE[number], out[place])
+            blend_row(here, smooth, row_of, out[place])
             if number == CONTRAST_AT:
-                contrast_row(smooth, bounds[place])
+                contrast_row(smooth, limit[place])
             if number + 1 == BLENDS:
                 while had[0] < min(y + 3, height):
                     guide_row(blocks, block, 0, had[0], whole)
@@ -94,7 +90,7 @@ def _make(packed, blocks, block, means, made, first, last):
                     had[0] += 1
                 half_band_row(said[0], y, height, line, row_of)
                 guide_row(blocks, block, 1 + BLENDS, y, whole)
-                finish_row(packed[y], out[place], row_of, whole[:width], bounds[place], made[y])
+                finish_row(packed[y], out[place], row_of, whole[:width], limit[place], made[y])
 
 
 class Blender:

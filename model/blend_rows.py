@@ -9,34 +9,28 @@ import numpy as np
 from model.common.jit import compiled
 from model.network_layout import CLOSED
 from model.unet import (
-    DARK,
     FILLED_WEIGHT,
     HALF_BAND,
     LEAST_CONTRAST,
-    LEAST_STRAY,
+    LEAST_LUMINANCE,
     LUMA,
     MEAN_BLOCK,
-    MEASURED,
     NOISE,
-    SPARSE,
 )
 
 _RED, _GREEN, _BLUE = LUMA
 _OUTER, _BESIDE, _MIDDLE = HALF_BAND[:3]
-_SOME, _ALL = MEASURED
 _F = np.float32
 
 
 @compiled(nogil=True)
 def weigh_row(packed, sums, out):
-    """A row of the sums to be blurred (>= 5, W), from packed (W, 8) float32; out (3, W) begins as the picture."""
+    """A row of the sums to be blurred (>= 4, W), from packed (W, 8) float32; out (3, W) begins as the picture."""
     for x in range(packed.shape[0]):
         red, green, blue = packed[x, 0], packed[x, 1], packed[x, 2]
         weight = packed[x, 3] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
         out[0, x], out[1, x], out[2, x] = red, green, blue
         sums[0, x], sums[1, x], sums[2, x], sums[3, x] = red * weight, green * weight, blue * weight, weight
-        light = _F(_RED) * red + _F(_GREEN) * green + _F(_BLUE) * blue
-        sums[4, x] = light * light * weight
 
 
 @compiled(nogil=True)
@@ -61,58 +55,36 @@ def blur_row(above, here, below, reach, line, row):
 
 
 @compiled(nogil=True)
-def blend_row(sharp, smooth, share, stray, out):
-    """The picture out (3, W) blended, by share (W,), from one blur's sums (>= 5, W) towards the next one's: where much is
-    measured, by no more light than ``stray`` times what points stray by, the fifth of the sums."""
-    red, green, blue, weight, strays = smooth[0], smooth[1], smooth[2], smooth[3], smooth[4]
+def blend_row(sharp, smooth, share, out):
+    """Blends the picture out (3, W), by share (W,), from one blur's sums (>= 4, W) towards the next one's."""
+    red, green, blue, weight = smooth[0], smooth[1], smooth[2], smooth[3]
     red_before, green_before, blue_before, weight_before = sharp[0], sharp[1], sharp[2], sharp[3]
     out_red, out_green, out_blue = out[0], out[1], out[2]
     for x in range(len(share)):
         part = min(max(share[x], _F(0.0)), _F(1.0))
-        one, before = _F(1.0) / weight[x], part / weight_before[x]
-        now = part * one
-        more_red = now * red[x] - before * red_before[x]
-        more_green = now * green[x] - before * green_before[x]
-        more_blue = now * blue[x] - before * blue_before[x]
-        light = abs(_F(_RED) * more_red + _F(_GREEN) * more_green + _F(_BLUE) * more_blue)
-        bound = min(_F(stray) * strays[x] * one / max(light, _F(1e-6)), _F(1.0))
-        dense = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
-        sure = min(max((dense - _F(_SOME)) / _F(_ALL - _SOME), _F(0.0)), _F(1.0))
-        left = _F(1.0) - sure * (_F(1.0) - bound)
-        out_red[x] += left * more_red
-        out_green[x] += left * more_green
-        out_blue[x] += left * more_blue
-
-
-@compiled(nogil=True)
-def stray_row(sums):
-    """The fifth of the sums (>= 5, W) from the light's square to how far points stray around each pixel, by the same weight."""
-    red, green, blue, weight, strays = sums[0], sums[1], sums[2], sums[3], sums[4]
-    for x in range(len(red)):
-        light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
-        variance = max(strays[x] / weight[x] - light * light, _F(0.0))
-        strays[x] = np.sqrt(variance + _F(LEAST_STRAY**2)) * weight[x]
+        now, before = part / weight[x], part / weight_before[x]
+        out_red[x] += now * red[x] - before * red_before[x]
+        out_green[x] += now * green[x] - before * green_before[x]
+        out_blue[x] += now * blue[x] - before * blue_before[x]
 
 
 @compiled(nogil=True)
 def square_row(sums):
-    """The sixth of the sums (6, W): the light's square, by the same weight as the others."""
-    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[5]
+    """The fifth of the sums (5, W): the square of luminance, by the same weight as the others."""
+    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
     for x in range(len(red)):
         light = _F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]
         square[x] = light * light / weight[x]
 
 
 @compiled(nogil=True)
-def contrast_row(sums, bounds):
-    """How much the correction may change, and how much was measured: bounds (2, W), from sums (6, W)."""
-    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[5]
-    limit, density = bounds[0], bounds[1]
+def contrast_row(sums, limit):
+    """How far the correction may change luminance: limit (W,), from sums (5, W)."""
+    red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
     for x in range(len(red)):
         light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
         variance = max(square[x] / weight[x] - light * light, _F(0.0))
         limit[x] = np.sqrt(variance) * variance / (variance + _F(NOISE**2)) + _F(LEAST_CONTRAST)
-        density[x] = (weight[x] - _F(FILLED_WEIGHT)) / _F(1.0 - FILLED_WEIGHT)
 
 
 @compiled(inline="always")
@@ -201,16 +173,16 @@ def half_band_row(rows, y, height, line, row):
 
 
 @compiled(nogil=True)
-def finish_row(packed, out, light, cover, bounds, made):
-    """The correction of the light, and the coverage: made (W, 4) float32, 0..1, never NaN.
+def finish_row(packed, out, light, cover, limit, made):
+    """Corrects luminance and sets coverage: made (W, 4) float32, 0..1, never NaN.
 
-    light, cover: (W,) correction, which is overwritten, and coverage less 1.
+    light, cover, limit: (W,) correction, which is overwritten, coverage less 1, and bound of the correction.
     """
-    bound, dense = bounds[0], bounds[1]
     red, green, blue = out[0], out[1], out[2]
     for x in range(len(light)):
-        change = bound[x] * tanh(light[x] / bound[x]) * min(max(dense[x] / _F(SPARSE), _F(0.0)), _F(1.0))
-        light[x] = _F(1.0) + change / max(_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x], _F(DARK))
+        change = limit[x] * tanh(light[x] / limit[x])
+        luma = _F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]
+        light[x] = _F(1.0) + change / max(luma, _F(LEAST_LUMINANCE))
     for x in range(len(light)):
         made[x, 0], made[x, 1] = _unit(red[x] * light[x]), _unit(green[x] * light[x])
         made[x, 2] = _unit(blue[x] * light[x])
