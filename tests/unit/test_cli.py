@@ -266,6 +266,13 @@ def test_importing_the_command_line_loads_nothing_heavy():
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=60).returncode == 0
 
 
+def test_start_page_loads_ahead_what_a_scan_needs_and_no_torch():
+    code = ("import sys; from viewer.window.warm_up import WarmUp; assert WarmUp().wait(60);"
+            "wanted = {'laspy', 'lazrs', 'numba', 'viewer.grid.preview', 'viewer.render.renderer'};"
+            "sys.exit(', '.join(wanted - set(sys.modules)) or ('torch' in sys.modules and 'torch') or 0)")
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=90).returncode == 0
+
+
 @pytest.mark.gl
 @pytest.mark.slow
 def test_demo_without_a_display_makes_all_pictures(tmp_path, monkeypatch, capsys):

@@ -8,7 +8,6 @@ Where most of a file's dark points lie like that, they are the rim and no colour
 """
 
 import numpy as np
-from scipy.spatial import KDTree
 
 DARK = 16
 """Levels below which a colour may be a photograph's black border, blended in."""
@@ -32,6 +31,8 @@ def rim_share(xyz: np.ndarray, rgb: np.ndarray) -> float:
     dark = np.flatnonzero(brightness < DARK)
     if not _LEAST <= len(dark) <= _MOST_DARK * len(xyz) or len(xyz) <= _NEIGHBOURS:
         return 0.0
+    from scipy.spatial import KDTree  # half a second to import, and most scans need none
+
     looked = np.random.default_rng(0).choice(dark, min(len(dark), _LOOKED), replace=False)
     tree = KDTree(xyz, leafsize=64, balanced_tree=False, compact_nodes=False)
     distances, near = tree.query(xyz[looked], _NEIGHBOURS)

@@ -29,6 +29,7 @@ from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
 from viewer.window.start_page import StartPage
 from viewer.window.viewport import Viewport
+from viewer.window.warm_up import WarmUp
 
 if TYPE_CHECKING:
     import moderngl
@@ -61,6 +62,8 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     try:
         if paths:
             app.session.open(paths)
+        else:
+            WarmUp()  # while the start page is shown
         while not app.closing:
             app.step()
             if neural_later and app.session.picture.made is not None:
