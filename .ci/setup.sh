@@ -8,7 +8,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 TORCH=2.13.0
 LIBRARIES=(libegl1 libegl-mesa0 libgl1 libgl1-mesa-dri libglx-mesa0 libusb-1.0-0 libgomp1 libx11-6 libxext6
-           xvfb xdotool glslang-tools)
+           xvfb xdotool glslang-tools spirv-tools mesa-vulkan-drivers)
 
 say() { printf 'set-up: %s\n' "$*" >&2; }
 

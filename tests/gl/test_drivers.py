@@ -1,88 +1,19 @@
-"""What another driver may do otherwise than software OpenGL does, as far as that can be told without one.
+"""GPU behaviour that software OpenGL can imitate: the programs chosen for a GPU, missing barriers, uninitialised memory.
 
-A GPU runs other programs (more lanes, a pass that clears), finds anything in memory that nobody wrote where software
-OpenGL finds zeros, and compiles more strictly.
+See test_shaders_valid.py for stricter compilers and test_other_drivers.py for other implementations of OpenGL.
 """
-
-import shutil
-import subprocess
-from dataclasses import replace
-from itertools import product
 
 import moderngl
 import numpy as np
 import pytest
-from clouds import camera_in, room
-from test_stations import scanned
-
-from viewer.camera import from_fov, look_at
-from viewer.doctor_probes import compute_works
-from viewer.paths import shaders_dir
-from viewer.render import renderer as module
-from viewer.render import shader
-from viewer.render.bridge import ReadBackBridge, works
-from viewer.render.develop import Developer, read_picture
-from viewer.render.edits import Edits
-from viewer.render.occlusion import Occlusion
-from viewer.render.renderer import RASTERISERS, Renderer
-from viewer.render.shader import Programs
-from viewer.settings import FILTERS, Settings
-from viewer.tools.clip import box_around
-from viewer.tools.look import Look
-from viewer.window.present import Canvas
+from driver_pictures import look_like_a_gpu, pictures
 
 pytestmark = pytest.mark.gl
-
-SEED = 7
-VIEWS = ("raw", "filtered", "filled")
-
-
-def edited_pictures(renderer, camera) -> list[bytes]:
-    """Clipped, coloured by an attribute, and developed in every way."""
-    low, high = renderer.scene.bounds
-    edits = Edits(clips=(box_around(low, (low + 3 * high) / 4),), look=Look(colour_by="height"))
-    frame = renderer.render(camera, Settings(), ("raw", "filtered", "filled"), edits=edits)
-    frame.textures["neural"] = frame.textures["filled"]
-    look = Look(exposure=0.5, point_size=2, edl=0.7)
-    developer = Developer(renderer._programs, (camera.width, camera.height))
-    made = [read_picture(developer.run(frame, view, look, tint=tint, lock=view == "neural")).tobytes()
-            for view in ("raw", "neural") for tint in (False, True)]
-    developer.release()
-    return made
-
-
-def pictures(context) -> list[bytes]:
-    """By each pass there is: both rasterisers, with and without stations, every filter, fill, network, hidden cells."""
-    out = []
-    for make, kind in product((room, scanned), RASTERISERS):
-        scene = make(SEED)
-        camera, small, least = (camera_in(scene, SEED, size) for size in ((320, 240), (97, 61), (7, 3)))
-        renderer = Renderer(context, scene, raster=kind, device="cpu")
-        for preset in FILTERS:
-            views = (*VIEWS, "neural") if preset == "auto" else VIEWS
-            frame = renderer.render(camera, Settings(filter=preset, quality="fast"), views)
-            out += [frame.image(view).tobytes() for view in views]
-            out += [frame.depth().tobytes(), frame.mask().tobytes()]
-        history = Occlusion()
-        for _ in range(2):
-            frame = renderer.render(small, Settings(), ("filled",), history)
-            assert ("occlusion" in frame.facts) == (kind == "compute")
-            out.append(frame.image("filled").tobytes())
-        away = from_fov(97, 61, 60.0, look_at(scene.bounds[1] + 9.0, scene.bounds.mean(axis=0)))
-        out += [renderer.render(other, Settings(), VIEWS).image("filled").tobytes() for other in (least, away)]
-        out += edited_pictures(renderer, small)
-        renderer.release()
-    return out
 
 
 @pytest.fixture
 def expected(context):
     return pictures(context)
-
-
-def look_like_a_gpu(monkeypatch) -> None:
-    known = module.describe_device
-    monkeypatch.setattr(module, "describe_device", lambda context: replace(known(context), software=False))
 
 
 def demand_barriers(monkeypatch) -> list:
@@ -152,36 +83,3 @@ def test_what_nobody_wrote_changes_no_byte(context, expected, monkeypatch, word)
     monkeypatch.setattr(moderngl.Context, "texture", texture)
     monkeypatch.setattr(moderngl.Buffer, "orphan", orphan)
     assert pictures(context) == expected and len(written) > 100
-
-
-def test_every_program_is_right_to_the_reference_compiler(context, monkeypatch, tmp_path):
-    """Mesa's takes more than the language allows."""
-    compiler = shutil.which("glslangValidator")
-    if compiler is None:
-        pytest.skip("glslangValidator is not installed (apt install glslang-tools)")
-    texts: dict[str, str] = {}
-    source = shader.source
-
-    def noted(name, defines=None):
-        text, files = source(name, defines)
-        texts[text] = name
-        return text, files
-
-    monkeypatch.setattr(shader, "source", noted)
-    pictures(context)
-    look_like_a_gpu(monkeypatch)
-    pictures(context)
-    programs, bridge = Programs(context), ReadBackBridge(context, (8, 8))
-    assert works(programs, bridge) and compute_works(context)
-    canvas = Canvas(context, programs, (8, 8))
-    for owned in (canvas, bridge, programs):
-        owned.release()
-    there = {path.name for path in shaders_dir().iterdir() if path.suffix in (".comp", ".vert", ".frag")}
-    assert set(texts.values()) == there, "a shader that no test compiles"
-    paths = []
-    for number, (text, name) in enumerate(texts.items()):
-        paths.append(tmp_path / f"{number}-{name}")
-        paths[-1].write_text(text)
-    done = subprocess.run([compiler, *map(str, paths)], capture_output=True, text=True, timeout=120)
-    said = [line for line in done.stdout.splitlines() if "ERROR" in line or "WARNING" in line]
-    assert done.returncode == 0 and not said, done.stdout

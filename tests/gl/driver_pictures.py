@@ -1,0 +1,127 @@
+"""Pictures by every program there is, for tests of other drivers; as a script, one driver's pictures for comparison.
+
+``python tests/gl/driver_pictures.py FILE`` renders on whatever driver the environment selects (see test_other_drivers.py) and
+writes FILE (.npz): the renderer's name, and of each scene and rasteriser the keep-mask, the depth and the three pictures.
+"""
+
+import sys
+from itertools import product
+from pathlib import Path
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import numpy as np
+from clouds import camera_in, room
+from test_stations import scanned
+
+from viewer.camera import from_fov, look_at
+from viewer.render import shader
+from viewer.render.develop import Developer, read_picture
+from viewer.render.edits import Edits
+from viewer.render.occlusion import Occlusion
+from viewer.render.renderer import RASTERISERS, Renderer
+from viewer.settings import FILTERS, Settings
+from viewer.tools.clip import box_around
+from viewer.tools.look import Look
+
+SEED = 7
+VIEWS = ("raw", "filtered", "filled")
+
+
+def edited_pictures(renderer, camera) -> list[bytes]:
+    """Clipped, coloured by an attribute, and developed in every way."""
+    low, high = renderer.scene.bounds
+    edits = Edits(clips=(box_around(low, (low + 3 * high) / 4),), look=Look(colour_by="height"))
+    frame = renderer.render(camera, Settings(), ("raw", "filtered", "filled"), edits=edits)
+    frame.textures["neural"] = frame.textures["filled"]
+    look = Look(exposure=0.5, point_size=2, edl=0.7)
+    developer = Developer(renderer._programs, (camera.width, camera.height))
+    made = [read_picture(developer.run(frame, view, look, tint=tint, lock=view == "neural")).tobytes()
+            for view in ("raw", "neural") for tint in (False, True)]
+    developer.release()
+    return made
+
+
+def pictures(context) -> list[bytes]:
+    """By each pass there is: both rasterisers, with and without stations, every filter, fill, network, hidden cells."""
+    out = []
+    for make, kind in product((room, scanned), RASTERISERS):
+        scene = make(SEED)
+        camera, small, least = (camera_in(scene, SEED, size) for size in ((320, 240), (97, 61), (7, 3)))
+        renderer = Renderer(context, scene, raster=kind, device="cpu")
+        for preset in FILTERS:
+            views = (*VIEWS, "neural") if preset == "auto" else VIEWS
+            frame = renderer.render(camera, Settings(filter=preset, quality="fast"), views)
+            out += [frame.image(view).tobytes() for view in views]
+            out += [frame.depth().tobytes(), frame.mask().tobytes()]
+        history = Occlusion()
+        for _ in range(2):
+            frame = renderer.render(small, Settings(), ("filled",), history)
+            assert ("occlusion" in frame.facts) == (kind == "compute")
+            out.append(frame.image("filled").tobytes())
+        away = from_fov(97, 61, 60.0, look_at(scene.bounds[1] + 9.0, scene.bounds.mean(axis=0)))
+        out += [renderer.render(other, Settings(), VIEWS).image("filled").tobytes() for other in (least, away)]
+        out += edited_pictures(renderer, small)
+        renderer.release()
+    return out
+
+
+def sources(context, monkeypatch) -> dict[str, str]:
+    """{complete text of a shader, includes and constants resolved: its file} of all that the program compiles, for software
+    OpenGL and for a GPU."""
+    from viewer.doctor_probes import compute_works
+    from viewer.render.bridge import ReadBackBridge, works
+    from viewer.window.present import Canvas
+
+    texts: dict[str, str] = {}
+    source = shader.source
+
+    def noted(name, defines=None):
+        text, files = source(name, defines)
+        texts[text] = name
+        return text, files
+
+    monkeypatch.setattr(shader, "source", noted)
+    pictures(context)
+    look_like_a_gpu(monkeypatch)
+    pictures(context)
+    programs, bridge = shader.Programs(context), ReadBackBridge(context, (8, 8))
+    assert works(programs, bridge) and compute_works(context)
+    canvas = Canvas(context, programs, (8, 8))
+    for owned in (canvas, bridge, programs):
+        owned.release()
+    return texts
+
+
+def look_like_a_gpu(monkeypatch) -> None:
+    """Renderers made from now on choose what they would on a GPU."""
+    from dataclasses import replace
+
+    from viewer.render import renderer
+
+    known = renderer.describe_device
+    monkeypatch.setattr(renderer, "describe_device", lambda context: replace(known(context), software=False))
+
+
+def write(path: str) -> None:
+    """Renders and writes the file that the module's docstring describes."""
+    from viewer.render.context import create_context, describe_device
+
+    context = create_context()
+    device = describe_device(context)
+    made: dict[str, np.ndarray] = {"renderer": np.array(f"{device.renderer}, OpenGL {device.version}")}
+    for make, kind in product((room, scanned), RASTERISERS):
+        scene = make(SEED)
+        renderer = Renderer(context, scene, raster=kind, device="cpu")
+        for preset in FILTERS if make is room else ("auto",):
+            frame = renderer.render(camera_in(scene, SEED, (160, 120)), Settings(filter=preset), VIEWS)
+            name = f"{make.__name__}, {kind}, filter {preset}"
+            made |= {f"{name}, mask": frame.mask(), f"{name}, depth": frame.depth()}
+            made |= {f"{name}, {view}": frame.image(view) for view in VIEWS}
+        renderer.release()
+    np.savez(path, **made)
+
+
+if __name__ == "__main__":
+    write(sys.argv[1])

@@ -1,0 +1,164 @@
+"""Every shader, complete with its includes and constants, against the reference compiler and the limits of the standard.
+
+The text is the one the program gives to the driver (viewer.render.shader.source), collected while every program runs.
+"""
+
+import os
+import re
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+from driver_pictures import sources
+
+from viewer.paths import shaders_dir
+from viewer.render.shader import BINDINGS
+
+pytestmark = pytest.mark.gl
+
+VERSIONS = (430, 440, 450, 460)
+SPIRV_ENVIRONMENTS = ("opengl4.3", "opengl4.5")
+"""Of OpenGL 4.3 to 4.6 those that spirv-val (2023.1) knows."""
+
+STORAGE_BLOCKS = {"comp": 8, "frag": 8, "vert": 0}
+"""OpenGL 4.3, tables 23.57 to 23.62, least value of MAX_*_SHADER_STORAGE_BLOCKS: a vertex shader is promised none."""
+IMAGES = {"comp": 8, "frag": 8, "vert": 0}
+"""MAX_*_IMAGE_UNIFORMS."""
+TEXTURES = 16
+"""MAX_*_TEXTURE_IMAGE_UNITS."""
+UNIFORM_BLOCK_BYTES = 16384
+"""MAX_UNIFORM_BLOCK_SIZE."""
+UNIFORM_BLOCKS = 12
+"""MAX_*_UNIFORM_BLOCKS (14 in compute shaders)."""
+UNIFORM_COMPONENTS = {"comp": 512, "frag": 1024, "vert": 1024}
+"""MAX_*_UNIFORM_COMPONENTS of the default block."""
+GROUP_SIZE, GROUP_INVOCATIONS = (1024, 1024, 64), 1024
+"""MAX_COMPUTE_WORK_GROUP_SIZE and _INVOCATIONS."""
+SHARED_BYTES = 32768
+"""MAX_COMPUTE_SHARED_MEMORY_SIZE."""
+STORAGE_BINDINGS = 8
+"""MAX_SHADER_STORAGE_BUFFER_BINDINGS."""
+
+_COMPONENTS = {"1406": 1, "1404": 1, "1405": 1, "8b56": 1, "8b50": 2, "8b53": 2, "8dc6": 2, "8b51": 3, "8b54": 3, "8dc7": 3,
+               "8b52": 4, "8b55": 4, "8dc8": 4, "8b5b": 9, "8b5c": 16}
+"""Components by the hexadecimal code of a uniform's type; samplers and images count one."""
+
+
+@pytest.fixture(scope="module")
+def files(context, tmp_path_factory) -> list[Path]:
+    """One file for each text that the program compiles."""
+    if shutil.which("glslangValidator") is None or shutil.which("spirv-val") is None:
+        pytest.skip("glslangValidator and spirv-val are not installed (apt install glslang-tools spirv-tools)")
+    with pytest.MonkeyPatch.context() as patch:
+        texts = sources(context, patch)
+    there = {path.name for path in shaders_dir().iterdir() if path.suffix in (".comp", ".vert", ".frag")}
+    assert set(texts.values()) == there, "a shader that no test compiles"
+    folder = tmp_path_factory.mktemp("shaders")
+    paths = []
+    for number, (text, name) in enumerate(texts.items()):
+        # glslang knows 64-bit atomics of buffers by the name of the later, equal extension
+        text = text.replace("GL_NV_shader_atomic_int64", "GL_EXT_shader_atomic_int64")
+        paths.append(folder / f"{number}-{name}")
+        paths[-1].write_text(text)
+    return paths
+
+
+def output_of(*command: object) -> tuple[int, str]:
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=60)
+    return done.returncode, done.stdout + done.stderr
+
+
+def each(check, paths: list[Path]) -> list[str]:
+    """Problems found by ``check`` in any of the files, two files at a time."""
+    with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
+        return [problem for problems in pool.map(check, paths) for problem in problems]
+
+
+def as_version(files: list[Path], folder: Path, version: int) -> list[Path]:
+    """The files with another version in their first line, in a folder of their own."""
+    there = folder / str(version)
+    there.mkdir()
+    for path in files:
+        text = path.read_text()
+        assert text.startswith("#version 430 core\n")
+        (there / path.name).write_text(text.replace("#version 430 core", f"#version {version} core", 1))
+    return [there / path.name for path in files]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_every_shader_is_valid_glsl(files, tmp_path, version):
+    paths = as_version(files, tmp_path, version)
+    status, said = output_of("glslangValidator", *paths)
+    assert status == 0 and "ERROR" not in said and "WARNING" not in said, said
+
+
+def test_every_shader_is_valid_spirv(files, tmp_path):
+    """SPIR-V for OpenGL asks for a location of every uniform, input and output, which GLSL 4.30 leaves to the linker: glslang
+    numbers them (--auto-map-locations), and nothing else is changed."""
+    validated: set[bytes] = set()
+
+    def problems(path: Path) -> list[str]:
+        found = []
+        binary = path.with_suffix(".spv" + path.suffix)
+        status, said = output_of("glslangValidator", "-G", "-g0", "--auto-map-locations", "-o", binary, path)
+        if status:
+            return [f"{path.parent.name}/{path.name}: {said}"]
+        if (code := binary.read_bytes()) in validated:  # the same as of another version
+            return []
+        validated.add(code)
+        for environment in SPIRV_ENVIRONMENTS:
+            status, said = output_of("spirv-val", "--target-env", environment, binary)
+            found += [f"{path.parent.name}/{path.name}, {environment}: {said}"] if status else []
+        return found
+
+    for version in (VERSIONS[0], VERSIONS[-1]):  # those between them are compiled as GLSL above
+        assert each(problems, as_version(files, tmp_path, version)) == []
+
+
+def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(files):
+    """Counted in the text after the preprocessor and in the compiler's own list of uniforms."""
+
+    def problems(path: Path) -> list[str]:
+        kind = path.suffix[1:]
+        status, text = output_of("glslangValidator", "-E", path)
+        assert status == 0, text
+        found = []
+
+        def at_most(what: str, value: int, limit: int) -> None:
+            if value > limit:
+                found.append(f"{path.name}: {what} {value}, OpenGL 4.3 guarantees {limit}")
+
+        blocks = re.findall(r"binding\s*=\s*(\d+)\s*\)[^;{]*\bbuffer\s+\w+\s*\{", text)
+        assert len(blocks) == len(re.findall(r"\bbuffer\s+\w+\s*\{", text)), "a storage block without a binding"
+        at_most("storage blocks", len(blocks), STORAGE_BLOCKS[kind])
+        at_most("highest storage binding", max(map(int, blocks), default=0), STORAGE_BINDINGS - 1)
+        assert len(set(blocks)) == len(blocks), f"{path.name}: two storage blocks share a binding"
+        images = re.findall(r"\buniform\b[^;]*\b[iu]?image\dD\b", text)
+        at_most("images", len(images), IMAGES[kind])
+        at_most("textures", len(re.findall(r"\buniform\s+[iu]?sampler\dD\b", text)), TEXTURES)
+        if kind == "comp":
+            size = {axis: int(value) for axis, value in re.findall(r"local_size_([xyz])\s*=\s*(\d+)", text)}
+            sides = [size.get(axis, 1) for axis in "xyz"]
+            for side, limit in zip(sides, GROUP_SIZE):
+                at_most("side of a workgroup", side, limit)
+            at_most("invocations of a workgroup", sides[0] * sides[1] * sides[2], GROUP_INVOCATIONS)
+            if re.search(r"^\s*shared\b", text, re.M):
+                found.append(f"{path.name}: shared memory; count its bytes against {SHARED_BYTES} here")
+        status, told = output_of("glslangValidator", "-l", "-q", path)
+        assert status == 0, told
+        storage = set(re.findall(r"\bbuffer\s+(\w+)\s*\{", text))
+        uniforms, rest = told.split("Uniform block reflection:")
+        told_blocks = re.findall(r"^(\w+): .*?size (\d+)", rest.split("Buffer variable")[0], re.M)
+        rows = [row for row in told_blocks if row[0] not in storage]
+        at_most("uniform blocks", len(rows), UNIFORM_BLOCKS)
+        for name, size in rows:
+            at_most(f"bytes of {name}", int(size), UNIFORM_BLOCK_BYTES)
+        plain = re.findall(r"^[\w\[\].]+: offset -1, type (\w+), size (\d+)", uniforms, re.M)
+        at_most("uniform components", sum(_COMPONENTS.get(code, 1) * int(size) for code, size in plain),
+                UNIFORM_COMPONENTS[kind])
+        return found
+
+    assert max(BINDINGS.values()) < STORAGE_BINDINGS
+    assert each(problems, files) == []
