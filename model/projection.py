@@ -1,10 +1,10 @@
-"""The plain twin of the OpenGL frame in torch: points to picture, on any device, in float32 or float64.
+"""Reference implementation of an OpenGL frame in torch: points to picture, on any device, in float32 or float64.
 
-It serves training where there is no OpenGL, is the reference the GL passes are tested against on the same packed
-points, and so leaves no difference between what the network learns from and what it is served.
+Training uses it, because it needs no OpenGL, and the OpenGL passes are tested against it on the same packed points.  The
+network is therefore trained on the same input as the renderer gives it.
 
 View frame: x right, y down, z forward, file units.  A pixel spans [i, i + 1] x [j, j + 1], row 0 at the top.  In float32
-the arithmetic, its order included, is that of ``shaders/common_project.glsl``; nothing here is fused or reordered.
+the operations and their order are those of ``shaders/common_project.glsl``; do not fuse or reorder them.
 """
 
 from dataclasses import dataclass
@@ -17,26 +17,31 @@ from model.depth_filter import keep_mask
 from model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE, TYPICAL_WEIGHT
 from model.pull_push import pull_push
 from model.soft_z import MOST_AVERAGED, SoftZ
-from model.station_weights import toned, trust
+from model.station_weights import confidence_of, match_tone
 
 MEASURED_CHANNELS = 6
-"""Of :func:`measured_input`."""
+"""Channels of :func:`measured_input`."""
+
 
 @dataclass(frozen=True)
 class Raster:
-    """colour (3, H, W) float 0..255, whole numbers; depth (H, W) nearest view-space z, +inf where empty; count (H, W)
-    int64, the points averaged, or their weights: 0 where there is none, or none with a colour.  weighed: whether points had
-    weights (model/station_weights.py)."""
+    """A rasterised picture.
+
+    colour: (3, H, W) float, integers 0..255.  depth: (H, W) nearest view-space z, +inf where empty.  count: (H, W) int64, the
+    number of points averaged, or the sum of their weights; 0 where there is no point, or none with a colour.
+    weighted: whether the points had weights (model/station_weights.py).
+    """
 
     colour: Tensor
     depth: Tensor
     count: Tensor
-    weighed: bool = False
+    weighted: bool = False
 
-    def trusted(self, mask: Tensor) -> tuple[Tensor, Tensor]:
-        """What the fill starts from behind a keep-mask (H, W) bool: (3, H, W) colours 0..255, and (H, W) float32 0..1, what
-        each pixel counts."""
-        return toned(self.colour, trust(self.count, mask)) if self.weighed else (self.colour, mask.to(torch.float32))
+    def with_confidence(self, mask: Tensor) -> tuple[Tensor, Tensor]:
+        """Input of the fill: (3, H, W) colours 0..255, and (H, W) float32 confidence 0..1.  mask: (H, W) bool keep-mask."""
+        if self.weighted:
+            return match_tone(self.colour, confidence_of(self.count, mask))
+        return self.colour, mask.to(torch.float32)
 
 
 def unpack_points(packed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -50,10 +55,10 @@ def unpack_points(packed: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def view_points(steps: Tensor, cells: Tensor, cell_view: Tensor, axes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Packed points in the view frame.
+    """View-space positions of packed points: x, y, z, (N,) each.
 
-    steps: (N, 3) int.  cells: (N,) int64 into cell_view.  cell_view: (C, 3) view-space position of each cell's first
-    step centre.  axes: (3, 3) view rotation times the step, columns are the cell's x, y, z.  Returns x, y, z: (N,) each.
+    steps: (N, 3) int.  cells: (N,) int64 indices into cell_view.  cell_view: (C, 3) view-space position of the centre of each
+    cell's first step.  axes: (3, 3) view rotation times the step size, columns are the cell's x, y, z.
     """
     qx, qy, qz = steps.to(axes.dtype).unbind(1)
     origin = cell_view[cells]
@@ -62,10 +67,11 @@ def view_points(steps: Tensor, cells: Tensor, cell_view: Tensor, axes: Tensor) -
 
 
 def pixels(x: Tensor, y: Tensor, z: Tensor, camera, *, rounded: bool = False) -> tuple[Tensor, Tensor]:
-    """Which pixel each point falls in.
+    """The pixel of each point.
 
-    camera: anything with width, height, fx, fy, cx, cy (pixels).  Returns index (M,) int64 into row-major pixels and
-    inside (N,) bool; points at or behind the camera plane, or outside the picture, are left out of index.
+    camera: an object with width, height, fx, fy, cx, cy (pixels).  rounded: round to the nearest pixel corner, as the published
+    code does, instead of truncating.  Returns inside (N,) bool, False for points at or behind the camera plane or outside the
+    picture, and index (M,) int64 of row-major pixels for the points inside; index comes first.
     """
     scalar = torch.tensor((camera.fx, camera.fy, camera.cx, camera.cy), dtype=torch.float64).to(z)
     inverse = 1.0 / z
@@ -79,11 +85,11 @@ def pixels(x: Tensor, y: Tensor, z: Tensor, camera, *, rounded: bool = False) ->
 
 def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, soft: SoftZ,
               weight: Tensor | None = None) -> Raster:
-    """1x1 points through the soft z-buffer (paper, "Point Cloud Projection").
+    """Rasterises points of one pixel through the soft z-buffer (paper, "Point Cloud Projection").
 
-    index: (N,) int64 pixel.  z: (N,) > 0.  rgb: (N, 3) 0..255.  weight: (N,) int64 of :mod:`model.station_weights`, None: all
-    alike.  Colours are the whole-number weighted mean of the points within the tolerance, rounded half up, of sRGB values or of
-    12-bit linear light.
+    index: (N,) int64 pixel.  z: (N,) > 0.  rgb: (N, 3) 0..255.  weight: (N,) int64 of :mod:`model.station_weights`; None: equal
+    weights.  A pixel's colour is the integer weighted mean of the points within the depth tolerance, rounded half up, of sRGB
+    values or of 12-bit linear light.
     """
     depth = torch.full((height * width,), torch.inf, dtype=z.dtype, device=z.device)
     depth.scatter_reduce_(0, index, z, "amin")
@@ -107,38 +113,38 @@ def rasterise(index: Tensor, z: Tensor, rgb: Tensor, width: int, height: int, so
 def depth_feature(depth: Tensor, focal: float, spacing: float) -> Tensor:
     """Scale-free depth for the network: log2(z / (focal x spacing)) x 1/4, clipped to +-2; 0 where empty.
 
-    focal: pixels.  spacing: file units between neighbouring points.  0 where neighbours are one pixel apart, above it
-    where they are closer.
+    focal: pixels.  spacing: file units between neighbouring points.  The feature is 0 where neighbouring points are one pixel
+    apart and positive where they are closer.
     """
     value = torch.log2(depth / (focal * spacing)) * DEPTH_FEATURE_SCALE
     return torch.where(torch.isfinite(depth), value.clamp(-DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_LIMIT), 0.0)
 
 
-def averaging(count: Tensor, *, weighed: bool) -> Tensor:
-    """(H, W) float32, 1 / sqrt(n) of the n points averaged in each pixel: by how much its mean is less noisy than a point.
+def averaging(count: Tensor, *, weighted: bool) -> Tensor:
+    """(H, W) float32, 1 / sqrt(n) for the n points averaged in each pixel: the noise of their mean relative to one point's.
 
-    count: (H, W) int64, points or their weights, 0 where there is none, which gives 1.
+    count: (H, W) int64, number of points or sum of their weights (``weighted``); 0, an empty pixel, gives 1.
     """
     points = count.clamp_max(MOST_AVERAGED).to(torch.float32)
-    return (points / TYPICAL_WEIGHT if weighed else points).clamp_min(1.0).rsqrt()
+    return (points / TYPICAL_WEIGHT if weighted else points).clamp_min(1.0).rsqrt()
 
 
 def measured_input(raster: Raster, mask: Tensor, focal: float, spacing: float) -> Tensor:
-    """(6, H, W), what the network's input is filled from: RGB 0..1; keep-mask or, of points with weights, confidence 0..1;
-    depth feature; 1 / sqrt(points averaged).  All 0 where nothing is kept."""
-    colour, confidence = raster.trusted(mask)
+    """(6, H, W), the network's input before filling: RGB 0..1; keep-mask, or confidence 0..1 where points have weights; depth
+    feature; 1 / sqrt(points averaged).  All channels are 0 where nothing is kept."""
+    colour, confidence = raster.with_confidence(mask)
     kept = confidence > 0
     planes = [colour / 255.0, confidence.to(raster.depth.dtype)[None], depth_feature(raster.depth, focal, spacing)[None],
-              averaging(raster.count, weighed=raster.weighed).to(raster.depth.dtype)[None]]
+              averaging(raster.count, weighted=raster.weighted).to(raster.depth.dtype)[None]]
     return torch.cat(planes) * kept
 
 
 def filled_input(measured: Tensor, noise: Tensor | float = 0.0) -> Tensor:
     """(6, H, W), the network's input: filled RGB 0..1; confidence; filled depth feature; filled noise level.
 
-    measured: (6, H, W) of :func:`measured_input`.  noise: standard deviation of a single point's colour, of full brightness,
-    at each pixel (H, W) or everywhere.  The noise level is that of a pixel's mean colour (a noise-level map: Zhang et al.
-    2018, FFDNet), NOISE_SCALE times.
+    measured: (6, H, W) of :func:`measured_input`.  noise: standard deviation of a single point's colour, full brightness = 1,
+    at each pixel (H, W) or one value for all.  The noise level is NOISE_SCALE times the standard deviation of a pixel's mean
+    colour (a noise-level map: FFDNet, Zhang et al. 2018).
     """
     level = NOISE_SCALE * noise * measured[5]
     filled = pull_push(torch.stack([*measured[:3], measured[4], level]), measured[3])
@@ -152,6 +158,6 @@ def network_input(raster: Raster, mask: Tensor, focal: float, spacing: float, no
 
 def frame(index: Tensor, z: Tensor, rgb: Tensor, camera, soft: SoftZ, *, preset: str = "auto", strength: float = 1.0,
           levels: int | None = None, metre: float = 1.0, weight: Tensor | None = None) -> tuple[Raster, Tensor]:
-    """Raster and keep-mask of one picture."""
+    """Raster and keep-mask of one picture.  Arguments as in :func:`rasterise` and :func:`model.depth_filter.keep_mask`."""
     raster = rasterise(index, z, rgb, camera.width, camera.height, soft, weight)
     return raster, keep_mask(raster.depth, preset, strength=strength, levels=levels, metre=metre) & (raster.count > 0)

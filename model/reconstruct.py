@@ -17,7 +17,7 @@ from model.blend_cpu import Blender
 from model.common.memory import keep_freed_memory
 from model.common.processors import usable_processors
 from model.engines import fold_normalisation
-from model.network_layout import CLOSED, PACKED_OUT, VOID
+from model.network_layout import BACKGROUND, CLOSED, PACKED_OUT
 from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import MIRRORED, WeightsError, digest, load_weights, weights_dir, weights_name
 
@@ -122,7 +122,7 @@ class Reconstructor:
     def __call__(self, packed: Tensor) -> Tensor:
         """(H, W, 8) half -> (H, W, 4) half on the same device; never NaN, within 0..1."""
         if self.device == "cpu" and self.compact:  # on CUDA looking would cost a synchronisation, and a size its own graph
-            rows, columns = covered(packed[..., VOID], self.network.reach, self.network.multiple)
+            rows, columns = covered(packed[..., BACKGROUND], self.network.reach, self.network.multiple)
             part = packed[rows, columns]
             if part.shape[0] * part.shape[1] < _WORTHWHILE * packed.shape[0] * packed.shape[1]:
                 made = packed.new_zeros((*packed.shape[:2], PACKED_OUT))

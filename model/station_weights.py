@@ -1,28 +1,29 @@
-"""Which scanner a colour is taken from: points weigh by how nearly their scanner looked the way the eye looks.
+"""View-dependent blending: each point is weighted by the angle between the viewing ray and its scanner's ray.
 
-A wall that shines, a lamp's glare, the light on a polished floor: what a scanner photographed is true where it stood, and a
-scan of several stations holds every surface as several eyes saw it.  Averaging them shows what nobody saw.  Weights by the
-angle between the two lines of sight show it as the nearest eye did (view-dependent texture mapping, Debevec et al. 1998;
-unstructured lumigraph rendering, Buehler et al. 2001), and a flight sees highlights move.  Wanted: where each scanner stood,
-which an E57 says and LAS and PLY do not; without it all points weigh the same.
+Glossy walls, lamps and polished floors look different from each scanner position, so the mean of several stations shows a
+surface as it looks from none of them.  Weights by the angle between the two rays show it as the nearest station recorded it
+(view-dependent texture mapping, Debevec et al. 1998; unstructured lumigraph rendering, Buehler et al. 2001), and highlights
+move with the camera.  This needs the scanner positions, which E57 files store and LAS and PLY files do not; without them all
+points have the same weight.
 
-Twin of ``shaders/common_stations.glsl`` and ``shaders/trust.comp``, to the bit in float32.
+Reference implementation of ``shaders/common_stations.glsl`` and ``shaders/trust.comp``, bit-identical in float32.
 """
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.station_constants import FEW, HEAVIEST, TRUST_BLOCK, UNPLACED
+from model.station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST, UNPLACED
 
 
 def station_weights(x: Tensor, y: Tensor, z: Tensor, station: Tensor, places: Tensor) -> Tensor:
     """(N,) int64 1..HEAVIEST, the weight of each point.
 
-    x, y, z: (N,) view frame, the eye at its origin.  places: (S, 3) where the scanners stood, view frame, NaN where unknown.
-    station: (N,) int64 rows of ``places``; beyond them: unknown.
-    With c the cosine between the directions to the eye and to the scanner, d and r the distances to them:
-    30 ((1 + c |c|) / 2)^4 r^2 / (r^2 + d^2), rounded.  The last factor takes back that a near scanner leaves more points.
+    x, y, z: (N,) view frame, camera at the origin.  places: (S, 3) scanner positions, view frame, NaN where unknown.
+    station: (N,) int64 rows of ``places``; numbers beyond its end mean unknown.
+    With c the cosine between the directions to the camera and to the scanner, and d and r the distances to them, the weight is
+    30 ((1 + c |c|) / 2)^4 r^2 / (r^2 + d^2), rounded.  The last factor compensates for the higher point density of a near
+    scanner.
     """
     places = places.to(x.dtype)
     known = station < len(places)
@@ -34,16 +35,16 @@ def station_weights(x: Tensor, y: Tensor, z: Tensor, station: Tensor, places: Te
     half = 0.5 - 0.5 * ((along / eye) * (along / scanner).abs())
     square = half * half
     value = ((2.0 * HEAVIEST) * (square * square)) * (scanner / (scanner + eye))
-    weight = (value + 0.5).clamp(1.0, HEAVIEST + 0.5).nan_to_num(nan=1.0).long()  # NaN: the eye or the scanner itself
+    weight = (value + 0.5).clamp(1.0, HEAVIEST + 0.5).nan_to_num(nan=1.0).long()  # NaN: a point at the camera or the scanner
     return torch.where(known & ~torch.isnan(sx), weight, UNPLACED)
 
 
-def trust(weight: Tensor, mask: Tensor) -> Tensor:
-    """(H, W) float32 0..1 in steps of 1/255: what each kept pixel counts among those around it, 0 where none is kept.
+def confidence_of(weight: Tensor, mask: Tensor) -> Tensor:
+    """(H, W) float32 0..1 in steps of 1/255: confidence of each kept pixel relative to its neighbours, 0 elsewhere.
 
-    weight: (H, W) int64 total weight of each pixel's points.  mask: (H, W) bool.  A pixel is trusted as far as its weight,
-    HEAVIEST at most, reaches the mean weight around it, in which each counts by its own weight: where one station alone saw a
-    place all are trusted, however badly it stood.
+    weight: (H, W) int64 total weight of each pixel's points.  mask: (H, W) bool, the kept pixels.  Confidence is the pixel's
+    weight (at most HEAVIEST) over the mean weight around it, in which each pixel counts by its own weight, at most 1.  Where
+    only one station measured a surface, all its pixels therefore have full confidence, whatever their angle.
     """
     own = weight.clamp(0, HEAVIEST).to(torch.float32) * mask
     first, second = _around(torch.stack([own, own * own]))
@@ -51,36 +52,37 @@ def trust(weight: Tensor, mask: Tensor) -> Tensor:
     return torch.where(own > 0, (share * 255.0 + 0.5).floor() / 255.0, 0.0)
 
 
-def toned(colour: Tensor, trusted: Tensor) -> tuple[Tensor, Tensor]:
-    """What is trusted less, brought to the tone of what is trusted more around it, and trusted the more the fewer those are.
+def match_tone(colour: Tensor, confidence: Tensor) -> tuple[Tensor, Tensor]:
+    """Shifts less confident pixels to the tone of the more confident pixels around them, and raises the confidence of pixels
+    that have few more confident neighbours.
 
-    colour: (3, H, W) whole numbers 0..255.  trusted: (H, W), as :func:`trust` gives it.  Returns both anew, in the same steps.
-    A station that saw a floor from elsewhere saw another light on it, but the same boards: with the difference of the two
-    means around taken off, its points show them, where few points of the station that looked from here do.
+    colour: (3, H, W) integers 0..255.  confidence: (H, W) of :func:`confidence_of`.  Returns both, updated, in the same steps.
+    Two stations record different light on one floor, but the same boards.  With the difference of the two local means removed,
+    the less confident station's points supply the texture where the more confident station has few points.
     """
-    certain = (trusted * 255.0 + 0.5).floor().to(colour.dtype)
+    certain = (confidence * 255.0 + 0.5).floor().to(colour.dtype)
     rest = torch.where(certain > 0, 255.0 - certain, 0.0)
-    firm = (certain * certain / 256.0 + 0.5).floor()  # else the many that are trusted a little outweigh the few
+    firm = (certain * certain / 256.0 + 0.5).floor()  # squared: many pixels of low confidence must not outweigh few of high
     more, less = (_around(torch.cat([colour * part, part[None]])) for part in (firm, rest))
     apart = more[:3] / more[3].clamp_min(1.0) - less[:3] / less[3].clamp_min(1.0)
     tone = (colour + (rest * apart) / 255.0).clamp(0.0, 255.0)
-    settled = certain + rest * (FEW / (FEW + more[3]))
-    return torch.where(certain > 0, (tone + 0.5).floor(), colour), ((settled + 0.5).floor() / 255.0).to(trusted.dtype)
+    raised = certain + rest * (CONFIDENCE_HALF_SUM / (CONFIDENCE_HALF_SUM + more[3]))
+    return torch.where(certain > 0, (tone + 0.5).floor(), colour), ((raised + 0.5).floor() / 255.0).to(confidence.dtype)
 
 
 def _around(pixels: Tensor) -> Tensor:
     """(C, H, W): sums over blocks, interpolated between the blocks' centres, at each pixel."""
-    height, width = pixels.shape[1:]
-    padded = F.pad(pixels, (0, -width % TRUST_BLOCK, 0, -height % TRUST_BLOCK))
-    blocks = padded.reshape(len(pixels), padded.shape[1] // TRUST_BLOCK, TRUST_BLOCK, -1, TRUST_BLOCK).sum((2, 4))
+    side, (height, width) = CONFIDENCE_BLOCK, pixels.shape[1:]
+    padded = F.pad(pixels, (0, -width % side, 0, -height % side))
+    blocks = padded.reshape(len(pixels), padded.shape[1] // side, side, -1, side).sum((2, 4))
     return _tent(blocks, height, width)
 
 
 def _tent(blocks: Tensor, height: int, width: int) -> Tensor:
-    """Block sums (C, ., .) interpolated between the blocks' centres, borders repeated, at each pixel."""
+    """Block sums (C, h, w) interpolated linearly between the blocks' centres at each pixel; borders are repeated."""
 
     def taps(pixels: int, count: int) -> tuple[Tensor, Tensor, Tensor]:
-        at = (torch.arange(pixels, dtype=blocks.dtype, device=blocks.device) + 0.5) / TRUST_BLOCK - 0.5
+        at = (torch.arange(pixels, dtype=blocks.dtype, device=blocks.device) + 0.5) / CONFIDENCE_BLOCK - 0.5
         low = at.floor()
         return low.long().clamp(0, count - 1), (low.long() + 1).clamp(0, count - 1), at - low
 

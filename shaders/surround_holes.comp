@@ -1,6 +1,6 @@
 // How opaque each empty pixel of a cell of 4x4 is to be.  Opaque in a gap of a few pixels: where in its block of 2x2 or 4x4
 // (BLOCKS 2) pixels of each two consecutive neighbours at least one holds a point.  Elsewhere by how many of the cells
-// around it are holes: transparent up to BACKGROUND_BELOW of MOST, from there rising.  A byte a pixel, a component for each 2x2
+// around it are holes: transparent up to BACKGROUND_BELOW of KERNEL_SUM, from there rising.  A byte a pixel, a component for each 2x2
 // pixels.  The upper seven bits are the opacity; the lowest is set far inside, where all cells near it are holes.
 // Reference implementation: model/hole_test.py.
 
@@ -10,7 +10,7 @@ uniform sampler2D blocks;  // of 2x2 pixels: more than 0 where one is measured
 #if BLOCKS == 2
 uniform sampler2D cells;   // of 4x4
 #endif
-uniform sampler2D around;  // of MOST, how many cells near one are holes
+uniform sampler2D around;  // of KERNEL_SUM, how many cells near one are holes
 
 float held(sampler2D level, ivec2 at) {
     if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, textureSize(level, 0)))) return 0.0;
@@ -48,7 +48,7 @@ void main() {
         vec3 row = (1.0 - share) * vec3(near[3], near[4], near[5]) + share * vec3(near[above], near[above + 1], near[above + 2]);
         vec4 pixels = row.y * vec4(0.625, 0.875, 0.875, 0.625) + vec4(row.x, row.x, row.z, row.z) * vec4(0.375, 0.125, 0.125, 0.375);
         precise vec4 level = (pixels - float(BACKGROUND_BELOW)) * COVER_SLOPE;
-        uvec4 cover = uvec4(clamp(level, 0.0, 127.0) + 0.5) << 1 | uvec4(equal(pixels, vec4(float(MOST))));
+        uvec4 cover = uvec4(clamp(level, 0.0, 127.0) + 0.5) << 1 | uvec4(equal(pixels, vec4(float(KERNEL_SUM))));
         int left = 2 * (y >> 1), to = 16 * (y & 1);  // where a gap of a few pixels is covered already, all coverage bits are set
         found[left] |= (cover.x | cover.y << 8) << to;
         found[left + 1] |= (cover.z | cover.w << 8) << to;

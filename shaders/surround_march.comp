@@ -1,5 +1,5 @@
 // What the ray of each square of RAY_BLOCK pixels meets in the lattice of occupied blocks (viewer/render/occupancy.py): nothing,
-// occupied blocks (TOUCHED), or one in the middle of a surface (WITHIN).  An empty block says how many blocks the nearest
+// occupied blocks (TOUCHED), or one in the middle of a surface (IN_SURFACE).  An empty block says how many blocks the nearest
 // occupied one is away, so most of a ray is passed in a few looks.  Reference implementation: model/ray_march.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
@@ -25,14 +25,14 @@ void main() {
     vec3 enters = min(a, b), leaves = max(a, b);
     precise float t = max(max(enters.x, max(enters.y, enters.z)), START);
     float end = min(leaves.x, min(leaves.y, leaves.z));
-    precise float since = START_WITHIN + (START_WITHIN - START) * min(ray.z, 0.0);
+    precise float since = START_IN_SURFACE + (START_IN_SURFACE - START) * min(ray.z, 0.0);
     uint found = uint(NOTHING);
-    for (int looks = 0; looks < MOST_LOOKS && t < end; ++looks) {
+    for (int looks = 0; looks < MAX_STEPS && t < end; ++looks) {
         precise vec3 spot = eye + t * ray;
         uint code = texelFetch(codes, clamp(ivec3(floor(spot)), ivec3(0), last), 0).x;
         bool held = code == uint(INNER) || code == uint(LOOSE);
         if (code == uint(INNER) && t >= since && t < until) {
-            found = uint(WITHIN);
+            found = uint(IN_SURFACE);
             break;
         }
         if (held) found = uint(TOUCHED);

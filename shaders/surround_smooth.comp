@@ -24,7 +24,7 @@ float hole(ivec2 at) {
 #endif
 #ifdef MARCHED
     uint ray = texelFetch(met, at >> RAY_SHIFT, 0).x;
-    return ray == uint(WITHIN) || (all && ray == uint(TOUCHED)) ? 1.0 : 0.0;
+    return ray == uint(IN_SURFACE) || (all && ray == uint(TOUCHED)) ? 1.0 : 0.0;
 #else
     return all ? 1.0 : 0.0;
 #endif

@@ -49,7 +49,7 @@ vec3 levels(ivec2 at) {
 #if !defined(WEIGHTS) && !defined(TONES)
 // Block sums interpolated between the blocks' centres, borders repeated.
 vec4 around(sampler2D blocks, ivec2 at) {
-    vec2 place = (vec2(at) + 0.5) / float(TRUST_BLOCK) - 0.5, low = floor(place), along = place - low;
+    vec2 place = (vec2(at) + 0.5) / float(CONFIDENCE_BLOCK) - 0.5, low = floor(place), along = place - low;
     ivec2 last = textureSize(blocks, 0) - 1, a = clamp(ivec2(low), ivec2(0), last), b = clamp(ivec2(low) + 1, ivec2(0), last);
     vec2 back = 1.0 - along;
     precise vec4 left = texelFetch(blocks, a, 0) * back.y + texelFetch(blocks, ivec2(a.x, b.y), 0) * along.y;
@@ -69,9 +69,9 @@ void main() {
 #endif
     if (any(greaterThanEqual(at, blocks))) return;
     vec4 first = vec4(0.0), second = vec4(0.0);
-    ivec2 stop = min((at + 1) * TRUST_BLOCK, extent);
-    for (int y = at.y * TRUST_BLOCK; y < stop.y; ++y)
-        for (int x = at.x * TRUST_BLOCK; x < stop.x; ++x) {
+    ivec2 stop = min((at + 1) * CONFIDENCE_BLOCK, extent);
+    for (int y = at.y * CONFIDENCE_BLOCK; y < stop.y; ++y)
+        for (int x = at.x * CONFIDENCE_BLOCK; x < stop.x; ++x) {
 #ifdef WEIGHTS
             float w = own(ivec2(x, y));
             first.xy += vec2(w, w * w);
@@ -106,7 +106,7 @@ void main() {
         vec4 high = around(more, at), low = around(less, at);
         precise vec3 apart = high.xyz / max(high.w, 1.0) - low.xyz / max(low.w, 1.0);
         precise vec3 moved = tone + (part.y * apart) / 255.0;
-        precise float sum = part.x + part.y * (FEW / (FEW + high.w));
+        precise float sum = part.x + part.y * (CONFIDENCE_HALF_SUM / (CONFIDENCE_HALF_SUM + high.w));
         tone = floor(clamp(moved, 0.0, 255.0) + 0.5);
         settled = floor(sum + 0.5);
     }

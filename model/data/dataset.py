@@ -96,7 +96,7 @@ class MemoryPicture:
     camera_to_world: np.ndarray
     z: np.ndarray | None = None
     covered: np.ndarray | None = None
-    trusted: np.ndarray | None = None
+    usable: np.ndarray | None = None
     centre: tuple[float, float] | None = None
 
     @property
@@ -129,4 +129,4 @@ class MemoryPicture:
 
     def known(self) -> np.ndarray | None:
         """(H, W) bool or None."""
-        return self.trusted
+        return self.usable

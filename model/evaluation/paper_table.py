@@ -54,7 +54,7 @@ def scaled(view: TruePicture, width: int, height: int) -> MemoryPicture:
         share = Image.fromarray(known.astype(np.float32)).resize((width, height), Image.Resampling.BILINEAR, box=box)
         known = np.asarray(share) > 0.999
     centre = ((view.cx - left) * scale, (view.cy - top) * scale)
-    return MemoryPicture(np.array(colour), view.fl * scale, view.camera_to_world, trusted=known, centre=centre)
+    return MemoryPicture(np.array(colour), view.fl * scale, view.camera_to_world, usable=known, centre=centre)
 
 
 def _from_lpips(backbone: str) -> nn.Module:
@@ -166,7 +166,7 @@ def paper_table(
         for (number, view), size in product(enumerate(chosen), sizes):
             shot = scaled(view, *size)
             seen = project_scan(scan, shot, seed + number)
-            known = torch.ones(size[::-1], dtype=torch.bool) if shot.trusted is None else torch.from_numpy(shot.trusted)
+            known = torch.ones(size[::-1], dtype=torch.bool) if shot.usable is None else torch.from_numpy(shot.usable)
             if not known.any() or not len(seen.z):
                 skipped += 1
                 continue

@@ -7,8 +7,8 @@ from clouds import camera_in, room
 from reference import directions, looked_up, rays_met, reference_frame
 from test_stations import scanned
 
-from model.hole_test import OPAQUE, coverage, far_inside
-from model.network_layout import CLOSED, PACKED_IN, VOID
+from model.hole_test import OPACITY_LEVELS, coverage, far_inside
+from model.network_layout import BACKGROUND, CLOSED, PACKED_IN
 from model.projection import DEPTH_FEATURE_LIMIT, Raster, depth_feature, network_input
 from model.pull_push import pull_push
 from viewer.camera import Camera, look_at
@@ -24,7 +24,7 @@ from viewer.settings import Settings
 pytestmark = pytest.mark.gl
 FEW = 2e-4
 """Of the pixels: float32 rays on the border of a direction's cell."""
-SOFT = 0.5 / OPAQUE
+SOFT = 0.5 / OPACITY_LEVELS
 CLOSE = 2e-3
 """Half floats, up to DEPTH_FEATURE_LIMIT."""
 
@@ -79,8 +79,8 @@ def test_any_mask_is_filled_and_closed_as_by_the_twin(context, seed, size, known
             sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(kept, met).numpy())
             few = FEW * mask.size + 2 if known else 0
             assert (got[CLOSED] != sealed).sum() <= few and not got[5].any()
-            assert (np.abs(got[VOID] - (1 - alpha)) > SOFT).sum() <= few
-            opaque = np.where(np.abs(got[VOID] - (1 - alpha)) > SOFT, np.round(1 - got[VOID]), alpha)
+            assert (np.abs(got[BACKGROUND] - (1 - alpha)) > SOFT).sum() <= few
+            opaque = np.where(np.abs(got[BACKGROUND] - (1 - alpha)) > SOFT, np.round(1 - got[BACKGROUND]), alpha)
             image = np.frombuffer(fill.filled.read(alignment=1), np.uint8).reshape(height, width, 4)
             shown = 255 * np.clip(np.stack([*wanted[:3], np.ones_like(depth)], -1), 0, 1) * opaque[..., None]
             assert np.abs(image - shown).max() < 0.51
@@ -158,7 +158,7 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
             wanted = network_input(twin.raster, mask, camera.fx, spacing).numpy()
             assert np.abs(got[:6] - wanted).max() < CLOSE
             assert (got[CLOSED] != sealed).mean() <= FEW
-            assert (np.abs(got[VOID] - (1 - twin.alpha)) > SOFT).mean() <= FEW
+            assert (np.abs(got[BACKGROUND] - (1 - twin.alpha)) > SOFT).mean() <= FEW
             assert not limit or np.abs(wanted[4] - limit * DEPTH_FEATURE_LIMIT).max() < CLOSE
     finally:
         renderer.release()

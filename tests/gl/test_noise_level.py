@@ -45,8 +45,9 @@ def test_the_noise_level_is_that_of_the_reference(context, seed, weighted, detai
         renderer.release()
     twin = reference_frame(scene, camera, settings)
     sigma = pixel_noise(scene.noise, twin.raster, camera, camera.view_rotation.T, camera.position).numpy()
-    wanted = (2 - detail) * NOISE_SCALE * sigma * averaging(twin.raster.count, weighed=twin.raster.weighed).numpy() * twin.mask
-    assert twin.raster.weighed == weighted and twin.mask.mean() > 0.005
+    averaged = averaging(twin.raster.count, weighted=twin.raster.weighted).numpy()
+    wanted = (2 - detail) * NOISE_SCALE * sigma * averaged * twin.mask
+    assert twin.raster.weighted == weighted and twin.mask.mean() > 0.005
     wrong = np.abs(level - wanted) > 2e-3 * wanted + 1e-4
     assert wrong.mean() <= AT_EDGES
     assert (level[~twin.mask] == 0).all() and (detail == 2.0) == (not level.any())
@@ -66,5 +67,5 @@ def test_a_scan_of_unknown_noise_tells_none(context):
 
 def test_averaging_counts_points_or_their_weights():
     count = torch.tensor([[0, 1, 4, 255, 10_000]])
-    assert averaging(count, weighed=False)[0].tolist() == pytest.approx([1, 1, 0.5, 255**-0.5, 255**-0.5])
-    assert averaging(count, weighed=True)[0].tolist() == pytest.approx([1, 1, 1, (255 / 8) ** -0.5, (255 / 8) ** -0.5])
+    assert averaging(count, weighted=False)[0].tolist() == pytest.approx([1, 1, 0.5, 255**-0.5, 255**-0.5])
+    assert averaging(count, weighted=True)[0].tolist() == pytest.approx([1, 1, 1, (255 / 8) ** -0.5, (255 / 8) ** -0.5])

@@ -9,7 +9,7 @@ from test_properties_of_cameras import random_rotation
 from model.data.dataset import MemoryPicture
 from model.depth_filter import LEVELS, keep_mask
 from model.evaluation.flicker import reprojection
-from model.hole_test import surrounded
+from model.hole_test import opaque_pixels
 from model.projection import depth_feature
 from model.pull_push import pull_push
 from model.pyramid import RING, bilinear, clamped, half, parents, quads, shifted
@@ -84,7 +84,7 @@ def test_filling_keeps_what_is_measured_and_adds_no_new_value(seed, height, widt
             assert (made >= low[:, None, None] - slack).all() and (made <= high[:, None, None] + slack).all()
         else:
             assert not made.any()
-    assert surrounded(mask)[mask].all()
+    assert opaque_pixels(mask)[mask].all()
 
 
 @given(seeds, st.integers(1, 60), st.integers(1, 60))
@@ -95,7 +95,7 @@ def test_filling_a_mirrored_picture_mirrors_the_filling(seed, height, width):
     mask = torch.from_numpy(np.random.default_rng(seed).random((height, width)) < 0.2)
     image = picture(seed, height, width, 4)
     assert torch.allclose(pull_push(image.flip(-1), mask.flip(-1)), pull_push(image, mask).flip(-1), atol=1e-12)
-    assert torch.equal(surrounded(mask.flip(0)), surrounded(mask).flip(0))
+    assert torch.equal(opaque_pixels(mask.flip(0)), opaque_pixels(mask).flip(0))
 
 
 @given(seeds, st.integers(2, 70), st.integers(2, 70), st.integers(-60, 60))

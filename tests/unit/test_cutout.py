@@ -24,7 +24,7 @@ def test_coverage_is_where_the_true_surface_lies_in_the_box(room, seed):
     cut = CutOut(room, middle - 1.0, middle + 1.0)
     for view in room.views:
         made = cut.cut(view)
-        assert made is not None and made.covered is not None and made.trusted is not None
+        assert made is not None and made.covered is not None and made.usable is not None
         depth = view.depth().astype(float)
         for _ in range(60):
             j, i = int(rng.integers(view.height)), int(rng.integers(view.width))
@@ -39,7 +39,7 @@ def test_coverage_is_where_the_true_surface_lies_in_the_box(room, seed):
             assert made.covered[j, i] == float(surface_in)
             behind = bool(within[np.linspace(0, 12, 4001) > depth[j, i] + 0.01].any())
             if not surface_in:
-                assert made.trusted[j, i] == (not behind) or not within.any() or abs(within.sum()) < 8
+                assert made.usable[j, i] == (not behind) or not within.any() or abs(within.sum()) < 8
 
 
 def test_the_scan_ends_where_the_box_does_and_pairs_carry_the_void(room, tmp_path):

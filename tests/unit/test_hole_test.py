@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.hole_test import AROUND, MOST, SMOOTH, far_inside, fine_levels, strides, surrounded, window_reach
+from model.hole_test import DIRECTIONS, KERNEL, KERNEL_SUM, far_inside, fine_levels, opaque_pixels, strides, window_reach
 
 
 def disc(side: int, radius: float, x: float | None = None, y: float | None = None) -> torch.Tensor:
@@ -18,7 +18,7 @@ def test_holes_are_filled_and_the_sky_is_not():
     mask = torch.zeros(256, 256, dtype=torch.bool)
     mask[100:, :] = True
     mask[150:170, 100:120] = False  # a hole in the ground
-    inside = surrounded(mask)
+    inside = opaque_pixels(mask)
     assert inside[150:170, 100:120].all()
     assert not inside[:98].any(), "not a pixel above the horizon, but for small gaps beside it"
 
@@ -29,7 +29,7 @@ def test_sparse_points_of_one_surface_have_no_holes_up_to_the_border(side):
     reach = side // 16
     generator = torch.Generator().manual_seed(side)
     sparse = torch.rand(side, side, generator=generator) < (4 / reach) ** 2
-    inside = surrounded(sparse)
+    inside = opaque_pixels(sparse)
     assert inside.float().mean() > 0.99 and inside[reach:-reach, reach:-reach].float().mean() > 0.998
 
 
@@ -38,22 +38,22 @@ def test_a_ring_of_any_width_closes_up_to_the_reach_and_no_farther():
     reach = side // 16
     for radius, closed in ((reach // 2, True), (3 * reach, False)):
         ring = disc(side, radius + 12) & ~disc(side, radius)
-        middle = surrounded(ring)[side // 2 - 2 : side // 2 + 2, side // 2 - 2 : side // 2 + 2]
+        middle = opaque_pixels(ring)[side // 2 - 2 : side // 2 + 2, side // 2 - 2 : side // 2 + 2]
         assert middle.all() if closed else not middle.any(), radius
 
 
 def test_what_one_sees_through_between_two_pipes_stays_open():
     mask = torch.zeros(512, 512, dtype=torch.bool)
     mask[:, 240:248] = mask[:, 280:288] = True
-    assert not surrounded(mask)[40:-40, 252:276].any()
+    assert not opaque_pixels(mask)[40:-40, 252:276].any()
     mask[200:210, 240:288] = True  # nor does a bar across
-    assert not surrounded(mask)[240:-40, 252:276].any()
+    assert not opaque_pixels(mask)[240:-40, 252:276].any()
 
 
 def test_single_points_are_no_surface():
     points = torch.zeros(512, 512, dtype=torch.bool)
     points[100, 100] = points[110, 130] = points[300, 310] = True
-    assert surrounded(points).sum() < 20
+    assert opaque_pixels(points).sum() < 20
 
 
 def test_outlines_have_no_corners_of_a_grid():
@@ -61,7 +61,7 @@ def test_outlines_have_no_corners_of_a_grid():
     shares = []
     for shift in range(0, 64, 7):
         mask = disc(640, 200, 320 + shift, 320 + shift) & ~disc(640, 90, 500 + shift, 320 + shift)
-        filled = surrounded(mask) & ~mask
+        filled = opaque_pixels(mask) & ~mask
         shares.append(int(filled.sum()))
         edges = torch.cat([(filled[1:] != filled[:-1]).sum(1), (filled[:, 1:] != filled[:, :-1]).sum(0)])
         assert edges.max() < 45, "a straight border along a row or column, 64 pixels long, say"
@@ -72,34 +72,34 @@ def test_turned_and_mirrored_pictures_are_answered_turned_and_mirrored(seed):
     """Where cells fall on cells again: sides are multiples of 4."""
     rng = np.random.default_rng(seed)
     mask = torch.from_numpy(rng.random((384, 384)) < 0.002) | disc(384, 80, 150, 220)
-    inside = surrounded(mask)
+    inside = opaque_pixels(mask)
     for turns in range(4):
-        assert torch.equal(surrounded(mask.rot90(turns)), inside.rot90(turns))
-    assert torch.equal(surrounded(mask.flip(0)), inside.flip(0))
+        assert torch.equal(opaque_pixels(mask.rot90(turns)), inside.rot90(turns))
+    assert torch.equal(opaque_pixels(mask.flip(0)), inside.flip(0))
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 40), (4, 4), (63, 64), (127, 9), (128, 1), (131, 257), (1080, 1920)])
 def test_any_size(size, seed):
     height, width = size
     mask = torch.from_numpy(np.random.default_rng(seed).random(size) < 0.05)
-    inside = surrounded(mask)
+    inside = opaque_pixels(mask)
     assert inside.shape == size and (inside | ~mask).all()
-    assert not surrounded(torch.zeros_like(mask)).any() and surrounded(torch.ones_like(mask)).all()
+    assert not opaque_pixels(torch.zeros_like(mask)).any() and opaque_pixels(torch.ones_like(mask)).all()
     assert 1 <= fine_levels(width, height) <= 2 and (strides(width, height) != []) == (max(size) >= 128)
 
 
 def test_far_inside_is_away_from_any_void():
-    """Of a disc its middle; of a hole that is closed its middle too; and never a pixel that is not surrounded itself."""
+    """Of a disc its middle; of a hole that is closed its middle too; and never a pixel that is not opaque_pixels itself."""
     mask = disc(512, 150)
     deep = far_inside(mask)
     assert deep[disc(512, 100)].all() and not deep[~disc(512, 145)].any()
     pierced = mask & ~disc(512, 12)
     assert torch.equal(far_inside(pierced), deep)
-    assert (surrounded(pierced) | ~far_inside(pierced)).all()
+    assert (opaque_pixels(pierced) | ~far_inside(pierced)).all()
 
 
 def test_windows_meet_the_ones_beside_them():
-    assert len(set(AROUND)) == 16 and sum(SMOOTH) ** 2 == MOST
+    assert len(set(DIRECTIONS)) == 16 and sum(KERNEL) ** 2 == KERNEL_SUM
     for side in range(128, 8192, 64):
         steps = strides(side, side // 2)
         assert steps[0] == 1 and abs(8 * steps[-1] - side / 16) < 8, "from the nearest cells to the reach"
@@ -119,5 +119,5 @@ def test_pictures_of_any_size_are_answered_alike(shape, alike):
             mask = torch.zeros(side, side, dtype=torch.bool)
             places = torch.rand(700, 2, generator=torch.Generator().manual_seed(5)) * 0.6 + 0.2
             mask[(places[:, 0] * side).long(), (places[:, 1] * side).long()] = True
-        shares.append(float(surrounded(mask).float().mean()))
+        shares.append(float(opaque_pixels(mask).float().mean()))
     assert max(shares) - min(shares) < alike * max(shares), shares

@@ -13,7 +13,7 @@ from model.data.dataset import DataError
 from model.data.stations import ScanModel, load_scene, scan_stations
 from model.evaluation import evaluate, format_table
 from model.evaluation.metrics import psnr, psnr_after_gain, ssim
-from model.network_layout import CLOSED, NOISE_SCALE, PACKED_IN, VOID
+from model.network_layout import BACKGROUND, CLOSED, NOISE_SCALE, PACKED_IN
 from model.reconstruct import FLIPS, Reconstructor, covered, fast_precision, fitting_weights
 from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network, without_mesh
 from model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
@@ -124,13 +124,13 @@ def test_leaving_out_the_void_changes_nothing_that_is_shown(quality):
     top, left = (int(v) for v in rng.integers(0, 250, 2))
     shown = torch.zeros(333, 460, dtype=torch.bool)
     shown[top : top + int(rng.integers(1, 60)), left : left + int(rng.integers(1, 60))] = True
-    packed[..., VOID] = (~shown).half()
+    packed[..., BACKGROUND] = (~shown).half()
     network = Reconstructor(quality, filtered=True, device="cpu", precision="fp32")
     cut, whole = network(packed), network.made(packed)
     assert (cut == 0).all(2).float().mean() > 0.2, f"seed {seed}: nothing was left out"
     assert (cut - whole)[shown].abs().max() <= 1e-3, f"seed {seed}"  # half precision: one step below 1 is 5e-4
-    packed[..., VOID] = 1
-    rows, columns = covered(packed[..., VOID], network.network.reach, network.network.multiple)
+    packed[..., BACKGROUND] = 1
+    rows, columns = covered(packed[..., BACKGROUND], network.network.reach, network.network.multiple)
     assert packed[rows, columns].numel() == 0 and not network(packed).any()
 
 

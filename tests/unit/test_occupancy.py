@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.ray_march import NOTHING, START_WITHIN, TOUCHED, WITHIN, march
+from model.ray_march import IN_SURFACE, NOTHING, START_IN_SURFACE, TOUCHED, march
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.render.occupancy import INNER, LOOSE, codes_of, occupancy_of
 
@@ -42,10 +42,10 @@ def test_empty_blocks_say_how_far_the_next_is(seed):
 
 def test_rays_meet_what_stands_in_their_way():
     """Down onto a floor, over its border, past it; near the eye, and where points are dense, its middle does not decide."""
-    codes, eye = codes_of(slab(40)), np.array([20.0, 20.0, 4.0 + START_WITHIN])
+    codes, eye = codes_of(slab(40)), np.array([20.0, 20.0, 4.0 + START_IN_SURFACE])
     rays = np.array([[[0.0, 0.0, -1.0], [1.0, 0.0, -0.485], [1.0, 0.0, 1.0], [0.3, 1.0, 0.0]]], np.float32)
     sizes = np.ones(rays.shape[:2], np.float32)
-    assert march(codes, eye, rays, sizes, 1e6).tolist() == [[WITHIN, TOUCHED, NOTHING, NOTHING]]
+    assert march(codes, eye, rays, sizes, 1e6).tolist() == [[IN_SURFACE, TOUCHED, NOTHING, NOTHING]]
     assert march(codes, eye, rays, sizes, 1.0).tolist() == [[TOUCHED, TOUCHED, NOTHING, NOTHING]]
     assert march(codes, eye - (0, 0, 7.0), rays, sizes, 1e6)[0, 0] == NOTHING
 

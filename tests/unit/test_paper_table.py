@@ -93,13 +93,13 @@ def test_only_known_pixels_count_in_the_papers_table(monkeypatch):
     spoiled[:, 48:] = 255 - spoiled[:, 48:]
     tables = []
     for colour, trusted in ((view.colour, usable), (spoiled, usable), (spoiled, None)):
-        place = PhotoPlace("box", wall_scan(), [replace(view, colour=colour, trusted=trusted)])
+        place = PhotoPlace("box", wall_scan(), [replace(view, colour=colour, usable=trusted)])
         result = paper_table([place], {}, sizes=((96, 72),), densities=(1.0,), repeats=1)
         tables.append(result["rows"][0])
     assert tables[0]["psnr"] > 22 and tables[0]["known"] == pytest.approx(0.5, abs=0.02)
     assert tables[0]["psnr"] == tables[1]["psnr"] and tables[1]["psnr"] > tables[2]["psnr"] + 5
     assert tables[1]["ssim"] > tables[2]["ssim"]
-    nothing = PhotoPlace("box", wall_scan(), [replace(view, trusted=np.zeros((72, 96), bool))])
+    nothing = PhotoPlace("box", wall_scan(), [replace(view, usable=np.zeros((72, 96), bool))])
     empty = paper_table([nothing], {}, sizes=((96, 72),), densities=(1.0,), repeats=1)
     assert empty["skipped"] == 1 and empty["rows"] == [] and "1 pictures left out" in format_paper_table(empty)
     with pytest.raises(DataError, match="at least one true picture"):

@@ -147,7 +147,7 @@ def test_points_on_unusable_pixels_keep_the_scans_colours():
     scan, view = two_walls()
     usable = np.ones((48, 64), bool)
     usable[:, 32:] = False
-    place = PhotoPlace("walls", scan, [replace(view, trusted=usable)])
+    place = PhotoPlace("walls", scan, [replace(view, usable=usable)])
     seen = project_scan(scan, place.views[0])
     made = place.photographed(seen, place.views[0], 0, toned=False)
     hidden = seen.index % 64 >= 32

@@ -9,7 +9,15 @@ from model.data.dataset import MemoryPicture, Scan
 from model.data.projected import project_scan
 from model.projection import SoftZ, network_input, rasterise
 from model.pull_push import pull_push
-from model.station_weights import FEW, HEAVIEST, TRUST_BLOCK, UNPLACED, station_weights, toned, trust
+from model.station_weights import (
+    CONFIDENCE_BLOCK,
+    CONFIDENCE_HALF_SUM,
+    HEAVIEST,
+    UNPLACED,
+    confidence_of,
+    match_tone,
+    station_weights,
+)
 from viewer.grid.open_scene import scene_from_arrays
 
 
@@ -74,16 +82,16 @@ def trust_by_definition(weight: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Pixel by pixel, with the tent over the four nearest blocks written out."""
     own = np.minimum(weight, HEAVIEST) * mask
     height, width = own.shape
-    rows, columns = -(-height // TRUST_BLOCK), -(-width // TRUST_BLOCK)
+    rows, columns = -(-height // CONFIDENCE_BLOCK), -(-width // CONFIDENCE_BLOCK)
     out = np.zeros(own.shape)
     for j in range(height):
         for i in range(width):
-            v, u = (j + 0.5) / TRUST_BLOCK - 0.5, (i + 0.5) / TRUST_BLOCK - 0.5
+            v, u = (j + 0.5) / CONFIDENCE_BLOCK - 0.5, (i + 0.5) / CONFIDENCE_BLOCK - 0.5
             first = second = 0.0
             for y, b in ((int(np.floor(v)), 1 - v % 1), (int(np.floor(v)) + 1, v % 1)):
                 for x, a in ((int(np.floor(u)), 1 - u % 1), (int(np.floor(u)) + 1, u % 1)):
-                    top, left = np.clip(y, 0, rows - 1) * TRUST_BLOCK, np.clip(x, 0, columns - 1) * TRUST_BLOCK
-                    block = own[top : top + TRUST_BLOCK, left : left + TRUST_BLOCK]
+                    top, left = np.clip(y, 0, rows - 1) * CONFIDENCE_BLOCK, np.clip(x, 0, columns - 1) * CONFIDENCE_BLOCK
+                    block = own[top : top + CONFIDENCE_BLOCK, left : left + CONFIDENCE_BLOCK]
                     first, second = first + a * b * block.sum(), second + a * b * (block**2).sum()
             if own[j, i]:
                 out[j, i] = min(own[j, i] * first / second, 1.0)
@@ -95,7 +103,7 @@ def trust_by_definition(weight: np.ndarray, mask: np.ndarray) -> np.ndarray:
 def test_trust_is_the_weight_by_the_mean_around(seed, size, share):
     rng = np.random.default_rng(seed)
     weight, mask = rng.integers(1, 3 * HEAVIEST, size), rng.random(size) < share
-    got = trust(torch.from_numpy(weight), torch.from_numpy(mask)).numpy()
+    got = confidence_of(torch.from_numpy(weight), torch.from_numpy(mask)).numpy()
     assert got.dtype == np.float32 and np.all(got[~mask] == 0) and np.all(got[mask] > 0)
     assert np.abs(got - trust_by_definition(weight, mask)).max() <= 0.5 / 255 + 1e-6
 
@@ -104,7 +112,7 @@ def test_where_one_station_saw_a_place_alone_all_is_trusted(seed):
     rng = np.random.default_rng(seed)
     mask = torch.from_numpy(rng.random((40, 50)) < 0.3)
     for weight in (1, 4, HEAVIEST, 1000):
-        assert torch.equal(trust(torch.full((40, 50), weight), mask), mask.float())
+        assert torch.equal(confidence_of(torch.full((40, 50), weight), mask), mask.float())
 
 
 def toned_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,10 +125,10 @@ def toned_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarr
             for x in range(width):
                 reach = [0.0, 0.0]
                 for axis, (at, other, length) in enumerate(((j, y, height), (i, x, width))):
-                    v = (at + 0.5) / TRUST_BLOCK - 0.5
-                    last = -(-length // TRUST_BLOCK) - 1
+                    v = (at + 0.5) / CONFIDENCE_BLOCK - 0.5
+                    last = -(-length // CONFIDENCE_BLOCK) - 1
                     for block, part in ((int(np.floor(v)), 1 - v % 1), (int(np.floor(v)) + 1, v % 1)):
-                        reach[axis] += part * (np.clip(block, 0, last) == other // TRUST_BLOCK)
+                        reach[axis] += part * (np.clip(block, 0, last) == other // CONFIDENCE_BLOCK)
                 near = reach[0] * reach[1]
                 if near and share[y, x]:
                     parts = np.array([np.floor(share[y, x] ** 2 / 256 + 0.5), 255 - share[y, x]])
@@ -129,7 +137,7 @@ def toned_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarr
         if rest:
             apart = sums[0, :3] / sums[0, 3] - sums[1, :3] / sums[1, 3]
             tone[j, i] = np.clip(colour[j, i] + rest / 255 * apart, 0, 255)
-            settled[j, i] = share[j, i] + rest * FEW / (FEW + sums[0, 3])
+            settled[j, i] = share[j, i] + rest * CONFIDENCE_HALF_SUM / (CONFIDENCE_HALF_SUM + sums[0, 3])
     return tone, settled
 
 
@@ -138,7 +146,7 @@ def toned_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarr
 def test_tones_are_those_of_the_definition(seed, size, kept):
     rng = np.random.default_rng(seed)
     colour, share = rng.integers(0, 256, (*size, 3)).astype(float), rng.integers(17, 256, size) * (rng.random(size) < kept)
-    tone, settled = toned(torch.from_numpy(colour).permute(2, 0, 1).float(), torch.from_numpy(share / 255).float())
+    tone, settled = match_tone(torch.from_numpy(colour).permute(2, 0, 1).float(), torch.from_numpy(share / 255).float())
     wanted = toned_by_definition(colour, share.astype(float))
     assert np.abs(tone.permute(1, 2, 0).numpy() - wanted[0]).max() <= 0.501
     assert np.abs(255 * settled.numpy() - wanted[1]).max() <= 0.501
@@ -149,9 +157,10 @@ def test_what_is_trusted_keeps_its_colour_and_one_station_alone_all_of_them(seed
     rng = np.random.default_rng(seed)
     colour, share = torch.from_numpy(rng.integers(0, 256, (3, 30, 41))).float(), torch.from_numpy(rng.random((30, 41))).float()
     share[rng.random((30, 41)) < 0.5] = 1.0
-    tone, settled = toned(colour, share)
+    tone, settled = match_tone(colour, share)
     assert torch.equal(tone[:, share == 1], colour[:, share == 1]) and (settled[share == 1] == 1).all()
-    assert all(torch.equal(a, b) for a, b in zip(toned(colour, torch.ones(30, 41)), (colour, torch.ones(30, 41)), strict=True))
+    ones = torch.ones(30, 41)
+    assert all(torch.equal(a, b) for a, b in zip(match_tone(colour, ones), (colour, ones), strict=True))
 
 
 def test_another_light_is_taken_off_and_the_boards_stay(seed):
@@ -162,7 +171,7 @@ def test_another_light_is_taken_off_and_the_boards_stay(seed):
     near = rng.random((64, 96)) < 1 / 12
     seen = np.where(near, boards, boards + glare).round()
     colour, share = torch.from_numpy(np.stack([seen] * 3)).float(), torch.from_numpy(np.where(near, 1.0, 0.1)).float()
-    (tone, settled), few = toned(colour, share), share * torch.from_numpy(near)
+    (tone, settled), few = match_tone(colour, share), share * torch.from_numpy(near)
     wrong = {name: np.abs(pull_push(c, w)[0].numpy() - boards)[8:-8, 8:-8].mean()
              for name, c, w in (("toned", tone, settled), ("weighed", colour, share), ("the near one", colour, few))}
     assert wrong["toned"] < 0.45 * wrong["weighed"] and wrong["toned"] < wrong["the near one"]
@@ -172,11 +181,12 @@ def test_a_hidden_pixel_changes_the_trust_of_none(seed):
     rng = np.random.default_rng(seed)
     weight, mask = torch.from_numpy(rng.integers(1, 16, (33, 41))), torch.from_numpy(rng.random((33, 41)) < 0.5)
     other = torch.where(mask, weight, torch.from_numpy(rng.integers(1, 16, (33, 41))))
-    assert torch.equal(trust(weight, mask), trust(other, mask))
+    assert torch.equal(confidence_of(weight, mask), confidence_of(other, mask))
 
 
-def test_trust_is_made_where_the_weights_are():
-    made = trust(torch.ones(20, 30, dtype=torch.int64, device="meta"), torch.ones(20, 30, dtype=torch.bool, device="meta"))
+def test_confidence_is_on_the_device_of_the_weights():
+    weight, mask = (torch.ones(20, 30, dtype=kind, device="meta") for kind in (torch.int64, torch.bool))
+    made = confidence_of(weight, mask)
     assert made.device.type == "meta" and made.shape == (20, 30)
 
 
@@ -217,7 +227,8 @@ def test_a_projected_scan_has_weights_where_its_stations_are_known_and_apart(see
     assert few.weight is not None and len(few.weight) == len(few.z) < len(seen.z)
     raster = seen.raster(SoftZ.preset("auto", 0.05, 1.0))
     mask = raster.count > 0
-    assert torch.equal(network_input(raster, mask, 60.0, 0.05)[3], toned(raster.colour, trust(raster.count, mask))[1])
+    _, confidence = match_tone(raster.colour, confidence_of(raster.count, mask))
+    assert torch.equal(network_input(raster, mask, 60.0, 0.05)[3], confidence)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

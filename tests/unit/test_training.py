@@ -239,7 +239,7 @@ def test_true_pictures_made_smaller_are_the_mean_of_the_light_that_covers_them()
     covered[4:] = 1.0
     covered[:2, :2] = 0.0  # a void
     known = np.random.default_rng(2).random((6, 8)) < 0.5
-    made = _truth(MemoryPicture(colour, 9.0, np.eye(4), covered=covered, trusted=known), 2)
+    made = _truth(MemoryPicture(colour, 9.0, np.eye(4), covered=covered, usable=known), 2)
     assert (made[:3, 2] == np.array([188, 160, 0])[:, None]).all(), "half the light of 255 is 188 in sRGB"
     for row in range(3):
         for column in range(4):

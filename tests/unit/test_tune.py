@@ -67,17 +67,17 @@ def test_exposure_is_matched_to_the_points_and_registered_pictures_fit(photograp
         assert found.correlation > 0.6 and found.offset == 0
         srgb = (0.75 + 0.06 * number) ** 2.2
         assert np.allclose(found.gain * srgb, 1.0, atol=0.15)  # undone, sRGB being nearly a power law
-        assert found.picture.trusted.mean() > 0.6
+        assert found.picture.usable.mean() > 0.6
 
 
 def test_what_moved_is_not_trusted(points, tmp_path):
     given = pinhole(*PLACES[0], size=(192, 144), fl=120.0)
     photo = read_photographs(write_photos(tmp_path / "a.e57", [given], *points))[0][0]
     scan = read_points(tmp_path / "a.e57")
-    before = agreement(photo, scan, scan_spacing(scan)).picture.trusted
+    before = agreement(photo, scan, scan_spacing(scan)).picture.usable
     changed = photo.picture.copy()
     changed[50:90, 60:110] = (250, 20, 20)
-    after = agreement(replace(photo, picture=changed), scan, scan_spacing(scan)).picture.trusted
+    after = agreement(replace(photo, picture=changed), scan, scan_spacing(scan)).picture.usable
     assert before[55:85, 65:105].mean() > 0.7 and not after[55:85, 65:105].any()
     outside = np.ones_like(before)
     outside[40:100, 50:120] = False

@@ -7,7 +7,16 @@ import moderngl
 import numpy as np
 
 from model import ray_march
-from model.hole_constants import BACKGROUND_BELOW, COVER_SLOPE, FINE_LEVELS, MOST, SMOOTH, fine_levels, strides, window_reach
+from model.hole_constants import (
+    BACKGROUND_BELOW,
+    COVER_SLOPE,
+    FINE_LEVELS,
+    KERNEL,
+    KERNEL_SUM,
+    fine_levels,
+    strides,
+    window_reach,
+)
 from model.ray_march import RAY_BLOCK
 from viewer.render import occupancy as lattice
 from viewer.render import shader
@@ -37,13 +46,13 @@ class Surround:
         self.holes = context.texture(cells, 4, dtype="u4")
         self._rows, self._around = (context.texture(cells, 1, dtype="f2") for _ in range(2))
         self._inputs = {"blocks": weights[0], "around": self._around} | ({"cells": weights[1]} if blocks == 2 else {})
-        self._holes = programs.compute("surround_holes.comp", BLOCKS=blocks, MOST=MOST, BACKGROUND_BELOW=BACKGROUND_BELOW,
-                                       COVER_SLOPE=COVER_SLOPE)
+        self._holes = programs.compute("surround_holes.comp", BLOCKS=blocks, KERNEL_SUM=KERNEL_SUM,
+                                       BACKGROUND_BELOW=BACKGROUND_BELOW, COVER_SLOPE=COVER_SLOPE)
         self._owned, self._windows = [self.holes, self._rows, self._around], []
-        half = (len(SMOOTH) + 1) // 2
+        half = (len(KERNEL) + 1) // 2
         self._smooth_rows = [
             programs.compute("surround_smooth.comp", ROWS=1, SIDE=half, AROUND=1 if self._strides else None, MARCHED=marched,
-                             RAY_SHIFT=_RAY_LEVELS - FINE_LEVELS, TOUCHED=ray_march.TOUCHED, WITHIN=ray_march.WITHIN)
+                             RAY_SHIFT=_RAY_LEVELS - FINE_LEVELS, TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE)
             for marched in (None, 1)
         ]
         self._smooth = programs.compute("surround_smooth.comp", SIDE=half)
@@ -109,13 +118,13 @@ class Rays:
         self._of: Occupancy | None = None
         self._march = programs.compute(
             "surround_march.comp", RAY_BLOCK=RAY_BLOCK, STEP=ray_march.STEP, START=ray_march.START,
-            START_WITHIN=ray_march.START_WITHIN,
-            MOST_LOOKS=ray_march.MOST_LOOKS, LOOSE=lattice.LOOSE, INNER=lattice.INNER, NOTHING=ray_march.NOTHING,
-            TOUCHED=ray_march.TOUCHED, WITHIN=ray_march.WITHIN,
+            START_IN_SURFACE=ray_march.START_IN_SURFACE,
+            MAX_STEPS=ray_march.MAX_STEPS, LOOSE=lattice.LOOSE, INNER=lattice.INNER, NOTHING=ray_march.NOTHING,
+            TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE,
         )  # fmt: skip
 
     def run(self, camera: "Camera", occupancy: "Occupancy") -> moderngl.Texture:
-        """(w, h) r8ui, a texel for RAY_BLOCK pixels a side: NOTHING, TOUCHED or WITHIN."""
+        """(w, h) r8ui, a texel for RAY_BLOCK pixels a side: NOTHING, TOUCHED or IN_SURFACE."""
         if occupancy is not self._of or self._codes is None:
             if self._codes is not None:
                 self._codes.release()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.scanner_positions import told_apart
-from model.station_constants import FEW, HEAVIEST, TRUST_BLOCK
+from model.station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST
 from viewer.render import shader
 
 if TYPE_CHECKING:
@@ -50,13 +50,14 @@ class Trust:
     def __init__(self, programs: shader.Programs, size: tuple[int, int]):
         context = programs.context
         self.context, self.size = context, size
-        blocks = -(-size[0] // TRUST_BLOCK), -(-size[1] // TRUST_BLOCK)
+        blocks = -(-size[0] // CONFIDENCE_BLOCK), -(-size[1] // CONFIDENCE_BLOCK)
         self.trust, self.toned = context.texture(size, 1, dtype="f1"), context.texture(size, 4, dtype="f1")
         self._share, self._sums = context.texture(size, 1, dtype="f1"), context.texture(blocks, 2, dtype="f4")
         self._more, self._less = (context.texture(blocks, 4, dtype="f4") for _ in range(2))
         targets = {"WEIGHTS": (self._sums,), "SHARES": (self._share,), "TONES": (self._more, self._less),
                    "PICTURE": (self.toned, self.trust)}  # fmt: skip
-        self._steps = [(programs.compute("trust.comp", TRUST_BLOCK=TRUST_BLOCK, FEW=FEW, HEAVIEST=HEAVIEST, **{step: 1}), made)
+        self._steps = [(programs.compute("trust.comp", CONFIDENCE_BLOCK=CONFIDENCE_BLOCK,
+                                         CONFIDENCE_HALF_SUM=CONFIDENCE_HALF_SUM, HEAVIEST=HEAVIEST, **{step: 1}), made)
                        for step, made in targets.items()]
 
     def run(self, raw: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture") -> None:

@@ -122,7 +122,7 @@ def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
     if photo.trusted is not None:
         known &= photo.trusted
     known = np.asarray(binary_erosion(known, border_value=1), bool)
-    picture = MemoryPicture(matched, photo.fl, photo.camera_to_world, trusted=known, centre=(photo.cx, photo.cy))
+    picture = MemoryPicture(matched, photo.fl, photo.camera_to_world, usable=known, centre=(photo.cx, photo.cy))
     return Agreement(correlation, offset, picture, gain)
 
 
@@ -182,7 +182,7 @@ def registered_pictures(path: Path, photos: list[Photo], scan: Scan, spacing: fl
         else:
             why = f"agreement {a.correlation:.2f}, {a.offset:.0f} pixels aside"
             say(f"pointglass: photograph {name!r} does not fit the points ({why}); left out")
-    return [picture for picture in fitting if picture.trusted.any()]
+    return [picture for picture in fitting if picture.usable.any()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +216,7 @@ class Photographs:
                 raster = raster_of(seen, seen.rank < density, apart)
                 noise = seen_noise(self.noise, raster, seen)
                 x = network_input(raster, keep_mask(raster.depth), picture.fl, apart, noise)
-                made.append(Judged(x.half(), truth, torch.from_numpy(picture.trusted)))
+                made.append(Judged(x.half(), truth, torch.from_numpy(picture.usable)))
         return made
 
     def pairs(self, work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
