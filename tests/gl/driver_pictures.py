@@ -1,7 +1,8 @@
 """Pictures by every program there is, for tests of other drivers; as a script, one driver's pictures for comparison.
 
-``python tests/gl/driver_pictures.py FILE`` renders on whatever driver the environment selects (see test_other_drivers.py) and
-writes FILE (.npz): the renderer's name, and of each scene and rasteriser the keep-mask, the depth and the three pictures.
+``python tests/gl/driver_pictures.py FILE [--gpu]`` renders on whatever driver the environment selects (see
+test_other_drivers.py), with --gpu by the programs chosen for a GPU, and writes FILE (.npz): the renderer's name, and of each
+scene and rasteriser whether 64-bit atomics were used, the keep-mask, the depth and the three pictures.
 """
 
 import sys
@@ -12,6 +13,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
+import pytest
 from clouds import camera_in, room
 from test_stations import scanned
 
@@ -91,6 +93,15 @@ def sources(context, monkeypatch) -> dict[str, str]:
     canvas = Canvas(context, programs, (8, 8))
     for owned in (canvas, bridge, programs):
         owned.release()
+    # 64-bit atomics, which no software OpenGL but zink's has: the text is complete without a driver
+    from model.soft_z import MOST_AVERAGED
+    from model.station_constants import HEAVIEST, UNPLACED
+
+    weights = {"WEIGHED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED, "WIDE_SUMS": 1}
+    noted("raster_colour.comp", {"LANES": 128, "ROWS": 8, "APPENDED": 1, **weights})
+    noted("raster_points_colour.frag", weights)
+    for carried in (None, 1):
+        noted("resolve.comp", {"FROM_KEYS": 1, "MOST_AVERAGED": MOST_AVERAGED, "CARRIED": carried, "WIDE_SUMS": 1})
     return texts
 
 
@@ -104,10 +115,12 @@ def look_like_a_gpu(monkeypatch) -> None:
     monkeypatch.setattr(renderer, "describe_device", lambda context: replace(known(context), software=False))
 
 
-def write(path: str) -> None:
-    """Renders and writes the file that the module's docstring describes."""
+def write(path: str, *, as_gpu: bool) -> None:
+    """Renders and writes the file that the module's docstring describes.  as_gpu: with the programs chosen for a GPU."""
     from viewer.render.context import create_context, describe_device
 
+    if as_gpu:
+        look_like_a_gpu(pytest.MonkeyPatch())
     context = create_context()
     device = describe_device(context)
     made: dict[str, np.ndarray] = {"renderer": np.array(f"{device.renderer}, OpenGL {device.version}")}
@@ -119,9 +132,10 @@ def write(path: str) -> None:
             name = f"{make.__name__}, {kind}, filter {preset}"
             made |= {f"{name}, mask": frame.mask(), f"{name}, depth": frame.depth()}
             made |= {f"{name}, {view}": frame.image(view) for view in VIEWS}
+        made |= {f"{make.__name__}, {kind}, wide sums": np.array(renderer._rasterisers[kind].wide_sums)}
         renderer.release()
     np.savez(path, **made)
 
 
 if __name__ == "__main__":
-    write(sys.argv[1])
+    write(sys.argv[1], as_gpu="--gpu" in sys.argv)

@@ -20,7 +20,7 @@ from viewer.grid.cell_boxes import SHARES
 from viewer.render.cull import Culler
 from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
 from viewer.render.renderer import Renderer
-from viewer.render.shader import BATCH, ROWS
+from viewer.render.shader import BATCH
 from viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
@@ -122,7 +122,7 @@ def test_what_the_tally_says_is_what_was_listed(floor):
             known = rows[bounds[2 * page] : bounds[2 * page + 1]]
             more = appended[bounds[2 * page + 1] :][: commands[4 * page + 3]]
             groups = commands[4 * page] * commands[4 * page + 1]
-            assert ROWS[renderer.device.software] * groups >= len(more)  # enough workgroups for them
+            assert rasteriser.workgroup.rows * groups >= len(more)  # enough workgroups for them
             points += int(known[:, 1].sum()) + int(more[:, 1].sum())
             cells += len(np.unique(known[:, 2])) + len(np.unique(more[:, 2]))
         tally = stats["occlusion"]

@@ -24,9 +24,9 @@ DEPTH_ROUNDING = 2e-6
 """Relative difference of depths that drivers may round differently: 16 units in the last place of float32."""
 
 
-def made_by(environment: dict[str, str], path: Path) -> "subprocess.CompletedProcess[str]":
+def made_by(environment: dict[str, str], path: Path, *more: str) -> "subprocess.CompletedProcess[str]":
     script = Path(__file__).with_name("driver_pictures.py")
-    return subprocess.run([sys.executable, str(script), str(path)], env=os.environ | environment, capture_output=True,
+    return subprocess.run([sys.executable, str(script), str(path), *more], env=os.environ | environment, capture_output=True,
                           text=True, timeout=180)  # fmt: skip
 
 
@@ -40,10 +40,11 @@ def expected(context, tmp_path_factory):
     return dict(np.load(path))
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
-def test_another_driver_makes_the_same_pictures(expected, tmp_path, driver):
+@pytest.mark.parametrize(("driver", "as_gpu"), [("softpipe", False), ("zink", False), ("zink", True)])
+def test_another_driver_makes_the_same_pictures(expected, tmp_path, driver, as_gpu):
+    """Also by the programs chosen for a GPU: zink has the 64-bit atomics of buffers that their colour sums use."""
     path = tmp_path / "there.npz"
-    done = made_by(DRIVERS[driver], path)
+    done = made_by(DRIVERS[driver], path, *(["--gpu"] if as_gpu else []))
     if done.returncode and "could not be had" in done.stderr:
         pytest.skip(f"{driver} is not installed (apt install mesa-vulkan-drivers brings lavapipe, which zink needs)")
     assert done.returncode == 0, done.stderr
@@ -52,7 +53,9 @@ def test_another_driver_makes_the_same_pictures(expected, tmp_path, driver):
     different = {}
     for name, picture in made.items():
         wanted = expected[name]
-        if name.endswith("depth"):  # the same pixels are empty, and depths differ by rounding at most
+        if name.endswith("wide sums"):
+            assert picture == as_gpu, name
+        elif name.endswith("depth"):  # the same pixels are empty, and depths differ by rounding at most
             assert np.array_equal(np.isinf(picture), np.isinf(wanted)), name
             here = np.isfinite(wanted)
             assert np.all(np.abs(picture[here] - wanted[here]) <= DEPTH_ROUNDING * wanted[here]), name

@@ -29,10 +29,15 @@ def shown(rasteriser, sums: np.ndarray, count: np.ndarray) -> np.ndarray:
     words, carries = np.zeros((len(count), 2), np.uint64), np.zeros((len(count), 4), np.uint64)
     for number, (low, high) in enumerate(((sums[:, 0], sums[:, 1]), (sums[:, 2], count))):
         both = low + (high << np.uint64(16))
+        if rasteriser.wide_sums:
+            held = [int(a) + (int(b) << 32) for a, b in zip(low, high)]
+            words[:, number] = [value & (1 << 64) - 1 for value in held]
+            carries[:, 2 * number], carries[:, 2 * number + 1] = low >> np.uint64(32), [value >> 64 for value in held]
+            continue
         words[:, number] = both & np.uint64(0xFFFFFFFF)
         carries[:, 2 * number], carries[:, 2 * number + 1] = low >> np.uint64(16), both >> np.uint64(32)
     head = np.array([*shader.groups(*SIZE), 0], np.uint32)
-    rasteriser.sums.write(words.astype(np.uint32).tobytes())
+    rasteriser.sums.write(words.astype(np.uint64 if rasteriser.wide_sums else np.uint32).tobytes())
     rasteriser.carries.write(head.tobytes() + carries.astype(np.uint32).tobytes())
     resolve, carried = rasteriser._weigh(None)
     rasteriser.frame.bind_to_uniform_block(BINDINGS["FRAME"])

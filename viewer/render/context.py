@@ -5,7 +5,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from viewer.errors import DeviceError
+from viewer.render.device_class import device_class
 from viewer.render.egl import device_order
+from viewer.render.shader import EXTENSIONS
 
 if TYPE_CHECKING:
     import moderngl
@@ -18,7 +20,7 @@ _SOFTWARE = ("llvmpipe", "softpipe", "swr")
 @dataclass(frozen=True)
 class Device:
     """renderer, vendor, version: the driver's strings.  software: it runs on the CPU.  storage_limit: bytes in one
-    shader storage block.  texture_limit: pixels along a side."""
+    shader storage block.  texture_limit: pixels along a side.  atomics_64: shaders can add to 64-bit words of a buffer."""
 
     renderer: str
     vendor: str
@@ -26,6 +28,12 @@ class Device:
     software: bool
     storage_limit: int
     texture_limit: int
+    atomics_64: bool = False
+
+    @property
+    def kind(self) -> str:
+        """The class of device, a key of device_class.WORKGROUPS."""
+        return device_class(self.vendor, self.renderer, software=self.software)
 
     @property
     def buffer_limit(self) -> int:
@@ -88,6 +96,7 @@ def describe_device(context: "moderngl.Context") -> Device:
         software=any(name in renderer.lower() for name in _SOFTWARE),
         storage_limit=int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]),
         texture_limit=int(info["GL_MAX_TEXTURE_SIZE"]),
+        atomics_64=set(EXTENSIONS["WIDE_SUMS"]) <= context.extensions,
     )
 
 

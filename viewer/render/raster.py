@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from viewer.render.points import PointPages
     from viewer.stream.residency import Round
 
-_SUM_BYTES, _CARRY_BYTES = 8, 16  # a pixel, in common_sums.glsl
+_SUM_BYTES, _WIDE_SUM_BYTES, _CARRY_BYTES = 8, 16, 16  # a pixel, in common_sums.glsl
 _CARRY_HEAD = 16  # the command of the pass over what was carried
 _CLEAR_LANES, _CLEAR_GROUPS = 256, 1024
 FRAME_FIELDS = np.dtype(
@@ -68,7 +68,10 @@ class Rasteriser:
         self.colour = context.texture(size, 4, dtype="f1")
         self.depth = context.texture(size, 1, dtype="f4")
         self.weight = context.texture(size, 1, dtype="f1")
-        self.sums = context.buffer(reserve=_SUM_BYTES * width * self.band_rows)
+        # On a GPU two 32-bit sums share a 64-bit word where it can add to one: carries, each an atomic operation more, are then
+        # as good as never needed.  Software OpenGL has no such atomics, and its sums of 16 bits take half the memory traffic.
+        self.wide_sums = device.atomics_64 and not device.software
+        self.sums = context.buffer(reserve=(_WIDE_SUM_BYTES if self.wide_sums else _SUM_BYTES) * width * self.band_rows)
         self.carries = context.buffer(reserve=_CARRY_HEAD + _CARRY_BYTES * width * self.band_rows)
         self._clean = False  # whether the carries are zero, as resolve.comp leaves them
         self._clear = None if device.software else programs.compute("clear.comp", CLEAR_LANES=_CLEAR_LANES)
@@ -80,7 +83,7 @@ class Rasteriser:
         self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self._record = np.zeros((), FRAME_FIELDS)
         self.programs = programs
-        constants = {"FROM_KEYS": self.from_keys, "MOST_AVERAGED": MOST_AVERAGED}
+        constants = {"FROM_KEYS": self.from_keys, "MOST_AVERAGED": MOST_AVERAGED, **self.layout}
         self._resolves = [programs.compute("resolve.comp", CARRIED=carried, **constants) for carried in (None, 1)]
         self.edits = context.buffer(reserve=EDITS_BLOCK.itemsize, dynamic=True)
         self.weighed = False  # whether points have weights in this picture
@@ -153,6 +156,11 @@ class Rasteriser:
             self.stations.write(stations)
             self.stations.bind_to_uniform_block(BINDINGS["STATIONS"])
         return self._resolves
+
+    @property
+    def layout(self) -> dict[str, object]:
+        """Constants of the programs that read or write the sums."""
+        return {"WIDE_SUMS": 1 if self.wide_sums else None}
 
     @property
     def weights(self) -> dict[str, object]:

@@ -12,9 +12,10 @@ from model.common.processors import usable_processors
 from viewer.render import shader
 from viewer.render.batches import BatchTable
 from viewer.render.cull import DrawList
+from viewer.render.device_class import Workgroup, workgroups
 from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History
 from viewer.render.raster import Rasteriser
-from viewer.render.shader import BATCH, BINDINGS, LANES, ROWS, STRETCH
+from viewer.render.shader import BATCH, BINDINGS, STRETCH
 
 if TYPE_CHECKING:
     from viewer.render.context import Device
@@ -23,18 +24,19 @@ if TYPE_CHECKING:
 
 
 class ComputeRasteriser(Rasteriser):
-    """Compute shaders with atomics."""
+    """Compute shaders with atomics.  workgroup: its shape; None: the default of the device's class."""
 
     kind = "compute"
     from_keys = 1
     overlap = BATCH
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int], device: "Device"):
+    def __init__(self, programs: shader.Programs, size: tuple[int, int], device: "Device", workgroup: Workgroup | None = None):
         super().__init__(programs, size, device)
+        self.workgroup = workgroup = workgroup or workgroups(device.kind)[0]
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
         self.table = BatchTable(4, (0, 1, 2), BATCH)
-        self._rows = ROWS[device.software]
-        self._shared = {"LANES": LANES[device.software], "ROWS": self._rows, "STRETCH": STRETCH,
+        self._rows = workgroup.rows
+        self._shared = {"LANES": workgroup.lanes, "ROWS": self._rows, "STRETCH": STRETCH,
                         "THREADS": usable_processors() if device.software else None}
         self._steps: dict[tuple[bool, bool, int | None], list[moderngl.ComputeShader]] = {}
 
@@ -44,7 +46,7 @@ class ComputeRasteriser(Rasteriser):
         if key not in self._steps:
             self._steps[key] = [
                 self.programs.compute(f"raster_{name}.comp", APPENDED=appended, **self._shared, **self.variant, **more)
-                for name, more in (("depth", {}), ("colour", self.weights))
+                for name, more in (("depth", {}), ("colour", {**self.weights, **self.layout}))
             ]
         return self._steps[key]
 

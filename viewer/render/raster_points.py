@@ -41,7 +41,7 @@ class PointRasteriser(Rasteriser):
             self._release_arrays()
             programs = [
                 self.programs.drawing("raster_points.vert", f"raster_points_{name}.frag", **self.variant, **more)
-                for name, more in (("depth", {}), ("colour", self.weights))
+                for name, more in (("depth", {}), ("colour", {**self.weights, **self.layout}))
             ]
             programs[1]["nearest"] = 0
             self._arrays = [

@@ -14,6 +14,8 @@ import numpy as np
 from model.common.memory import give_back
 from model.soft_z import SoftZ
 from viewer.errors import DeviceError, InputError
+from viewer.render.choose_raster import RASTERISERS as RASTERISERS
+from viewer.render.choose_raster import fastest, make_rasteriser
 from viewer.render.context import describe_device
 from viewer.render.cull import Culler, DrawList
 from viewer.render.edits import Edits, block_of, without_clipped_cells
@@ -26,7 +28,6 @@ from viewer.render.occlusion import History, Occlusion, may_hide
 from viewer.render.points import PointPages
 from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
-from viewer.render.raster_points import PointRasteriser
 from viewer.render.shader import Programs
 from viewer.render.stage_times import Stages
 from viewer.render.stations import Places, Trust, weighs
@@ -38,14 +39,12 @@ if TYPE_CHECKING:
 
     from viewer.camera import Camera
     from viewer.grid.scene import Scene
+    from viewer.render.device_class import Workgroup
     from viewer.render.neural import NeuralStage
 
 def camera_key(camera: "Camera") -> tuple:
     """Equal for cameras that make the same picture."""
     return (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world.tobytes())
-
-
-RASTERISERS: dict[str, type[Rasteriser]] = {"compute": ComputeRasteriser, "points": PointRasteriser}
 
 
 _PASSES = ("_rasterisers", "_filter", "_fill", "_trust", "_noise", "_neural")
@@ -68,6 +67,7 @@ class Renderer:
         self.context, self.scene = context, scene
         self.device = describe_device(context)
         self._raster, self._device = raster, device
+        self._workgroup: Workgroup | None = None
         self._programs = Programs(context)
         self._culler = Culler(scene)
         self._surroundings = Surroundings(scene)
@@ -262,34 +262,19 @@ class Renderer:
 
     def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None",
                 streaming: bool) -> Rasteriser:
-        """The rasteriser asked for; ``auto`` is the one that measured faster here, fixed for this renderer's life."""
+        """The rasteriser asked for; ``auto``: on a GPU the one that measured fastest, fixed for this renderer's life."""
         wanted = settings.raster if settings.raster != "auto" else self._raster
+        if wanted == "auto" and self.device.software:
+            wanted = self._raster = "compute"
         if wanted == "auto":
-            wanted = self._raster = "compute" if self.device.software else self._faster(draw, camera, soft, stations, streaming)
+            best = fastest(self._programs, self._size, self.device, self.pages, draw, camera, soft, stations,
+                           streaming=streaming)
+            wanted = self._raster = best.kind
+            self._workgroup = best.workgroup if isinstance(best, ComputeRasteriser) else None
+            self._rasterisers[wanted] = best
         if wanted not in self._rasterisers:
-            self._rasterisers[wanted] = RASTERISERS[wanted](self._programs, self._size, self.device)
+            self._rasterisers[wanted] = make_rasteriser(wanted, self._workgroup, self._programs, self._size, self.device)
         return self._rasterisers[wanted]
-
-    def _faster(self, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None", streaming: bool) -> str:
-        from time import perf_counter
-
-        rounds = self.pages.prepare(draw.first, draw.count, streaming=streaming)  # both draw the same points
-        if len(rounds) > 1:  # those that are there: reading the rest again and again would be what is measured
-            rounds = self.pages.prepare(draw.first, draw.count, streaming=True)
-        made = {kind: make(self._programs, self._size, self.device) for kind, make in RASTERISERS.items()}
-        times: dict[str, list[float]] = {kind: [] for kind in made}
-        for _ in range(4):  # in turn; the first, which compiles, is hardly the quickest
-            for kind, rasteriser in made.items():
-                self.context.finish()
-                start = perf_counter()
-                rasteriser.run(self.pages, draw, camera, soft, rounds, stations=stations)
-                self.context.finish()
-                times[kind].append(perf_counter() - start)
-        best = min(times, key=lambda kind: min(times[kind]))
-        self._rasterisers[best] = made.pop(best)
-        for rasteriser in made.values():
-            rasteriser.release()
-        return best
 
     def _filter_for(self, settings: Settings) -> DepthFilter:
         current = self._filter

@@ -20,13 +20,6 @@ TILE = (16, 8)
 """Pixels a workgroup of an image pass covers."""
 BATCH = 256
 """Points of a batch at most, all of one cell: what the compute rasteriser's workgroups take, ROWS each."""
-LANES = {False: 64, True: 8}
-"""Invocations that share them out, on a GPU and in software OpenGL.  There a workgroup costs as much as 60 points, and lanes
-beyond the processor's own eight come one after the other, whether a point is left for them or not: both passes over 1.6M to
-6M points took 0.6 to 0.75 of the time of a lane a point, 64 a batch (128 to 512 points in eight lanes differ by 5 %)."""
-ROWS = {False: 1, True: 8}
-"""Batches that a workgroup takes, one after the other; on a GPU there cannot be workgroups enough.  In software one of eight
-takes 3 to 5 % less time than eight of one (10M to 100M points with a level of detail, most runs short)."""
 STRETCH = 8
 """Workgroups that a thread of software OpenGL is dealt at a time: both passes over four scans took 0.92 to 1 of the time of
 one stretch for each of two threads; dealt singly up to 1.06, when both draw into the same pixels."""
@@ -38,6 +31,9 @@ BINDINGS = {
 }  # fmt: skip
 """Uniform blocks FRAME, STATIONS and EDITS; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never
 meet share one."""
+
+EXTENSIONS = {"WIDE_SUMS": ("GL_ARB_gpu_shader_int64", "GL_NV_shader_atomic_int64")}
+"""GLSL extensions that a shader with the named define needs."""
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([\w.]+)"\s*$')
 
@@ -68,7 +64,9 @@ def source(name: str, defines: dict[str, object] | None = None) -> tuple[str, li
     constants |= {"TILE_X": TILE[0], "TILE_Y": TILE[1], **(defines or {})}
     files: list[str] = []
     body = _expand(name, files)
-    head = ["#version 430 core", *(f"#define {key} {value!r}" for key, value in constants.items() if value is not None)]
+    needed = [name for key, names in EXTENSIONS.items() if constants.get(key) is not None for name in names]
+    head = ["#version 430 core", *(f"#extension {name} : require" for name in needed)]
+    head += [f"#define {key} {value!r}" for key, value in constants.items() if value is not None]
     return "\n".join([*head, *body]) + "\n", files
 
 

@@ -1,0 +1,57 @@
+"""Which rasteriser draws: measured on the first picture on a GPU, where ``--raster auto`` leaves it open.
+
+Every candidate makes the same picture, so that the choice changes nothing but the time.
+"""
+
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from viewer.render.device_class import Workgroup, workgroups
+from viewer.render.raster import Rasteriser
+from viewer.render.raster_compute import ComputeRasteriser
+from viewer.render.raster_points import PointRasteriser
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from model.soft_z import SoftZ
+    from viewer.camera import Camera
+    from viewer.render.context import Device
+    from viewer.render.cull import DrawList
+    from viewer.render.points import PointPages
+    from viewer.render.shader import Programs
+
+RASTERISERS: dict[str, type[Rasteriser]] = {"compute": ComputeRasteriser, "points": PointRasteriser}
+_ROUNDS = 4
+"""Pictures that each candidate draws, in turn; the fastest counts, so that the first, which compiles, does not."""
+
+
+def make_rasteriser(kind: str, workgroup: Workgroup | None, programs: "Programs", size: tuple[int, int],
+                    device: "Device") -> Rasteriser:
+    """A rasteriser of this kind for a picture size (width, height).  workgroup: of the compute one; None: the default."""
+    if kind == "compute":
+        return ComputeRasteriser(programs, size, device, workgroup)
+    return RASTERISERS[kind](programs, size, device)
+
+
+def fastest(programs: "Programs", size: tuple[int, int], device: "Device", pages: "PointPages", draw: "DrawList",
+            camera: "Camera", soft: "SoftZ", stations: "np.ndarray | None", *, streaming: bool) -> Rasteriser:
+    """Draws a draw list with every candidate and returns the one that took least; waits for the GPU."""
+    context = programs.context
+    rounds = pages.prepare(draw.first, draw.count, streaming=streaming)  # all of them draw the same points
+    if len(rounds) > 1:  # of a scan that does not fit, only resident points: reading the rest would be what is measured
+        rounds = pages.prepare(draw.first, draw.count, streaming=True)
+    made: list[Rasteriser] = [ComputeRasteriser(programs, size, device, shape) for shape in workgroups(device.kind)]
+    made.append(PointRasteriser(programs, size, device))
+    least = [float("inf")] * len(made)
+    for _ in range(_ROUNDS):
+        for number, rasteriser in enumerate(made):
+            context.finish()
+            start = perf_counter()
+            rasteriser.run(pages, draw, camera, soft, rounds, stations=stations)
+            context.finish()
+            least[number] = min(least[number], perf_counter() - start)
+    best = made.pop(least.index(min(least)))
+    for rasteriser in made:
+        rasteriser.release()
+    return best
