@@ -30,6 +30,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from difflib import get_close_matches
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, TypedDict, Unpack, overload
 
@@ -240,6 +241,8 @@ class Scan:
         if not isinstance(camera, Camera):
             raise InputError(f"camera {camera!r}: expected a pointglass.Camera, as look_at makes one")
         chosen = _settings(view, settings)
+        if view == "neural":
+            _prepare_network()
         try:
             context, renderer = self._drawing or self._begin(scene)
             with context:  # another scan's context, or somebody else's, may be the current one
@@ -359,6 +362,14 @@ def read_cameras(path: PathLike, *, size: tuple[int, int] | None = None) -> list
     from viewer.tools.camera_files import read_cameras as read
 
     return read(_path(path), size=size)
+
+
+@cache
+def _prepare_network() -> None:
+    """Sets the process up for the network, once: afterwards its settings are the caller's to change."""
+    from model.common.torch_process import prepare_inference
+
+    prepare_inference()
 
 
 def _settings(view: str, given: RenderSettings) -> Settings:

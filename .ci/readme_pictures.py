@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from viewer.paths import assets_dir
 from viewer.settings import VIEWS, Settings
 
@@ -53,7 +53,7 @@ def write_picture(path: Path, quality: str = "balanced") -> Path:
 
     pictures = list(views_of(quality).values())
     sheet = Image.fromarray(contact_sheet([pictures[:2], pictures[2:]], scale=1))
-    write_whole(path, lambda beside: sheet.save(beside, format="JPEG", quality=90))
+    write_atomic(path, lambda beside: sheet.save(beside, format="JPEG", quality=90))
     return path
 
 
@@ -70,7 +70,7 @@ def write_animation(path: Path, quality: str = "balanced") -> Path:
     loop = [*still, *still[-2:0:-1]]
     times = [FRAME_MS] * len(loop)
     times[0] = times[len(still) - 1] = REST_MS
-    write_whole(path, lambda beside: loop[0].save(
+    write_atomic(path, lambda beside: loop[0].save(
         beside, format="GIF", save_all=True, append_images=loop[1:], duration=times, loop=0, optimize=False))
     return path
 

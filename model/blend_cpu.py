@@ -1,9 +1,9 @@
-"""The last part of the compact network, on a CPU: blends, correction and packing in one compiled loop over rows.
+"""The last part of the compact network on a CPU: blends, correction and packing in one compiled loop over rows.
 
-What :meth:`model.unet.CompactUNet._blend` says in a dozen torch calls, each of which reads and writes the whole picture, is
-done here row by row: each blur follows the one before it as far behind as it reaches, so that of every step only the few
-rows that the next one looks at are kept, in the processor's cache.  Rows are shared out to threads; no result depends on how
-many.  Planes lie one after the other, so that the inner loops run along a row in vector instructions.
+:meth:`model.unet.CompactUNet._blend`, the reference implementation, makes a dozen torch calls, each of which reads and writes
+the full picture.  Here all steps advance together, row by row: each blur follows the previous one at the distance of its reach,
+so that only the rows that the next step needs are stored, in the processor's cache.  Rows are distributed over threads; the
+result does not depend on their number.  Arrays are planar, so that the inner loops along a row are vectorised.
 """
 
 import itertools
@@ -31,23 +31,23 @@ from model.common.jit import compiled
 from model.unet import BLENDS, CONTRAST_AT, MEAN_BLOCK
 
 _LEAST_ROWS = 32
-"""Of a thread, since 15 above and below them are blurred too."""
+"""Fewest rows of a thread: 2**BLENDS - 1 = 15 rows above and below them are blurred as well.  Chosen by hand."""
 
 
 @compiled(nogil=True)
 def _make(packed, blocks, block, means, made, first, last):
-    """Rows ``first`` to ``last`` of the picture, made (H, W, 4).
+    """Writes rows ``first`` to ``last`` of the picture to made (H, W, 4).
 
-    Blur k looks 2**k rows up and down, so its row y is had 2**(k + 1) - 1 rows after row y of the picture; of the sums that
-    it looks at 2 * 2**k + 1 rows are kept, of the picture being blended all that are on their way.
+    Blur k reads 2**k rows up and down, so its row y is computed 2**(k + 1) - 1 rows after row y of the picture.  Its input
+    sums are stored in a ring of 2 * 2**k + 1 rows, the blended picture in a ring of all rows in progress.
     """
     height, width = packed.shape[0], packed.shape[1]
     behind = 2**BLENDS - 1
-    kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # of blur k from row 2**(k + 1) - 2 + k
+    kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # ring k begins at row 2**(k + 1) - 2 + k
     out, limit = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, width), np.float32)
     smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
-    whole, row_of = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
-    said = np.empty((1 + BLENDS, 5, width), np.float32)  # the last rows of the network's channels, of each up to row had
+    unpacked, row_of = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
+    guide = np.empty((1 + BLENDS, 5, width), np.float32)  # rings of the channels' rows, filled up to had
     had = np.full(1 + BLENDS, max(first - 2, 0))
     around, column = np.empty(width, np.float32), np.zeros((block, means.shape[2] + 1), np.float32)
     left, part = np.empty(blocks.shape[1], np.int32), np.empty(blocks.shape[1], np.float32)
@@ -75,26 +75,26 @@ def _make(packed, blocks, block, means, made, first, last):
             place = y % (behind + 1)
             channel = 1 + number
             while had[channel] < min(y + 3, height):
-                guide_row(blocks, block, channel, had[channel], whole)
-                said[channel, had[channel] % 5] = whole[:width]
+                guide_row(blocks, block, channel, had[channel], unpacked)
+                guide[channel, had[channel] % 5] = unpacked[:width]
                 had[channel] += 1
-            half_band_row(said[channel], y, height, line, row_of)
+            half_band_row(guide[channel], y, height, line, row_of)
             blend_row(here, smooth, row_of, out[place])
             if number == CONTRAST_AT:
                 contrast_row(smooth, limit[place])
             if number + 1 == BLENDS:
                 while had[0] < min(y + 3, height):
-                    guide_row(blocks, block, 0, had[0], whole)
+                    guide_row(blocks, block, 0, had[0], unpacked)
                     mean_row(means, block, had[0], left, part, column, around)
-                    np.subtract(whole[:width], around, said[0, had[0] % 5])
+                    np.subtract(unpacked[:width], around, guide[0, had[0] % 5])
                     had[0] += 1
-                half_band_row(said[0], y, height, line, row_of)
-                guide_row(blocks, block, 1 + BLENDS, y, whole)
-                finish_row(packed[y], out[place], row_of, whole[:width], limit[place], made[y])
+                half_band_row(guide[0], y, height, line, row_of)
+                guide_row(blocks, block, 1 + BLENDS, y, unpacked)
+                finish_row(packed[y], out[place], row_of, unpacked[:width], limit[place], made[y])
 
 
 class Blender:
-    """The loop on ``threads`` threads; its arrays are kept from picture to picture.  Safe to call from any thread."""
+    """Runs the loop on ``threads`` threads.  Its arrays are reused from picture to picture.  Calls are safe from any thread."""
 
     def __init__(self, threads: int):
         self._threads = threads
@@ -106,15 +106,15 @@ class Blender:
     def __call__(self, packed: Tensor, blocks: Tensor, block: int) -> Tensor:
         """(H, W, 4) half, RGB and coverage 0..1.
 
-        packed: (H, W, 8) as in model.reconstruct.  blocks: (h, w, (2 + BLENDS) * block**2), the network's head before its
-        blocks become pixels, at least as large as the picture.  Both of any precision, on the CPU.
+        packed: (H, W, 8), model/network_layout.py.  blocks: (h, w, (2 + BLENDS) * block**2), the output of the network's head
+        before its blocks are unpacked to pixels, at least as large as the picture.  Both in any precision, on the CPU.
         """
-        with self._lock:  # until the result is the caller's own: the next call overwrites what is here
+        with self._lock:  # held until the result is copied: the next call overwrites the buffers
             made = self.made(self._float32("packed", packed), self._float32("blocks", blocks), block)
             return torch.from_numpy(made).half()
 
     def _float32(self, name: str, given: Tensor) -> np.ndarray:
-        """In float32, in an array kept under ``name``: memory that is new in every picture costs more than the conversion."""
+        """``given`` in float32, in a buffer reused by ``name``: allocating it for each picture takes longer than converting."""
         if given.dtype == torch.float32 and given.is_contiguous():
             return given.numpy()
         kept = self._floats.get(name)
@@ -125,7 +125,7 @@ class Blender:
         return kept
 
     def made(self, packed: np.ndarray, blocks: np.ndarray, block: int) -> np.ndarray:
-        """The same from float32 in float32, overwritten by the next call, and for one thread at a time."""
+        """The same in float32; the result is overwritten by the next call.  For one thread at a time."""
         height, width = packed.shape[:2]
         if self._made.size < height * width * 4:
             self._made = np.empty(height * width * 4, np.float32)
@@ -136,7 +136,7 @@ class Blender:
         return made
 
     def _rows(self, height: int, least: int, work, *arguments) -> None:
-        """Shares rows out to the threads, at least ``least`` to one."""
+        """Distributes rows over the threads, at least ``least`` rows each."""
         parts = max(1, min(self._threads, height // least))
         edges = [height * i // parts for i in range(parts + 1)]
         jobs = [self._pool.submit(work, *arguments, a, b) for a, b in itertools.pairwise(edges) if b > a]

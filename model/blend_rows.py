@@ -1,7 +1,7 @@
-"""Rows of the compact network's last part, in compiled loops: what ``model/blend_cpu.py`` puts together.
+"""Compiled loops over one row of the compact network's last part, called by ``model/blend_cpu.py``.
 
-Each function makes one row of one step of :meth:`model.unet.CompactUNet._blend`.  Planes lie one after the other, so that the
-loops run along a row in vector instructions.
+Each function computes one row of one step of :meth:`model.unet.CompactUNet._blend`, its reference implementation.  Arrays are
+planar, so that the loops along a row are vectorised.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ _F = np.float32
 
 @compiled(nogil=True)
 def weigh_row(packed, sums, out):
-    """A row of the sums to be blurred (>= 4, W), from packed (W, 8) float32; out (3, W) begins as the picture."""
+    """Initialises a row: sums (>= 4, W), weighted colours and weight, and out (3, W), the picture.  packed: (W, 8)."""
     for x in range(packed.shape[0]):
         red, green, blue = packed[x, 0], packed[x, 1], packed[x, 2]
         weight = packed[x, 3] * _F(1.0 - FILLED_WEIGHT) + _F(FILLED_WEIGHT)
@@ -35,7 +35,7 @@ def weigh_row(packed, sums, out):
 
 @compiled(nogil=True)
 def guide_row(blocks, block, channel, y, row):
-    """One row of a channel of the network's blocks (h, w, channels * block**2), as pixels; row: (w * block,)."""
+    """Unpacks row y of a channel from the network's blocks (h, w, channels * block**2) to pixels: row (w * block,)."""
     base, line = channel * block * block + (y % block) * block, blocks[y // block]
     for u in range(len(line)):
         for j in range(block):
@@ -44,19 +44,19 @@ def guide_row(blocks, block, channel, y, row):
 
 @compiled(nogil=True)
 def blur_row(above, here, below, reach, line, row):
-    """The 3x3 binomial blur at a dilation of one row (W,) of a plane, edges repeated; line: scratch, (W + 2 reach,)."""
+    """3x3 binomial blur of one row (W,) of a plane at dilation ``reach``, edges repeated.  line: scratch, (W + 2 reach,)."""
     width = len(here)
     middle, left, right = line[reach : reach + width], line[:width], line[2 * reach : 2 * reach + width]
     for x in range(width):
         middle[x] = _F(0.25) * (above[x] + below[x]) + _F(0.5) * here[x]
     line[:reach], line[reach + width : 2 * reach + width] = middle[0], middle[width - 1]
-    for x in range(width):  # slices, not offsets: an index that might be negative would keep it from vector instructions
+    for x in range(width):  # slices instead of offsets: an index that may be negative prevents vectorisation
         row[x] = _F(0.25) * (left[x] + right[x]) + _F(0.5) * middle[x]
 
 
 @compiled(nogil=True)
 def blend_row(sharp, smooth, share, out):
-    """Blends the picture out (3, W), by share (W,), from one blur's sums (>= 4, W) towards the next one's."""
+    """Blends the picture out (3, W) by share (W,) from one blur's sums ``sharp`` (>= 4, W) towards those of the next."""
     red, green, blue, weight = smooth[0], smooth[1], smooth[2], smooth[3]
     red_before, green_before, blue_before, weight_before = sharp[0], sharp[1], sharp[2], sharp[3]
     out_red, out_green, out_blue = out[0], out[1], out[2]
@@ -70,7 +70,7 @@ def blend_row(sharp, smooth, share, out):
 
 @compiled(nogil=True)
 def square_row(sums):
-    """The fifth of the sums (5, W): the square of luminance, by the same weight as the others."""
+    """Sets the fifth row of sums (5, W): the weighted square of luminance."""
     red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
     for x in range(len(red)):
         light = _F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]
@@ -79,7 +79,7 @@ def square_row(sums):
 
 @compiled(nogil=True)
 def contrast_row(sums, limit):
-    """How far the correction may change luminance: limit (W,), from sums (5, W)."""
+    """Bound of the correction of luminance, limit (W,), from sums (5, W)."""
     red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
     for x in range(len(red)):
         light = (_F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]) / weight[x]
@@ -89,15 +89,15 @@ def contrast_row(sums, limit):
 
 @compiled(inline="always")
 def _held(place, block, size):
-    """Where a place beyond the picture's ``size`` is taken from: the last block, the same corner of it where there is one."""
+    """Coordinate that replaces one beyond the picture: the same corner of the last block, or the last pixel."""
     return min(min(place // block, (size - 1) // block) * block + place % block, size - 1)
 
 
 @compiled(nogil=True)
 def square_means(blocks, block, height, width, means, first, last):
-    """Means of the first channel over squares of MEAN_BLOCK pixels, for each corner of the blocks by itself, edges repeated.
+    """Means of the first channel over squares of MEAN_BLOCK pixels, separately for each corner of a block, edges repeated.
 
-    means: (rows, block**2, columns), rows ``first`` to ``last`` are made.
+    means: (rows, block**2, columns), of which rows ``first`` to ``last`` are written.
     """
     row = np.empty(blocks.shape[1] * block, np.float32)
     for v in range(first, last):
@@ -114,7 +114,7 @@ def square_means(blocks, block, height, width, means, first, last):
 
 @compiled(nogil=True, inline="always")
 def tanh(x):
-    """To 4e-7: Eigen's rational approximation, which loops of vector instructions can hold and a library's call cannot."""
+    """Hyperbolic tangent to 4e-7: Eigen's rational approximation, which is vectorised, unlike a call of the C library."""
     x = min(max(x, _F(-7.9)), _F(7.9))
     s = x * x
     above = _F(-2.76076847742355e-16) * s + _F(2.00018790482477e-13)
@@ -126,12 +126,12 @@ def tanh(x):
 
 @compiled(nogil=True, inline="always")
 def _unit(value):
-    return min(max(value, _F(0.0)), _F(1.0)) if value == value else _F(0.0)  # NaN is not equal to itself
+    return min(max(value, _F(0.0)), _F(1.0)) if value == value else _F(0.0)  # NaN becomes 0
 
 
 @compiled(nogil=True)
 def between(block, columns, left, share):
-    """Between which squares each block of a row lies, left and the next, and how far on the way; left, share: (blocks,)."""
+    """Interpolation along a row: left (blocks,), square whose centre is left of each block; share (blocks,) of the next."""
     for b in range(len(left)):
         place = max((b + 0.5) / (MEAN_BLOCK // block) - 0.5, 0.0)
         left[b] = int(place)
@@ -140,8 +140,10 @@ def between(block, columns, left, share):
 
 @compiled(nogil=True)
 def mean_row(means, block, y, left, share, column, row):
-    """The means at one row of pixels, interpolated between the squares' middles.  left, share: from between.  column: scratch,
-    (block, columns + 1)."""
+    """Means of one row of pixels, interpolated between the squares' centres.
+
+    left, share: of :func:`between`.  column: scratch, (block, columns + 1).
+    """
     across = MEAN_BLOCK // block  # blocks in a square
     place = max((y // block + 0.5) / across - 0.5, 0.0)
     v, first = int(place), (y % block) * block
@@ -158,8 +160,10 @@ def mean_row(means, block, y, left, share, column, row):
 
 @compiled(nogil=True)
 def half_band_row(rows, y, height, line, row):
-    """Row y of a channel without its mesh (model.unet.without_mesh), edges repeated.  rows: (5, W), row k of the channel in
-    k % 5.  line: scratch, (W + 4,)."""
+    """Row y of a channel without its pixel-frequency pattern (model.unet.without_mesh), edges repeated.
+
+    rows: ring (5, W), row k of the channel at k % 5.  line: scratch, (W + 4,).
+    """
     width = len(row)
     a, b, c = rows[max(y - 2, 0) % 5], rows[max(y - 1, 0) % 5], rows[y % 5]
     d, e = rows[min(y + 1, height - 1) % 5], rows[min(y + 2, height - 1) % 5]

@@ -1,14 +1,13 @@
-"""Which pixels show the surface in front: the depth filter in torch, twin of the GLSL passes ``filter_*.comp``.
+"""The depth filter: keeps the pixels of the foremost surface.  Reference implementation of the passes ``filter_*.comp``.
 
-``auto`` is ours.  It works on inverse depth w = 1/z (0 where empty), in which a plane is affine.  Going down a pyramid of
-nearest values (max of w) it counts how many level-0 pixels support each block's front surface.  At every level a pixel is
-hidden if the eight blocks around its own hold, in every direction, something clearly nearer: for each two
-consecutive blocks of the ring at least one.  "Clearly" allows a relative tolerance and the slope of the surrounding
-surface.  A level only speaks where the surface in front is so sparse that a gap of one finer block could be
-chance (or the block holds that surface itself); where it is dense, a gap is a real opening and coarser levels keep
-silent.  At a silhouette the nearer surface lies on one side only, so the background beside it stays, however coarse the
-level.  Beside the picture's border nothing is known of one side; at the levels MIRRORED it is taken for what lies as far
-inside, or all that shows through in the last few pixels would stay.  No threshold carries a unit.
+``auto`` is our filter.  It works on inverse depth w = 1/z (0 where empty), in which a plane is affine.  A pyramid stores the
+nearest point of each block (maximum of w) and the number of level-0 pixels that support the block's front surface.  At every
+level a pixel is hidden if the eight blocks around its own hold something clearly nearer in every direction: at least one of
+each two consecutive blocks of the ring.  "Clearly" allows a relative tolerance and the slope of the surface around.  A level
+decides only where the surface in front is so sparse that a gap of one finer block may be chance, or where the block holds that
+surface itself; where the surface is dense, a gap is a real opening.  At a silhouette the nearer surface lies on one side only,
+so the background beside it is kept at any level.  Beyond the picture's border nothing is known; at the levels MIRRORED the
+picture is mirrored there, because otherwise hidden points in the outermost pixels would be kept.  No threshold has a unit.
 
 ``paper-code`` follows the published program, ``paper-text`` the paper's description (Vanherck et al. 2025, "Depth
 filtering"), ``npbg++`` the visibility test of Rakhimov et al. 2022.
@@ -39,9 +38,9 @@ def keep_mask(depth: Tensor, preset: str = "auto", *, strength: float = 1.0, lev
               metre: float = 1.0) -> Tensor:
     """(H, W) bool: True where the pixel holds a point of the foremost surface.
 
-    depth: (H, W), view-space z in file units, +inf where empty.  strength: multiplies the preset's depth tolerance;
-    smaller keeps fewer points.  metre: file units in a metre, for the presets whose thresholds are metres.
-    Raises KeyError for an unknown preset.
+    depth: (H, W), view-space z in file units, +inf where empty.  preset: a key of LEVELS, or ``off``.  strength: multiplies the
+    preset's depth tolerance; smaller keeps fewer points.  levels: pyramid levels, None: the preset's.  metre: file units in a
+    metre, for the presets whose thresholds are metres.  Raises KeyError for an unknown preset.
     """
     if preset == "off":
         return torch.isfinite(depth)
@@ -54,7 +53,7 @@ def keep_mask(depth: Tensor, preset: str = "auto", *, strength: float = 1.0, lev
 
 
 def _near_pyramid(depth: Tensor, levels: int) -> tuple[list[Tensor], list[Tensor]]:
-    """Inverse depth of the nearest point in each block, and how many level-0 pixels lie on its surface."""
+    """For each level: inverse depth of the nearest point in each block, and number of level-0 pixels on its surface."""
     near = [torch.where(torch.isfinite(depth), 1.0 / depth, torch.zeros_like(depth))]
     support = [(near[0] > 0).to(depth.dtype)]
     for _ in range(levels):
@@ -72,7 +71,7 @@ def _near_pyramid(depth: Tensor, levels: int) -> tuple[list[Tensor], list[Tensor
 
 
 def _hiding_threshold(near: Tensor, support: Tensor, strength: float, level: int) -> Tensor:
-    """Inverse depth below which a pixel inside each block is hidden by the blocks around; 0 where none can tell."""
+    """Inverse depth below which a pixel inside each block is hidden by the blocks around; 0 where the level does not decide."""
     if level in MIRRORED:
         ring, counts = ([mirrored(image, dx, dy) for dx, dy in RING] for image in (near, support))
     else:
@@ -89,12 +88,12 @@ def _hiding_threshold(near: Tensor, support: Tensor, strength: float, level: int
     for w, n in zip(ring, counts, strict=True):
         count = count + torch.where(w >= limit, n, torch.zeros_like(n))
     threshold = front * (1.0 - TOLERANCE * strength) - slope * (SLOPE * strength)
-    sparse = (count < 36.0 * SUPPORT) | (shared & (count < 36.0 * SUPPORT_SHARED))  # nine blocks of four finer ones
+    sparse = (count < 36.0 * SUPPORT) | (shared & (count < 36.0 * SUPPORT_SHARED))  # 36: nine blocks of four finer ones
     return torch.where(sparse, threshold.clamp_min(0.0), torch.zeros_like(threshold))
 
 
 def _slope(pairs) -> Tensor:
-    """Smallest difference a block among opposite neighbours that are both there; huge where no pair is."""
+    """Smallest difference per block between opposite neighbours that are both occupied; EMPTY where no pair is."""
     best = torch.full_like(pairs[0][0], EMPTY)
     for a, b in pairs:
         best = torch.where((a > 0) & (b > 0), torch.minimum(best, (a - b).abs() * 0.5), best)
@@ -111,7 +110,7 @@ def _auto(depth: Tensor, strength: float, levels: int) -> Tensor:
 
 
 def _parents(depth: Tensor, strength: float, levels: int, metre: float, *, published: bool) -> Tensor:
-    """Both presets of the paper: child against parent, from coarse to fine, dropped children refilled."""
+    """Both presets of the paper: compares child with parent from coarse to fine, and refills dropped children."""
     ratio = 1.0 + PARENT_RATIO * strength
     nearest = [torch.where(torch.isfinite(depth), depth, torch.full_like(depth, EMPTY))]
     for _ in range(levels):
@@ -129,14 +128,14 @@ def _parents(depth: Tensor, strength: float, levels: int, metre: float, *, publi
 
 
 def _edge_published(coarse: Tensor, metre: float) -> tuple[Tensor, Tensor]:
-    """As published: absolute threshold, positive side only, empty read as a huge depth."""
+    """Edges as in the published code: absolute threshold, positive side only, empty pixels treated as a huge depth."""
     laplacian = (clamped(coarse, -1, 0) + clamped(coarse, 1, 0)) + (clamped(coarse, 0, -1) + clamped(coarse, 0, 1))
     padded = F.pad(coarse[None, None], (1, 1, 1, 1), mode="replicate")
     return laplacian - 4.0 * coarse > EDGE * metre, F.max_pool2d(padded, 3, 1)[0, 0]
 
 
 def _edge_described(coarse: Tensor, metre: float) -> tuple[Tensor, Tensor]:
-    """As described: both sides of an edge, relative to depth, empties left out of everything."""
+    """Edges as described in the paper: both sides, relative to depth, empty pixels ignored."""
     laplacian, farthest = torch.zeros_like(coarse), coarse
     for dx, dy in RING:
         neighbour = clamped(coarse, dx, dy)
@@ -155,7 +154,7 @@ def _bilinear_known(coarse: Tensor, height: int, width: int) -> Tensor:
 
 
 def _npbg(depth: Tensor, strength: float, levels: int, metre: float) -> Tensor:
-    """One level: score exp(zmin - z) with zmin the nearest depth of the pixel's block, kept down to a fixed score."""
+    """One level: keeps scores exp(zmin - z) above a fixed value, with zmin the nearest depth of the pixel's block."""
     nearest = torch.where(torch.isfinite(depth), depth, torch.full_like(depth, EMPTY))
     fine = nearest
     for _ in range(levels):

@@ -1,20 +1,32 @@
 """Constants of the depth filter, shared by its shaders and model/depth_filter.py; imports no torch."""
 
 LEVELS = {"auto": 5, "paper-code": 4, "paper-text": 4, "npbg++": 3}
-"""Pyramid levels above the picture, by preset."""
+"""Pyramid levels above the picture, by preset.  Those of ``auto`` were chosen by hand, the others are the publications'."""
 
-TOLERANCE = 0.01  # of inverse depth: nearer than this is "clearly nearer"
-SLOPE = 0.5  # of a block's slope, both axes summed, allowed on top
-SAME_SURFACE = 0.02  # of inverse depth: children this close belong to the block's front surface
-TWIST = 0.015  # of inverse depth: four children this close to a plane may differ by that plane's slope
-SUPPORT = 1.75  # expected points in a finer block above which that block's emptiness is no chance
-SUPPORT_SHARED = 2.5  # the same for blocks that hold the nearer surface themselves: no opening shows there
+TOLERANCE = 0.01
+"""Share of inverse depth beyond which a block is "clearly nearer".  Chosen by hand."""
+SLOPE = 0.5
+"""Share of a block's slope, both axes summed, added to the tolerance.  Chosen by hand."""
+SAME_SURFACE = 0.02
+"""Share of inverse depth within which children belong to the block's front surface.  Chosen by hand."""
+TWIST = 0.015
+"""Share of inverse depth by which four children may deviate from a plane and still differ by that plane's slope.  Chosen by
+hand."""
+SUPPORT = 1.75
+"""Expected points in a finer block above which an empty one is not chance but an opening.  Chosen by hand."""
+SUPPORT_SHARED = 2.5
+"""The same for blocks that hold the nearer surface themselves, which show no opening.  Chosen by hand."""
 MIRRORED = (2, 3)
-"""Levels at which the picture goes on mirrored beyond its border.  Of the points in its outer 4 pixels 34 % were judged
-otherwise than in the middle of a larger picture, all kept that should not be, and 1.2 % are now (demo; studio 13 and 2.2 %,
-plant room 1.7 and 1.1 %).  At levels 0 and 1 it would cost up to 6 % that should stay, at 4 and 5 as much as it brings."""
+"""Levels at which the picture is continued by mirroring at its border.  Without it, of the points in the outer 4 pixels 34 %
+were judged differently than in the middle of a larger picture, all wrongly kept; with it 1.2 % (demo; studio 13 and 2.2 %,
+plant room 1.7 and 1.1 %).  At levels 0 and 1 it would remove up to 6 % wrongly, at 4 and 5 it removes as much wrongly as
+rightly."""
 
-EMPTY = 1e30  # what the published code reads as depth where there is none
+EMPTY = 1e30
+"""Depth of empty pixels in the published code."""
 PARENT_RATIO = 0.025
+"""Relative depth beyond its parent at which the paper's presets drop a pixel (Vanherck et al. 2025)."""
 EDGE = 0.03
+"""Laplacian that counts as an edge: metres in ``paper-code``, relative to depth in ``paper-text``."""
 NPBG_DEPTH = 0.05
+"""Metres behind the nearest point of its block up to which ``npbg++`` keeps a pixel (Rakhimov et al. 2022)."""

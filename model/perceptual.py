@@ -1,27 +1,33 @@
-"""Perceptual distances: LPIPS where its weights are at hand, else the SqueezeNet distance from files given by path.
+"""Perceptual distances: the SqueezeNet distance from files given by path, else LPIPS where its weights are available.
 
 ``SqueezeDistance`` uses ImageNet SqueezeNet 1.1 features and LPIPS's linear heads for them (Zhang et al. 2018).  It is not
-the published LPIPS, whose backbone was trained elsewhere: every figure made with it is called "SqueezeNet distance".
+the published LPIPS, whose backbone was trained separately, so every figure made with it is called "SqueezeNet distance".
 Pictures are (B, 3, H, W) in 0..1, sRGB.
 """
 
+import logging
 from pathlib import Path
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+_log = logging.getLogger(__name__)
+
 _FIRES = ("fire2", "fire3", "fire4", "fire5", "fire6", "fire7", "fire8", "fire9")
+"""Fire modules of SqueezeNet 1.1, in order."""
 _TAPS = ("fire3", "fire5", "fire6", "fire7", "fire8", "fire9")
+"""Modules whose outputs LPIPS compares, besides the first convolution."""
 _POOL_BEFORE = ("fire2", "fire4", "fire6")
+"""Modules with a max pooling in front."""
 SQUEEZE_FILES = ("sqz_notop.mat", "lin_v0.1_squeeze.pth")
-"""Features and heads, in the folder of the SqueezeNet distance."""
+"""Files of the features and of the linear heads."""
 
 
 class SqueezeDistance(nn.Module):
     """Mean perceptual distance of two batches of pictures; 0 where they are equal.
 
-    folder: holds ``sqz_notop.mat`` (features) and ``lin_v0.1_squeeze.pth`` (heads).  Raises FileNotFoundError.
+    folder: holds SQUEEZE_FILES.  Raises FileNotFoundError where one is missing.
     """
 
     def __init__(self, folder: Path):
@@ -43,7 +49,7 @@ class SqueezeDistance(nn.Module):
         return F.relu(F.conv2d(x, self.get_buffer(f"{key}_weight"), self.get_buffer(f"{key}_bias"), **options))
 
     def features(self, picture: Tensor) -> list[Tensor]:
-        """Seven maps of unit-length feature vectors."""
+        """Seven feature maps, normalised to unit length at each position."""
         x = self._convolve(picture.flip(1) * 255.0 - self.get_buffer("mean"), "conv1", stride=2)
         maps = [x]
         for fire in _FIRES:
@@ -56,7 +62,7 @@ class SqueezeDistance(nn.Module):
         return [m * torch.rsqrt(m.square().sum(1, keepdim=True) + 1e-10) for m in maps]
 
     def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        """Scalar: distance averaged over pictures and places, summed over maps."""
+        """Scalar: distance averaged over pictures and positions, summed over feature maps."""
         total = a.new_zeros(())
         for number, (p, q) in enumerate(zip(self.features(a), self.features(b), strict=True)):
             head = self.get_buffer(f"head{number}")[None, :, None, None]
@@ -67,10 +73,11 @@ class SqueezeDistance(nn.Module):
 class Dissimilarity(nn.Module):
     """1 - SSIM (Wang et al. 2004), as a loss (Zhao et al. 2017): mean over windows, channels and pictures; 0 where equal.
 
-    What a distance of deep features forgives, texture replaced by other texture, this does not.
+    It penalises texture replaced by different texture, which a distance of deep features tolerates.
     """
 
     WINDOW, SIGMA = 11, 1.5
+    """Gaussian window: side and standard deviation, pixels (Wang et al. 2004)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -83,8 +90,8 @@ class Dissimilarity(nn.Module):
         return F.conv2d(x, taps[None, None, None, :].expand(planes, 1, -1, -1), groups=planes)
 
     def forward(self, a: Tensor, b: Tensor) -> Tensor:
-        """a, b: (B, 3, H, W) in 0..1, at least WINDOW pixels a side.  Computed in float32: in bfloat16 a variance, the
-        difference of two means, can come out negative."""
+        """a, b: (B, 3, H, W) in 0..1, at least WINDOW pixels a side.  Computed in float32: in bfloat16 a variance, computed as
+        the difference of two means, can be negative."""
         with torch.autocast(a.device.type, enabled=False):
             a, b = a.float(), b.float()
             mean_a, mean_b, square_a, square_b, product = self._means(torch.cat([a, b, a * a, b * b, a * b], 1)).chunk(5, 1)
@@ -94,15 +101,22 @@ class Dissimilarity(nn.Module):
 
 
 def perceptual(path: Path | None) -> tuple[nn.Module | None, str]:
-    """The distance to train and judge with, and its name for tables: LPIPS if installed with weights at hand, else the
-    SqueezeNet distance from ``path``, else (None, "none")."""
+    """The perceptual distance for training and evaluation, and its name for tables.
+
+    The SqueezeNet distance where ``path`` is given, else LPIPS if it is installed and its weights can be loaded, else
+    (None, "none"), which is logged.
+    """
     if path is not None:
         return SqueezeDistance(path).eval(), "SqueezeNet distance"
     try:
         import lpips  # type: ignore[import-not-found]
-
+    except ImportError as error:
+        _log.info("no perceptual distance: no --perceptual DIR, and LPIPS is not installed (%s)", error)
+        return None, "none"
+    try:
         return _Lpips(lpips.LPIPS(net="vgg", verbose=False).eval()), "LPIPS (VGG)"
-    except Exception:  # not installed, or its weights cannot be fetched: say so by name, train without
+    except (OSError, RuntimeError) as error:  # no network for the download, or a damaged file
+        _log.warning("no perceptual distance: LPIPS's weights cannot be loaded (%s)", error)
         return None, "none"
 
 

@@ -1,15 +1,14 @@
-"""Hole filling without learning: a pull-push pyramid in torch, reference implementation of the shaders ``fill_*.comp``.
+"""Hole filling (inpainting) without learning: a pull-push pyramid.  Reference implementation of the shaders ``fill_*.comp``.
 
-Pull: each coarser pixel is the weighted mean of its children, its weight the children's sum, at most 1.  Push: from the
-coarsest level down, what a pixel's weight leaves open comes from the bilinearly sampled coarser level (Grossman and
-Dally 1998; Marroquim et al. 2007).  Measured pixels never change, except where their weight is below 1
-(model/station_weights.py).
+Pull: each coarser pixel is the weighted mean of its four children, and its weight is the sum of theirs, at most 1.  Push: from
+the coarsest level down, a pixel is completed to weight 1 from the bilinearly sampled coarser level (Grossman and Dally 1998;
+Marroquim et al. 2007).  Measured pixels change only where their weight is below 1 (model/station_weights.py).
 
-Gaps are filled from the background.  A gap wider than the point spacing of the nearer surface cannot belong to that surface:
-it would have been measured.  So among the four children of the pull, and the four samples of the push, those clearly nearer
-than the farthest of them are left out at levels whose pixels are wider than their surface's point spacing.  The depth feature
-(model/projection.py, :func:`~model.projection.depth_feature`) tells both: a difference of two features is a depth ratio, and a
-feature alone is the point spacing in pixels.  Both decisions are linear ramps in the feature, so that a picture changes
+Gaps are filled from the background.  A gap wider than the point spacing of the nearer surface cannot belong to that surface,
+because the surface would have been measured there.  Therefore, among the four children of the pull and the four samples of the
+push, those clearly nearer than the farthest are left out at levels whose pixels are wider than their surface's point spacing.
+Both follow from the depth feature (:func:`model.projection.depth_feature`): the difference of two features is a depth ratio,
+and a feature alone is the point spacing in pixels.  Both tests are linear ramps in the feature, so that a picture changes
 continuously with the camera.
 """
 
@@ -30,16 +29,18 @@ from model.pyramid import bilinear, clamped, quads
 
 DEPTH = 3
 """Channel of the depth feature."""
+
+
 def pull_push(image: Tensor, mask: Tensor) -> Tensor:
     """Fills the pixels outside ``mask``.
 
-    image: (C, H, W) float.  Where C > 3, channel 3 is the depth feature, and gaps are filled from the background; all other
-    channels follow its decisions and the weights.  mask: (H, W) bool, True where measured, or float weights 0..1 of what is
-    measured.  Returns (C, H, W), equal to ``image`` where the weight is 1; all zeros where nothing at all is measured.
+    image: (C, H, W) float.  Where C > 3, channel 3 is the depth feature, and all channels are filled from the background.
+    mask: (H, W) bool, True where measured, or float weights 0..1 of the measured pixels.  Returns (C, H, W), equal to ``image``
+    where the weight is 1; all zeros where nothing is measured.
     """
     by_depth = len(image) > DEPTH
     weight = mask.to(image.dtype)
-    sums, weights = [image * weight], [weight]  # sums: values times their weight
+    sums, weights = [image * weight], [weight]
     while max(weights[-1].shape) > 1:
         parts, shares = quads(sums[-1], 0.0), quads(weights[-1], 0.0)
         level = len(weights) - 1
@@ -63,8 +64,8 @@ def pull_push(image: Tensor, mask: Tensor) -> Tensor:
 
 
 def background(features: Sequence[Tensor], level: int) -> list[Tensor]:
-    """How far each of four neighbouring samples of a level counts, 0..1: 0 where it is clearly nearer than the farthest of them
-    and its surface's point spacing clearly smaller than the level's pixels.  The farthest always counts 1.
+    """Weights 0..1 of four neighbouring samples of a level: 0 where a sample is clearly nearer than the farthest of them and
+    the point spacing of its surface is clearly smaller than the level's pixels.  The farthest has weight 1.
 
     features: four depth features of one shape.  level: 2^level pixels a side.
     """
@@ -81,9 +82,9 @@ def _feature(part: Tensor, share: Tensor) -> Tensor:
 
 
 def _sampled(coarse: Tensor, height: int, width: int, level: int | None) -> Tensor:
-    """A filled coarser level at the finer level's pixel centres: bilinear, borders repeated, without what is not background.
+    """Samples a filled coarser level at the finer level's pixel centres: bilinear, borders repeated, background only.
 
-    coarse: (C, h, w).  level: of ``coarse``; None: plainly bilinear.  Weights 9, 3, 3, 1 of 16, as those of
+    coarse: (C, h, w).  level: of ``coarse``; None: bilinear without a test.  The weights are 9, 3, 3, 1 of 16, as in
     :func:`model.pyramid.bilinear`.
     """
     if level is None:

@@ -1,7 +1,7 @@
-"""Image pyramid steps shared by the depth filter and the fill, in torch: the plain twins of the GLSL passes.
+"""Image pyramid steps of the depth filter and the fill in torch: reference implementation of the GLSL passes.
 
-Images are (H, W) or (..., H, W) tensors, row 0 at the top.  Level i + 1 has ceil(H / 2) x ceil(W / 2) pixels; what lies
-outside the picture counts as empty.  Any float dtype, any device; float32 here repeats the shaders' arithmetic.
+Images are (H, W) or (..., H, W) tensors, row 0 at the top.  Level i + 1 has ceil(H / 2) x ceil(W / 2) pixels; pixels outside
+the picture count as empty.  Any float dtype and device; in float32 the arithmetic is that of the shaders.
 """
 
 import torch
@@ -27,13 +27,13 @@ def quads(image: Tensor, empty: float) -> tuple[Tensor, Tensor, Tensor, Tensor]:
 
 
 def shifted(image: Tensor, dx: int, dy: int, empty: float) -> Tensor:
-    """The image whose pixel (x, y) is the input's (x + dx, y + dy), ``empty`` beyond the border."""
+    """The image shifted by one pixel at most: pixel (x, y) is the input's (x + dx, y + dy), ``empty`` beyond the border."""
     h, w = image.shape[-2:]
     return F.pad(image, (1, 1, 1, 1), value=empty)[..., 1 + dy : 1 + dy + h, 1 + dx : 1 + dx + w]
 
 
 def clamped(image: Tensor, dx: int, dy: int) -> Tensor:
-    """As :func:`shifted`, with the border pixel repeated outward."""
+    """As :func:`shifted`, by any distance, with the border repeated."""
     h, w = image.shape[-2:]
     rows = torch.arange(h, device=image.device).add_(dy).clamp_(0, h - 1)
     columns = torch.arange(w, device=image.device).add_(dx).clamp_(0, w - 1)
@@ -41,7 +41,7 @@ def clamped(image: Tensor, dx: int, dy: int) -> Tensor:
 
 
 def mirrored(image: Tensor, dx: int, dy: int) -> Tensor:
-    """As :func:`shifted`, with the picture mirrored about the middle of its border pixels."""
+    """As :func:`shifted`, by any distance, with the picture mirrored about the centres of its border pixels."""
     h, w = image.shape[-2:]
     rows = (torch.arange(h, device=image.device) + dy).abs_()
     columns = (torch.arange(w, device=image.device) + dx).abs_()
@@ -50,15 +50,15 @@ def mirrored(image: Tensor, dx: int, dy: int) -> Tensor:
 
 
 def parents(image: Tensor, height: int, width: int) -> Tensor:
-    """Each pixel of the finer level's own parent, at the finer level's size."""
+    """The parent of each pixel of the finer level, at the finer level's size."""
     return image.repeat_interleave(2, -2).repeat_interleave(2, -1)[..., :height, :width]
 
 
 def bilinear(image: Tensor, height: int, width: int) -> Tensor:
     """The coarser level sampled bilinearly at the finer level's pixel centres, borders repeated.
 
-    Weights 9/16, 3/16, 3/16, 1/16, summed rows first: ((9a + 3b) + (3c + d)) / 16, a the parent, b beside it, c above or
-    below it, d across.
+    Weights 9/16, 3/16, 3/16, 1/16, summed by rows: ((9a + 3b) + (3c + d)) / 16, with a the parent, b its horizontal, c its
+    vertical and d its diagonal neighbour.
     """
     columns = []
     for side in (-1, 1):

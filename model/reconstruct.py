@@ -1,11 +1,12 @@
-"""Inference: the network on packed pixels, on CPU or CUDA, in the precision that is fastest there and still right.
+"""Inference: the network on packed pixels, on CPU or CUDA, in the fastest precision that is accurate enough there.
 
-Pixels come as (H, W, 8) half floats, channels last: the five channels of :func:`model.projection.network_input`, 1 where the
-pixel is known to be covered, 1 where it is void (what surrounds the rest by more than the network sees is left out on a
-CPU), and a zero.  They leave as (H, W, 4) half floats, RGB and coverage 0..1: the layout the
-renderer's buffers have.  The paper's network has no coverage: it is 1 everywhere.
+Input and output are half floats in the layout of the renderer's buffers (model/network_layout.py): (H, W, 8), the six channels
+of :func:`model.projection.network_input`, CLOSED and BACKGROUND, to (H, W, 4), RGB and coverage.  On a CPU, background farther
+from the rest of the picture than the network's receptive field is left out.  The paper's network predicts no coverage: it is 1
+everywhere.
 """
 
+import logging
 import math
 from pathlib import Path
 
@@ -14,7 +15,6 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from model.blend_cpu import Blender
-from model.common.memory import keep_freed_memory
 from model.common.processors import usable_processors
 from model.engines import fold_normalisation
 from model.network_layout import BACKGROUND, CLOSED, PACKED_OUT
@@ -22,15 +22,19 @@ from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import MIRRORED, WeightsError, digest, load_weights, weights_dir, weights_name
 
 FLIPS: tuple[tuple[int, ...], ...] = ((), (1,), (0,), (0, 1))
-"""Axes (rows 0, columns 1) that mirrored pictures are flipped along; the first is the picture itself."""
-_WORTHWHILE = 0.9  # share of the picture above which leaving out the void saves nothing
+"""Axes (rows 0, columns 1) along which mirrored pictures are flipped; the first is the picture itself."""
+_WORTHWHILE = 0.9
+"""Share of the picture above which leaving out the background is not worth a copy.  Chosen by hand."""
 PRECISIONS = {"fp32": torch.float32, "bf16": torch.bfloat16, "fp16": torch.float16}
+"""Precisions of the convolutions."""
+
+_log = logging.getLogger(__name__)
 
 
 def cuda_problem() -> str | None:
-    """Why CUDA cannot be used, or None where a convolution ran on it.  Probed by use, not by asking.
+    """Why CUDA cannot be used, in one line, or None where it works.
 
-    By what the network needs most: simpler kernels run on devices too old for this cuDNN as well.
+    The test is a half-precision convolution: simpler kernels also run on devices too old for this cuDNN.
     """
     if not torch.cuda.is_available():
         return "torch sees no CUDA device" if torch.version.cuda else "this torch build has no CUDA"
@@ -38,9 +42,9 @@ def cuda_problem() -> str | None:
         with torch.inference_mode():
             picture, kernel = (torch.zeros(8, 8, 8, 8, dtype=torch.float16, device="cuda") for _ in range(2))
             F.conv2d(picture.to(memory_format=torch.channels_last), kernel).sum().item()
-    except Exception as error:
-        said = str(error).strip().splitlines() or [type(error).__name__]
-        return f"a first convolution on CUDA failed: {said[0]}"
+    except RuntimeError as error:  # errors of CUDA, cuDNN and its memory; any other exception is a bug
+        lines = str(error).strip().splitlines() or [type(error).__name__]
+        return f"a first convolution on CUDA failed: {lines[0]}"
     return None
 
 
@@ -49,15 +53,20 @@ def fast_precision(device: str) -> str:
     if device == "cuda":
         return "fp16"
     probe = getattr(torch.cpu, "_is_avx512_bf16_supported", None) or getattr(torch.cpu, "_is_amx_tile_supported", None)
-    return "bf16" if probe is not None and probe() else "fp32"
+    if probe is not None and probe():
+        return "bf16"
+    _log.info("the network computes in fp32: %s", "this processor has no bf16 multiplication" if probe is not None
+              else "this torch does not report whether the processor has bf16 multiplication")
+    return "fp32"
 
 
-def covered(void: Tensor, reach: int, multiple: int) -> tuple[slice, slice]:
-    """Rows and columns outside which a picture is void, widened by ``reach`` and aligned as the network is.
+def covered(background: Tensor, reach: int, multiple: int) -> tuple[slice, slice]:
+    """Rows and columns of the part of a picture that is not background, widened by ``reach`` and aligned for the network.
 
-    void: (H, W), 1 where void.  multiple: MEAN_BLOCK and the network's own multiple divide what is returned.
+    background: (H, W), 1 where a pixel is background.  reach: pixels.  multiple: the network's; the returned bounds are
+    multiples of it and of MEAN_BLOCK.  Both slices are empty where all is background.
     """
-    shown = void < 1.0
+    shown = background < 1.0
     step = math.lcm(multiple, MEAN_BLOCK)
     out = []
     for axis in (1, 0):
@@ -70,9 +79,10 @@ def covered(void: Tensor, reach: int, multiple: int) -> tuple[slice, slice]:
 
 
 def fitting_weights(quality: str, *, filtered: bool, weights: Path | None = None) -> tuple[Path, nn.Module, dict[str, str]]:
-    """The file, its network and its header: ``weights``, or those shipped for ``quality``.
+    """The file, its network and its header: ``weights``, or the weights shipped for ``quality``.
 
-    Raises WeightsError where there are none, or where they are not for input that is ``filtered`` or not.
+    filtered: whether a depth filter runs in front of the network.  Raises WeightsError where the file is missing or was trained
+    for the other kind of input.
     """
     path = weights or weights_dir() / f"{weights_name(quality, filtered=filtered)}.safetensors"
     expected = "filtered" if filtered else "unfiltered"
@@ -89,12 +99,15 @@ def fitting_weights(quality: str, *, filtered: bool, weights: Path | None = None
 
 
 class Reconstructor:
-    """A network ready to run.  ``name`` says what runs and on what, for every place that shows it.
+    """A network ready to run.  ``name``: weights, their hash, precision and device, for display.
 
-    quality: fast, balanced, best or paper; ``best`` is the network of ``balanced`` on four mirrored pictures, averaged
-    (self-ensemble: Timofte et al. 2016), at four times its time.  filtered: trained for filtered input.  device: "cuda" or
-    "cpu".  precision: a key of PRECISIONS, None = the fast one.  engine: a key of :data:`model.engines.ENGINES`, what a
-    :class:`model.engines.Runner` uses on CUDA, None = "graph".  Raises WeightsError where there are no such weights.
+    quality: fast, balanced, best or paper; ``best`` averages the network of ``balanced`` over four mirrored pictures
+    (self-ensemble, Timofte et al. 2016) and takes four times as long.  filtered: weights trained for filtered input.
+    device: "cuda" or "cpu".  precision: a key of PRECISIONS; None: :func:`fast_precision`.  engine: a key of
+    :data:`model.engines.ENGINES` for a :class:`model.engines.Runner` on CUDA; None: "graph".
+    Raises WeightsError where there are no such weights.
+
+    It changes no setting of the process: see :func:`model.common.torch_process.prepare_inference`.
     """
 
     def __init__(self, quality: str, *, filtered: bool, device: str, precision: str | None = None,
@@ -110,18 +123,14 @@ class Reconstructor:
         mirrored = f" on {len(self.flips)} mirrored pictures" if len(self.flips) > 1 else ""
         self.name = f"{path.stem} {digest(path)}{mirrored} {self.precision} on {device}"
         self._blender: Blender | None = None
-        if device == "cuda":
-            torch.backends.cudnn.allow_tf32 = False  # fp32 is to be fp32: 10 bits of fraction would be called exact
-        if device == "cpu":
-            keep_freed_memory()
-            threads = usable_processors()
-            torch.set_num_threads(threads)
-            self._blender = Blender(threads) if self.compact else None
+        if device == "cpu" and self.compact:
+            self._blender = Blender(usable_processors())
+        _log.info("network %s", self.name)
 
     @torch.inference_mode()
     def __call__(self, packed: Tensor) -> Tensor:
         """(H, W, 8) half -> (H, W, 4) half on the same device; never NaN, within 0..1."""
-        if self.device == "cpu" and self.compact:  # on CUDA looking would cost a synchronisation, and a size its own graph
+        if self.device == "cpu" and self.compact:  # on CUDA this would cost a synchronisation, and a graph for each size
             rows, columns = covered(packed[..., BACKGROUND], self.network.reach, self.network.multiple)
             part = packed[rows, columns]
             if part.shape[0] * part.shape[1] < _WORTHWHILE * packed.shape[0] * packed.shape[1]:
@@ -132,13 +141,12 @@ class Reconstructor:
         return self.made(packed)
 
     def channels(self, packed: Tensor) -> Tensor:
-        """What the network itself takes: (1, INPUT_CHANNELS, H, W), channels last."""
+        """The network's input: (1, INPUT_CHANNELS, H, W), channels last."""
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS]
         return x.to(torch.float32 if self.compact else self.dtype, memory_format=torch.channels_last)
 
     def made(self, packed: Tensor) -> Tensor:
-        """The whole picture, whatever is void; for a caller in inference mode.  Where it is made of several mirrored pictures,
-        their mean."""
+        """The picture without leaving out background, averaged over the mirrored pictures; call it in inference mode."""
         if len(self.flips) == 1:
             return self._made_once(packed)
         total = sum(self._made_once(packed.flip(axes).contiguous()).flip(axes).float() for axes in self.flips)
@@ -153,7 +161,7 @@ class Reconstructor:
         return made
 
     def _made_on_cpu(self, packed: Tensor, blend: Blender) -> Tensor:
-        """The same, all but the convolutions in compiled loops."""
+        """The same, with everything but the convolutions in compiled loops."""
         assert isinstance(self.network, CompactUNet)
         x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].to(self.dtype, memory_format=torch.channels_last)
         return blend(packed, self.network.blocks(x)[0].permute(1, 2, 0), self.network.block)

@@ -11,7 +11,7 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from model.common.errors import PointglassError
 from model.unet import INPUT_CHANNELS, SIZES, make_network
 
@@ -63,7 +63,7 @@ def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool
         save_file(tensors, str(beside), header)
         beside.chmod(0o644)  # safetensors gives it to its owner alone
 
-    write_whole(path, save)
+    write_atomic(path, save)
 
 
 def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:

@@ -66,6 +66,9 @@ def _demo(options: argparse.Namespace) -> int:
         from viewer.window.app import run
 
         return run([demo_scan()], settings, start=demo_camera())
+    from model.common.torch_process import prepare_inference
+
+    prepare_inference()
     files = demo_pictures(options.out, settings)
     print(f"no display here: {len(files) - 1} pictures (raw, filtered, filled, neural) in {options.out.resolve()}")
     print(f"look at {files[0].resolve()} first")
@@ -127,10 +130,13 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _check_weights(settings: Settings) -> None:
-    """Refuses weights that do not fit before the scan is read."""
+    """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
     if settings.view == "neural":
         with importing():
+            from model.common.torch_process import prepare_inference
             from model.reconstruct import fitting_weights
+
+        prepare_inference()
 
         own = Path(settings.weights) if settings.weights else None
         fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)
@@ -181,8 +187,10 @@ def _train(options: argparse.Namespace) -> int:
 
     if options.tune is not None:
         train_command.check(options)
+        from model.common.torch_process import prepare_training
         from viewer.tools.tuning.tune import tune
 
+        prepare_training()
         tune(options.tune, options.out, quality=options.quality, minutes=10.0 if options.minutes is None else options.minutes,
              perceptual=options.perceptual, seed=options.seed, device=options.device)
         return 0

@@ -1,1 +1,1 @@
-"""Infrastructure shared by ``model`` and ``viewer``: atomic writes, threads, signals, memory, compiled loops, colour curves."""
+"""Infrastructure shared by ``model`` and ``viewer``: atomic writes, signals, processors, memory, compiled loops, colour."""

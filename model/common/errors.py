@@ -2,7 +2,10 @@
 
 
 class PointglassError(Exception):
-    """A failure that a person is told about in one line.  ``str(error)`` is that line and names the file or option, the value
-    and the remedy; ``exit_code`` is what the process returns.  Any other exception is a bug and keeps its traceback."""
+    """A failure that is reported to the user in one line.
+
+    ``str(error)`` is that line: file or option, value and remedy.  ``exit_code`` is the exit code of the process.  Any other
+    exception is a bug and keeps its traceback.
+    """
 
     exit_code = 2

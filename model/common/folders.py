@@ -1,17 +1,17 @@
-"""Folders made for results, which are not left behind empty where there are none; small files that are there whole or not."""
+"""Folders for results, removed again where nothing was written; small text files written atomically."""
 
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 
 
 @contextlib.contextmanager
 def made_folder(folder: Path, *, make: bool = True) -> Iterator[Path]:
-    """Makes ``folder`` and what lies above it; where the block fails, Ctrl-C included, what it made and left empty goes again.
+    """Creates ``folder`` and its parents.  If the block fails, Ctrl-C included, the created folders that are empty are removed.
 
-    make: False where the block makes the folder itself, if it comes so far.  Raises OSError where it cannot be made.
+    make: False where the block creates the folder itself.  Raises OSError where it cannot be created.
     """
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
@@ -19,12 +19,12 @@ def made_folder(folder: Path, *, make: bool = True) -> Iterator[Path]:
             folder.mkdir(parents=True, exist_ok=True)
         yield folder
     except BaseException:
-        for path in new:  # the innermost first; one that holds something stays, and so does what is above it
+        for path in new:  # innermost first; rmdir fails for a folder with contents
             with contextlib.suppress(OSError):
                 path.rmdir()
         raise
 
 
 def replace_text(path: Path, text: str) -> None:
-    """Writes a small text file; whoever reads it meanwhile finds the old one or the new."""
-    write_whole(path, lambda beside: beside.write_text(text))
+    """Writes a small text file atomically: a concurrent reader finds the old or the new text."""
+    write_atomic(path, lambda partial: partial.write_text(text))

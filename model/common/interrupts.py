@@ -1,7 +1,7 @@
-"""A training is stopped: a step is finished before it counts, and processes that make pairs leave without a word.
+"""Interrupting a training: a training step is completed first, and worker processes end silently.
 
-A terminal sends Ctrl-C to every process of the command.  The first one says that it stops and sees to the others.
-SIGTERM, as a scheduler sends it, is to the command line the same.
+A terminal sends Ctrl-C to every process of the command.  Only the main process reports it, and terminates its workers.
+SIGTERM, sent by a scheduler, is treated as Ctrl-C by the command line.
 """
 
 import contextlib
@@ -19,16 +19,19 @@ T = TypeVar("T")
 
 
 @contextlib.contextmanager
-def to_its_end() -> Iterator[None]:
-    """Ctrl-C or SIGTERM waits for the end of the block, a second Ctrl-C does not: half a step is no state to go on from."""
+def finish_before_interrupt() -> Iterator[None]:
+    """Delays Ctrl-C or SIGTERM to the end of the block; a second Ctrl-C is not delayed.
+
+    For training steps: a checkpoint must not be saved in the middle of one.
+    """
     usual = [stop for stop in STOPS if signal.getsignal(stop) == signal.default_int_handler]
     if not usual or threading.current_thread() is not threading.main_thread():
-        yield  # whoever takes care of Ctrl-C in another way goes on doing so
+        yield  # another handler is installed, and stays in charge
         return
     pressed: list[int] = []
 
     def note(number: int, _frame) -> None:
-        if pressed and number == signal.SIGINT:  # SIGTERM comes twice where a scheduler and a parent both send it
+        if pressed and number == signal.SIGINT:  # SIGTERM may come twice, from a scheduler and a parent process
             raise KeyboardInterrupt
         pressed.append(number)
 
@@ -36,7 +39,7 @@ def to_its_end() -> Iterator[None]:
         with handled(usual, note):
             yield
     except Exception as error:
-        if pressed:  # as when a process that has stopped already no longer answers
+        if pressed:  # probably a consequence: another process of the training was stopped and no longer answers
             raise KeyboardInterrupt from error
         raise
     if pressed:
@@ -45,7 +48,7 @@ def to_its_end() -> Iterator[None]:
 
 @contextlib.contextmanager
 def workers(count: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes for :func:`leaving` jobs.  Where the block fails, Ctrl-C included, they are ended at once."""
+    """A pool of worker processes for :func:`run_in_worker`.  If the block fails, Ctrl-C included, they are terminated."""
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(count, initializer=_start)
     try:
@@ -58,25 +61,25 @@ def workers(count: int) -> Iterator[ProcessPoolExecutor]:
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-def leaving(job: Callable[..., T], *args: Any) -> T:
-    """Does a job in such a process; told to end, the job takes away what it has half made, and the process is gone."""
+def run_in_worker(job: Callable[..., T], *args: Any) -> T:
+    """Runs a job in a worker.  When the worker is terminated, the job's own clean-up runs, and the process then exits."""
     try:
         return job(*args)
     except BaseException:
-        if _told:
-            os._exit(1)  # an executor's process would take the next job
+        if _terminated:
+            os._exit(1)  # otherwise the executor would give this process its next job
         raise
 
 
-_told: list[int] = []
+_terminated: list[int] = []
 
 
 def _start() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
+    signal.signal(signal.SIGTERM, _terminate)
 
 
-def _leave(number: int, _frame) -> None:
-    if not _told:  # the executor says it once more
-        _told.append(number)
+def _terminate(number: int, _frame) -> None:
+    if not _terminated:  # the executor sends a second SIGTERM
+        _terminated.append(number)
         raise SystemExit(1)

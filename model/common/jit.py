@@ -1,4 +1,4 @@
-"""Compiled loops: numba's njit, kept on disk between runs where there is a folder for it."""
+"""Compiled loops: numba's njit with its cache on disk."""
 
 import contextlib
 import signal
@@ -11,14 +11,17 @@ from numba import njit
 from model.common.signals import STOPS, handled
 
 _BLAS = "scipy.linalg.cython_blas"
+"""Module that numba imports to compile np.dot."""
 
 
 def _skip_blas_check() -> None:
-    """Keeps numba from importing scipy.linalg when it loads its array functions: 0.1 s of a start, for np.dot, which no loop
-    here calls.  scipy is a dependency, so other code's loops may call np.dot: numba imports it when it compiles them."""
+    """Prevents numba from importing scipy.linalg when it loads its array functions, which takes 0.1 s of the start.
+
+    numba needs it for np.dot, which no loop here calls.  Loops of other code may: numba then imports it when it compiles them.
+    """
     if _BLAS in sys.modules or "numba.np.arraymath" in sys.modules:
         return
-    sys.modules[_BLAS] = None  # type: ignore[assignment]  # an import of it fails, as if scipy were not there
+    sys.modules[_BLAS] = None  # type: ignore[assignment]  # makes its import fail
     try:
         from numba.np import arraymath
     finally:
@@ -30,27 +33,27 @@ _skip_blas_check()
 
 
 def compiled(**options):
-    """njit, kept on disk between runs where numba finds a folder it can write to: an installation may be read-only.
+    """njit, cached on disk where numba finds a writable folder; an installation may be read-only.
 
-    Division is IEEE's: Python's, which raises an error, would keep a loop from vector instructions.
+    Division follows IEEE: Python's, which raises an error, would prevent vectorisation.
     """
     options = {"error_model": "numpy", **options}
 
     def decorate(function):
         try:
             return njit(cache=True, **options)(function)
-        except RuntimeError:
+        except RuntimeError:  # no writable folder for the cache
             return njit(**options)(function)
 
     return decorate
 
 
 @contextlib.contextmanager
-def unbroken() -> Iterator[None]:
-    """Ctrl-C during the block, or SIGTERM where that is one, is raised at its end.
+def uninterrupted() -> Iterator[None]:
+    """Delays Ctrl-C, or SIGTERM where it is handled, to the end of the block.
 
-    For calls of seconds into a compiled loop on the main thread: an interrupt that is raised while numba turns results
-    into Python's gives a SystemError, or a crash where there are several.
+    For calls of seconds into a compiled loop on the main thread: an interrupt raised while numba converts results to Python
+    objects causes a SystemError, and several of them a crash.
     """
     usual = {stop: handler for stop in STOPS if callable(handler := signal.getsignal(stop))}
     if threading.current_thread() is not threading.main_thread() or not usual:

@@ -1,13 +1,14 @@
-"""Linear light in whole numbers: 12-bit tables, so that sums of a million points are exact and fit 32 bits.
+"""Linear light as 12-bit integers, in which sums of a million points are exact and fit 32 bits; and the sRGB curve.
 
-A camera's pixel averages light, not sRGB values: where several points meet in a pixel, the mean taken in linear light was
-0.4 dB nearer to registered pictures.  Each sRGB level has its own 12-bit value, so a single point keeps its colour.
-The curve they are taken from (IEC 61966-2-1) is here, too.
+A camera's pixel averages light, not sRGB values: where several points fall into a pixel, the mean in linear light was 0.4 dB
+closer to registered pictures.  Each sRGB level has its own 12-bit value, so that a single point keeps its colour.  The curve is
+that of IEC 61966-2-1.
 """
 
 import numpy as np
 
 LEVELS = 4096
+"""Levels of linear light; 12 bits are the fewest in which all 256 sRGB levels differ."""
 
 
 def to_linear(srgb) -> np.ndarray:
@@ -26,4 +27,4 @@ TO_LINEAR = np.rint(to_linear(np.arange(256) / 255) * (LEVELS - 1)).astype(np.in
 """(256,) sRGB 0..255 -> linear light 0..4095."""
 
 TO_SRGB = np.searchsorted((TO_LINEAR[1:] + TO_LINEAR[:-1]) / 2, np.arange(LEVELS), side="right").astype(np.uint8)
-"""(4096,) linear light -> the sRGB level whose own linear light is nearest; ties go up."""
+"""(4096,) linear light -> the sRGB level with the nearest linear light, the higher one in a tie."""

@@ -1,4 +1,4 @@
-"""How many processors there are for us, and work on arrays spread over them."""
+"""The number of usable processors, and array work distributed over them."""
 
 import os
 from collections.abc import Callable
@@ -10,24 +10,25 @@ import numpy as np
 Arrays = tuple[np.ndarray, ...]
 
 _SLICE = 4096
-"""Entries a thread takes at a time: few enough to share out, enough to be worth the way."""
+"""Entries that a thread takes at a time: few enough to balance the load, enough to outweigh the call.  Chosen by hand."""
 _threads: list[int] = []
+"""Number of threads of :func:`in_slices` where :func:`use_threads` has set one."""
 
 
 def usable_processors() -> int:
-    """Those that this process may use, at least 1: fewer than the machine's in a container or under ``taskset``."""
+    """Processors that this process may use, at least 1; fewer than the machine has in a container or under ``taskset``."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def use_threads(count: int) -> None:
-    """From now on :func:`in_slices` takes so many threads in this process: one of several that share the processors."""
+    """Sets the threads of :func:`in_slices` in this process, for one of several processes that share the processors."""
     _threads[:] = [count]
 
 
 def in_slices(kernel: Callable[..., Arrays], entries: Arrays, *rest: Any) -> Arrays:
-    """``kernel(*entries, *rest)``, slices of the entries on all processors at once: the same to the bit.
+    """``kernel(*entries, *rest)``, with slices of the entries processed in parallel; bit-identical to one call.
 
-    kernel: lets go of the interpreter's lock, and works out each entry for itself.  entries: arrays of one length.
+    kernel: releases the interpreter's lock and processes each entry independently.  entries: arrays of one length.
     """
     count, threads = len(entries[0]), _threads[0] if _threads else usable_processors()
     if count <= _SLICE or threads == 1:

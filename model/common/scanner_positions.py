@@ -1,17 +1,20 @@
-"""Where the scanners of a scan stood: what can be said of it without torch.  (S, 3) float64, NaN where a file does not say."""
+"""Scanner positions of a scan as arrays, without torch: (S, 3) float64, NaN where the file stores none."""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-
-def places_of(positions: Iterable[Sequence[float] | None]) -> np.ndarray:
-    """(S, 3) float64 of positions (x, y, z), or None where a file does not say; 255 at most: later scans share a number."""
-    return np.array([position or (np.nan,) * 3 for position in positions][:255], np.float64).reshape(-1, 3)
+_MAX_STATIONS = 255
+"""Stations that can be told apart: a point's station number has 8 bits, and later stations share one number."""
 
 
-def told_apart(places: np.ndarray | None) -> bool:
-    """Whether weights by station say anything (:mod:`model.station_weights`): two are known to have stood apart."""
+def station_positions_of(positions: Iterable[Sequence[float] | None]) -> np.ndarray:
+    """(S, 3) float64 of positions (x, y, z) or None, S at most 255."""
+    return np.array([position or (np.nan,) * 3 for position in positions][:_MAX_STATIONS], np.float64).reshape(-1, 3)
+
+
+def stations_differ(places: np.ndarray | None) -> bool:
+    """Whether view-dependent blending (:mod:`model.station_weights`) has an effect: two known positions differ."""
     if places is None:
         return False
     known = places[~np.isnan(places).any(axis=1)]

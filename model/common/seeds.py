@@ -1,4 +1,4 @@
-"""What a seed may be, wherever one is asked for."""
+"""The range of random seeds on the command line."""
 
-MOST_SEED = 2**32 - 1
-"""From 0 to this: what every generator of random numbers in use takes."""
+MAX_SEED = 2**32 - 1
+"""Largest seed; the smallest is 0.  Every random generator in use accepts this range."""

@@ -1,4 +1,4 @@
-"""What stops a command: Ctrl-C, and SIGTERM where the command line takes it for one (viewer/__main__.py)."""
+"""Signals that stop a command: Ctrl-C, and SIGTERM where the command line treats it as Ctrl-C (viewer/__main__.py)."""
 
 import contextlib
 import os
@@ -6,11 +6,12 @@ import signal
 from collections.abc import Callable, Iterable, Iterator
 
 STOPS = (signal.SIGINT, signal.SIGTERM)
+"""Signals that stop a command."""
 
 
 @contextlib.contextmanager
 def handled(stops: Iterable[signal.Signals], by: Callable) -> Iterator[None]:
-    """Within the block ``by`` gets these signals; after it, whatever comes in between, who had each of them before."""
+    """Within the block ``by`` handles these signals; the previous handlers are restored at its end."""
     with contextlib.ExitStack() as stack:
         for stop in stops:
             stack.callback(signal.signal, stop, signal.getsignal(stop))
@@ -20,15 +21,15 @@ def handled(stops: Iterable[signal.Signals], by: Callable) -> Iterator[None]:
 
 @contextlib.contextmanager
 def importing() -> Iterator[None]:
-    """Within the block, in which nothing is begun yet, Ctrl-C or SIGTERM ends the process at once, and says so.
+    """Within the block, which only imports, Ctrl-C or SIGTERM ends the process at once with one line and exit code 130.
 
-    For imports: raised, it is lost in some of compiled modules, which fail with a word of their own then, and in torch's it
-    is a crash.
+    A KeyboardInterrupt raised during an import is lost in some compiled modules, which then fail with another error, and makes
+    torch crash.
     """
-    with handled([stop for stop in STOPS if signal.getsignal(stop) == signal.default_int_handler], _leave):
+    with handled([stop for stop in STOPS if signal.getsignal(stop) == signal.default_int_handler], _exit):
         yield
 
 
-def _leave(_number: int, _frame) -> None:
+def _exit(_number: int, _frame) -> None:
     os.write(2, b"pointglass: stopped\n")
     os._exit(130)

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from model.common.jit import compiled
-from model.common.scanner_positions import told_apart
+from model.common.scanner_positions import stations_differ
 from model.data.dataset import Scan, TruePicture
 from model.data.spacing import median_spacing
 from model.depth_filter import keep_mask
@@ -77,7 +77,7 @@ def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
     rows = torch.from_numpy(near)[inside]
     z, rgb, station = z[inside], torch.from_numpy(scan.rgb)[rows], torch.from_numpy(scan.station)[rows]
     weight = None
-    if scan.places is not None and told_apart(scan.places):
+    if scan.places is not None and stations_differ(scan.places):
         places = torch.from_numpy(((scan.places - matrix[:3, 3]) @ to_view).astype(np.float32))
         weight = station_weights(x[inside], y[inside], z, station.long(), places)
     return Projected(index, z, rgb, station, rank[rows], rows, camera, matrix, weight)

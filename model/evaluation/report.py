@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from model.common.atomic_write import passes_through, write_whole
+from model.common.atomic_write import passes_through, write_atomic
 from model.data.dataset import DataError
 from model.evaluation.worse import said
 
@@ -107,14 +107,14 @@ def _plain(value: Any) -> Any:
 def save(result: dict, path: Path) -> None:
     """Writes the figures as JSON; null where there is no figure, or an infinite one."""
     text = json.dumps(_plain(result), indent=1, allow_nan=False)
-    write_whole(path, lambda partial: partial.write_text(text))
+    write_atomic(path, lambda partial: partial.write_text(text))
 
 
 def save_picture(picture: np.ndarray, path: Path) -> None:
     """Writes (H, W, 3) uint8 as PNG."""
     from PIL import Image
 
-    write_whole(path, lambda partial: Image.fromarray(picture).save(partial, format="PNG"))
+    write_atomic(path, lambda partial: Image.fromarray(picture).save(partial, format="PNG"))
 
 
 def check_output(path: Path, suffixes: tuple[str, ...] = ()) -> None:
@@ -174,4 +174,4 @@ def plot(result: dict, path: Path) -> None:
         panels[0][-1].plot([], [], marks[name], color=colours[name], label=name)
     figure.legend(loc="outside right center", fontsize="small", title="filled: matched\nhollow: as scanned")
     figure.suptitle(f"{result['scene']}, {result['views']} views")
-    write_whole(path, lambda partial: figure.savefig(partial, format=path.suffix[1:].lower(), dpi=130))
+    write_atomic(path, lambda partial: figure.savefig(partial, format=path.suffix[1:].lower(), dpi=130))

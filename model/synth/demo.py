@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from model.common.folders import made_folder
-from model.common.seeds import MOST_SEED
+from model.common.seeds import MAX_SEED
 from model.data.dataset import DataError
 
 from .place import Place
@@ -124,8 +124,8 @@ def check(out: Path, points: int, seed: int) -> None:
         raise DataError(f"--out {out}: the name must end in {' or '.join(SUFFIXES)}")
     if not LEAST_POINTS <= points <= MOST_POINTS:
         raise DataError(f"--points {points}: expected {LEAST_POINTS} to {MOST_POINTS}")
-    if not 0 <= seed <= MOST_SEED:
-        raise DataError(f"--seed {seed}: expected 0 to {MOST_SEED}")
+    if not 0 <= seed <= MAX_SEED:
+        raise DataError(f"--seed {seed}: expected 0 to {MAX_SEED}")
     for path in (out, cameras_of(out)):
         if path.is_dir():
             raise DataError(f"{path}: is a folder; choose another --out")

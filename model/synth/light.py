@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.common.jit import compiled, unbroken
+from model.common.jit import compiled, uninterrupted
 from model.common.processors import in_slices
 
 from .shapes import Shapes, nearest, one_hit
@@ -238,5 +238,5 @@ class Lighting:
 
     def _direct(self, points, normals, lit, ambient):
         lit = np.ascontiguousarray(lit, np.bool_)
-        with unbroken():
+        with uninterrupted():
             return in_slices(light_points, (points, normals, lit), ambient, *self.lights.arrays(), *self.shapes.arrays())

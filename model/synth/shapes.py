@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.common.jit import compiled, unbroken
+from model.common.jit import compiled, uninterrupted
 from model.common.processors import in_slices
 from model.synth.hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
@@ -54,7 +54,7 @@ class Shapes:
         """
         origins = np.ascontiguousarray(origins, np.float64)
         directions = np.ascontiguousarray(directions, np.float64)
-        with unbroken():
+        with uninterrupted():
             return in_slices(trace_rays, (origins, directions), *self.arrays())
 
 

@@ -1,1 +1,1 @@
-"""Training: the loop and its checkpoints (``trainer``), losses (``objective``), whole recipes, the command line's part."""
+"""Training: the loop and its checkpoints (``trainer``), losses (``objective``), complete recipes, and the command line."""

@@ -1,10 +1,12 @@
-"""The command line's part of training: what ``pointglass train`` takes, and doing it.  Importing this loads nothing heavy.
+"""Command line of ``pointglass train``: options, their checks, and the run.  Importing this loads nothing heavy.
 
-Runs alone, or as ``torchrun --nproc-per-node N -m viewer train ...``: the first process makes the pairs, the others wait.
+Runs in one process, or as ``torchrun --nproc-per-node N -m viewer train ...``: the first process then makes the training pairs
+and the others wait.
 """
 
 import argparse
 import json
+import logging
 import math
 import os
 import sys
@@ -13,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from model.common.seeds import MOST_SEED
+from model.common.seeds import MAX_SEED
 from model.common.signals import importing
 from model.data.dataset import LEAST_CROP
 
@@ -21,49 +23,52 @@ if TYPE_CHECKING:
     from model.data.dataset import TruePlace
     from model.train.manifest import Facts
 
-"""Pixels: of smaller crops the textures laid over them cannot be made, and a network learns nothing from them."""
+_log = logging.getLogger(__name__)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options :func:`run` reads."""
+    """Adds the options that :func:`run` reads."""
     parser.add_argument("data", nargs="*", type=Path, metavar="FOLDER",
-                        help="folders with scene.json, of ScanNet++, or of RGB-D frames with poses")
+                        help="training data: folders with scene.json, of ScanNet++, or of RGB-D frames with poses")
     parser.add_argument("--out", type=Path, metavar="DIR",
-                        help="pairs, checkpoint and weights; resumes there (--tune: where weights go, if not to the viewer)")
+                        help="folder for pairs, checkpoint and weights, from which an interrupted training resumes "
+                             "(--tune: folder for the weights, by default the viewer's own)")
     parser.add_argument("--procedural", type=int, default=0, metavar="N",
-                        help="also N places made up, of every kind in turn (default 0)")
+                        help="add N procedural places: streets, objects and rooms in turn (default 0)")
     parser.add_argument("--recipe", choices=["gpu", "night"],
-                        help="gpu: the most of one CUDA GPU in 25 minutes; night: of two CPU cores in 10 hours")
+                        help="train all networks; gpu: 25 minutes on one CUDA GPU, night: 10 hours on two CPU cores")
     parser.add_argument("--quality", default="balanced", choices=["fast", "balanced", "paper"],
-                        help="which network (default balanced)")
-    parser.add_argument("--unfiltered", action="store_true", help="for `--filter off`")
+                        help="size of the network (default balanced)")
+    parser.add_argument("--unfiltered", action="store_true", help="train for `--filter off`: input without the depth filter")
     parser.add_argument("--minutes", type=float, metavar="M",
-                        help="of training (default 60; with --recipe, of everything: 25 or 600)")
-    parser.add_argument("--steps", type=int, default=40_000, metavar="N", help="at most (default 40000)")
-    parser.add_argument("--batch", type=int, default=8, metavar="N", help="crops a step and process (default 8)")
+                        help="training time (default 60; with --recipe, total time: 25 or 600)")
+    parser.add_argument("--steps", type=int, default=40_000, metavar="N", help="largest number of steps (default 40000)")
+    parser.add_argument("--batch", type=int, default=8, metavar="N", help="crops per step and process (default 8)")
     parser.add_argument("--crop", type=int, default=192, metavar="PIXELS",
                         help=f"side of a crop, {LEAST_CROP} or more (default 192)")
     parser.add_argument("--rate", type=float, default=1e-3, metavar="X", help="learning rate (default 0.001)")
-    parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
+    parser.add_argument("--perceptual", type=Path, metavar="DIR", help="folder with the weights of the SqueezeNet distance")
     parser.add_argument("--textures", type=Path, metavar="DIR",
-                        help="thumbnail sheets of photographic textures (ambientCG's, *.webp), painted onto half of the pairs")
-    parser.add_argument("--validation", type=Path, metavar="FOLDER", help="with --recipe: a scene to judge the weights on")
-    parser.add_argument("--start-from", type=Path, metavar="F", help="weights to go on from")
+                        help="thumbnail sheets of photographic textures (ambientCG's, *.webp), painted onto most pairs")
+    parser.add_argument("--validation", type=Path, metavar="FOLDER", help="with --recipe: scene to evaluate the weights on")
+    parser.add_argument("--start-from", type=Path, metavar="F", help="initial weights, of the same or a smaller network")
     parser.add_argument("--device", default="auto", choices=["auto", "cuda", "cpu"],
                         help="auto: CUDA where it works, else CPU (default auto)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of crops and places made up (default 1)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of crops and procedural places (default 1)")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Makes the pairs where they are not there yet, trains, prints where the weights are.  Returns 0.
+    """Makes the pairs if they do not exist yet, trains, and prints the path of the weights.  Returns 0.
 
-    Raises DataError where data is missing, unreadable or does not fit, before anything is made.
+    Raises DataError where data is missing, unreadable or does not fit, before anything is written.
     """
+    from model.common.torch_process import prepare_training
     from model.data.dataset import DataError
 
     if options.out is None:
-        raise DataError("--out DIR is needed: pairs, checkpoint and weights go there")
+        raise DataError("--out DIR is missing: the folder for pairs, checkpoint and weights")
     check(options)
+    prepare_training()
     if options.recipe:
         from model.train.recipes import RECIPES, follow
 
@@ -73,9 +78,9 @@ def run(options: argparse.Namespace) -> int:
                textures=options.textures)
         return 0
     if not options.data and not options.procedural:
-        raise DataError("nothing to learn from: give folders with scene.json, or --procedural N")
+        raise DataError("no training data: give folders with scene.json, or --procedural N")
     if any((options.out / name).exists() for name in ("recipe.json", "pairs/filtered", "pairs/unfiltered")):
-        raise DataError(f"{options.out}: holds what --recipe made; choose another --out")
+        raise DataError(f"{options.out}: contains a training with --recipe; choose another --out")
     with importing():
         from model.train.trainer import TrainConfig, train
 
@@ -93,55 +98,55 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-_NO_USE_FOR = {
+_UNUSED_OPTIONS = {
     "": ("validation",),
     "--recipe": ("procedural", "quality", "unfiltered", "steps", "batch", "crop", "rate", "start_from"),
     "--tune": ("data", "procedural", "recipe", "unfiltered", "steps", "batch", "crop", "rate", "validation", "start_from",
                "textures"),
 }
-"""What each way of training, "" being neither of the two others, has no use for."""
+"""Options that each mode of training ignores; "" is the mode with neither --recipe nor --tune."""
 
 
-def _way(options: argparse.Namespace) -> str:
-    """A key of _NO_USE_FOR.  ``--tune`` is the viewer's own, as what it learns from is."""
+def _mode(options: argparse.Namespace) -> str:
+    """A key of _UNUSED_OPTIONS.  ``--tune`` is an option of the viewer, which reads the scan."""
     return "--tune" if getattr(options, "tune", None) is not None else "--recipe" if options.recipe else ""
 
 
 def unused(options: argparse.Namespace) -> list[str]:
-    """The options given that this way of training has no use for, as a person gave them."""
+    """The given options that this mode of training ignores, as they were given."""
     parser = argparse.ArgumentParser()
     add_arguments(parser)
-    said = []
-    for name in _NO_USE_FOR[_way(options)]:
+    given = []
+    for name in _UNUSED_OPTIONS[_mode(options)]:
         value: Any = getattr(options, name)
         if name == "data":
-            said += map(str, value)
+            given += map(str, value)
         elif value != parser.get_default(name):
-            said.append(f"--{name.replace('_', '-')}" + ("" if value is True else f" {value}"))
-    return said
+            given.append(f"--{name.replace('_', '-')}" + ("" if value is True else f" {value}"))
+    return given
 
 
 def check(options: argparse.Namespace) -> None:
-    """Raises DataError naming the first option that cannot be followed; to be asked before minutes of work.
+    """Raises DataError naming the first invalid option; called before any long work.
 
-    Says which of the others are left out of account.
+    Prints the options that this mode ignores to standard error.
     """
     from model.data.dataset import DataError
 
-    way = _way(options)
-    if way and int(os.environ.get("WORLD_SIZE", 1)) > 1:
-        raise DataError(f"{way} trains in one process, not in {os.environ['WORLD_SIZE']}; start it without torchrun")
-    if way and options.minutes == 0:
-        raise DataError(f"--minutes 0: more than 0 minutes are needed with {way}")
+    mode = _mode(options)
+    if mode and int(os.environ.get("WORLD_SIZE", 1)) > 1:
+        raise DataError(f"{mode} trains in one process, not in {os.environ['WORLD_SIZE']}; start it without torchrun")
+    if mode and options.minutes == 0:
+        raise DataError(f"--minutes 0: {mode} needs more than 0 minutes")
     for name, least in (("procedural", 0), ("steps", 1), ("batch", 1), ("crop", LEAST_CROP), ("seed", 0)):
         if (value := getattr(options, name)) < least:
             raise DataError(f"--{name} {value}: expected at least {least}")
-    if options.seed > MOST_SEED:
-        raise DataError(f"--seed {options.seed}: expected at most {MOST_SEED}")
+    if options.seed > MAX_SEED:
+        raise DataError(f"--seed {options.seed}: expected at most {MAX_SEED}")
     if not (math.isfinite(options.rate) and options.rate > 0):
         raise DataError(f"--rate {options.rate:g}: expected a learning rate above 0, such as 0.001")
     if options.minutes is not None and not (math.isfinite(options.minutes) and options.minutes >= 0):
-        raise DataError(f"--minutes {options.minutes:g}: expected a number of minutes, 0 to go by --steps alone")
+        raise DataError(f"--minutes {options.minutes:g}: expected a number of minutes, 0 to stop at --steps only")
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         raise DataError(f"--out {options.out}: is a file; give a folder")
     if options.textures is not None:
@@ -153,9 +158,9 @@ def check(options: argparse.Namespace) -> None:
 
         for name in SQUEEZE_FILES:
             if not (options.perceptual / name).is_file():
-                raise DataError(f"--perceptual {options.perceptual}: holds no {name}; give the folder with "
+                raise DataError(f"--perceptual {options.perceptual}: {name} is missing; give the folder with "
                                 f"{' and '.join(SQUEEZE_FILES)}, or leave the option out")
-    if options.start_from is not None and "start_from" not in _NO_USE_FOR[way]:
+    if options.start_from is not None and "start_from" not in _UNUSED_OPTIONS[mode]:
         _check_start(options.start_from, options.quality)
     if options.device == "cuda":
         from model.reconstruct import cuda_problem
@@ -163,12 +168,12 @@ def check(options: argparse.Namespace) -> None:
         if problem := cuda_problem():
             raise DataError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
     if (ignored := unused(options)) and int(os.environ.get("RANK", 0)) == 0:
-        command = f"train {way}".strip()
-        print(f"pointglass: `{command}` has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
+        command = f"train {mode}".strip()
+        print(f"pointglass: `{command}` ignores {', '.join(ignored)}", file=sys.stderr)
 
 
 def _check_start(path: Path, quality: str) -> None:
-    """Raises DataError where a network of ``quality`` cannot begin with the weights at ``path``."""
+    """Raises DataError where a network of ``quality`` cannot start from the weights at ``path``."""
     from model.data.dataset import DataError
     from model.train.net2net import started_from
     from model.unet import make_network
@@ -179,22 +184,22 @@ def _check_start(path: Path, quality: str) -> None:
     except WeightsError as error:
         raise DataError(f"--start-from {error}") from None
     except ValueError as error:
-        raise DataError(f"--start-from {path}: cannot begin a {quality} network ({error})") from None
+        raise DataError(f"--start-from {path}: cannot be the start of a {quality} network ({error})") from None
 
 
 def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
-    """Raises DataError where crops do not fit into a place's pictures at half their size."""
+    """Raises DataError where crops do not fit into a place's pictures at half resolution."""
     from model.data.dataset import DataError
 
     for place in places:
         for least, view in ((min(view.width, view.height) // 2, view) for view in place.views):
             if least < crop:
                 raise DataError(f"--crop {crop}: {place.name} has pictures of {view.width}x{view.height}, and half of that is "
-                                f"smaller than such crops; choose at most {least}")
+                                f"less than a crop; choose at most {least}")
 
 
 def _facts(options: argparse.Namespace) -> "Facts":
-    """What the pairs are made from."""
+    """Facts from which the pairs are made (model/train/manifest.py)."""
     from model.train.manifest import whereabouts
 
     return {**whereabouts(options.out, options.data), "procedural": options.procedural, "seed": options.seed,
@@ -202,56 +207,59 @@ def _facts(options: argparse.Namespace) -> "Facts":
 
 
 def _sources(options: argparse.Namespace) -> tuple[str, ...]:
-    """The same as a person would say it."""
-    made_up = (f"--procedural {options.procedural} --seed {options.seed}",) if options.procedural else ()
-    return (*(str(Path(folder).resolve()) for folder in options.data), *made_up)
+    """The same for the weights' header: folders and options."""
+    procedural = (f"--procedural {options.procedural} --seed {options.seed}",) if options.procedural else ()
+    return (*(str(Path(folder).resolve()) for folder in options.data), *procedural)
 
 
 def _folders(listed: Path) -> list[Path]:
-    """The folders of pairs named in a list; none where there is no list, or where not all of them are there."""
+    """The folders of pairs named in a list file; empty where there is no list, or where a folder of it is missing."""
     folders = [listed.parent / name for name in listed.read_text().split()] if listed.is_file() else []
     return folders if all(folder.is_dir() for folder in folders) else []
 
 
 def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
-    """Folders of pairs at the pictures' own size and, with neighbours, at half of it, one of each for every picture size.
+    """Folders of pairs: for every picture size one at full and one, with neighbouring cameras, at half resolution.
 
-    What they are made from lies beside them from the first on.  Raises DataError where that is something else.
+    Pairs that exist are reused.  A manifest beside them names what they are made from; it is written first.  Raises DataError
+    where existing pairs were made from something else.
     """
     first = int(os.environ.get("RANK", 0)) == 0
     name = f"pairs-{'unfiltered' if options.unfiltered else 'filtered'}"
-    listed, record = options.out / f"{name}.txt", options.out / f"{name}.json"
+    listed, manifest = options.out / f"{name}.txt", options.out / f"{name}.json"
     while not first and not _folders(listed):
         time.sleep(1.0)
     from model.common.folders import made_folder, replace_text
     from model.data.dataset import DataError
     from model.data.procedural import procedural_places
     from model.data.sources import open_places
-    from model.train.manifest import EARLIER, read_record, refuse_other
+    from model.train.manifest import EARLIER, read_manifest, refuse_other
 
     made = sorted(path for path in options.out.glob(f"{name}-*-[12]") if path.is_dir())
-    kept, whole = read_record(record) if made else None, _folders(listed)
+    kept, complete = read_manifest(manifest) if made else None, _folders(listed)
     if kept is not None:
         refuse_other(options.out, "its pairs were", kept, facts)
-        if whole:
-            return whole
+        if complete:
+            _log.info("training pairs are reused: %s", ", ".join(map(str, complete)))
+            return complete
+        _log.info("training pairs are incomplete: the missing folders are made again")
     elif made:
         raise DataError(f"{made[0]}: {EARLIER}")
     numbers = range(options.seed, options.seed + options.procedural)
     places = open_places(options.data)
     places += list(procedural_places(seeds=numbers))
     if not places:
-        raise DataError(f"{options.data[0]}: holds no places to learn from; give other folders, or --procedural N")
+        raise DataError(f"{options.data[0]}: contains no training data; give other folders, or --procedural N")
     _check_sizes(places, options.crop)
     with made_folder(options.out):
-        replace_text(record, json.dumps(facts, indent=1))
-        folders = whole
+        replace_text(manifest, json.dumps(facts, indent=1))
+        folders = complete
         try:
             folders = folders or _build(places, options.out, name, unfiltered=options.unfiltered, seed=options.seed,
                                         textures=options.textures)
-        except BaseException:
+        except BaseException:  # Ctrl-C included: a manifest of nothing would refuse the next run
             if not any(path.is_dir() for path in options.out.glob(f"{name}-*-[12]")):
-                record.unlink(missing_ok=True)
+                manifest.unlink(missing_ok=True)
             raise
         replace_text(listed, "\n".join(folder.name for folder in folders) + "\n")
     return folders
@@ -265,7 +273,7 @@ def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: b
 
     folders, paint = [], load_textures(textures) if textures is not None else []
     for number, alike in enumerate(by_size(places)):
-        for reduce in (1, 2):  # at half the size many points meet in a pixel
+        for reduce in (1, 2):  # at half resolution more points fall into a pixel
             folder = out / f"{name}-{number}-{reduce}"
             folders.append(folder)
             if not folder.is_dir():

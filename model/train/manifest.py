@@ -1,7 +1,7 @@
-"""What pairs and checkpoints were made from, kept with them: a later run with the same goes on, one with another is refused.
+"""Manifests: the facts from which pairs and checkpoints were made, stored beside them.
 
-Facts are plain values by name, as JSON holds them: where folders lie, a seed, a batch.  What earlier versions left, without
-facts or with pairs and crops drawn otherwise, is refused.
+A later run with the same facts continues; one with other facts is refused.  Facts are named plain values, as JSON stores them:
+folders, a seed, a batch size.  Files of earlier versions, without facts or with pairs and crops drawn differently, are refused.
 """
 
 import hashlib
@@ -21,15 +21,18 @@ Facts = dict[str, Any]
 OPTIONS = {"crops": "crops of version", "folders": "folder", "start_from": "--start-from", "sources": "pairs of"} | {
     name: f"--{name}" for name in ("batch", "crop", "perceptual", "procedural", "quality", "rate", "recipe", "seed")
 }
-"""How a person gives a fact; the others are called by their own names."""
+"""Name of a fact in messages, where it differs from its key."""
 
-EARLIER = "of an earlier version of pointglass, which drew pairs and crops otherwise; choose another --out"
-MOST_NAMED = 3  # values of a list, in a message
+EARLIER = "of an earlier version of pointglass, which drew pairs and crops differently; choose another --out"
+MAX_LISTED = 3
+"""Values of a list that a message names before it counts the rest."""
 
 
 def whereabouts(out: Path, folders: Iterable[Path]) -> Facts:
-    """Where data lie: by full paths, the same under another name and when ``out`` is moved; and as seen from ``out``, the same
-    when all is moved together.  Either will do.  And what files there are, by names and sizes."""
+    """Facts of the data folders: absolute paths, paths relative to ``out``, and a digest of file names and sizes.
+
+    Equal absolute paths (``out`` was moved) or equal relative paths (all was moved together) identify the same folders.
+    """
     base, full = Path(out).resolve(), [Path(folder).resolve() for folder in folders]
     return {"folders": [str(folder) for folder in full], "from_here": [_relative(folder, base) for folder in full],
             "contents": [_contents(folder, base) for folder in full]}
@@ -38,30 +41,31 @@ def whereabouts(out: Path, folders: Iterable[Path]) -> Facts:
 def _relative(folder: Path, base: Path) -> str:
     try:
         return Path(os.path.relpath(folder, base)).as_posix()
-    except ValueError:  # on another drive
+    except ValueError:  # another drive on Windows
         return str(folder)
 
 
 def _contents(folder: Path, out: Path) -> str | None:
-    """Of a folder's files, but for hidden ones and what lies in ``out``; None where it is gone."""
-    told = []
+    """Digest of a folder's file names and sizes, without hidden files and ``out``; None where the folder is missing."""
+    entries = []
     for above, below, names in os.walk(folder):
         below[:] = sorted(name for name in below if not name.startswith(".") and Path(above, name) != out)
-        told += [f"{Path(above, name).relative_to(folder).as_posix()} {Path(above, name).lstat().st_size}\n".encode()
-                 for name in sorted(names) if not name.startswith(".")]
-    return _digest(told) if folder.is_dir() else None
+        entries += [f"{Path(above, name).relative_to(folder).as_posix()} {Path(above, name).lstat().st_size}\n".encode()
+                    for name in sorted(names) if not name.startswith(".")]
+    return _digest(entries) if folder.is_dir() else None
 
 
 def refuse_other(where: Path, what: str, kept: Facts, wanted: Facts) -> None:
-    """Raises DataError, in one line, where facts that both know differ.
+    """Raises DataError, in one line, where facts present in both differ.
 
-    where: the folder; what: in it was made from ``kept``, "its pairs".  wanted: what this run would make it from.
+    where: the folder.  what: the thing in it and its verb, for example "its pairs were".  kept: facts it was made from.
+    wanted: facts of this run.
     """
-    wanted = json.loads(json.dumps(wanted))  # a tuple comes back as a list
+    wanted = json.loads(json.dumps(wanted))  # turns tuples into lists, as in ``kept``
     contents = wanted.pop("contents", [])
     if any(name in wanted and kept.get(name) == wanted[name] for name in ("folders", "from_here")):
-        told = zip(wanted.pop("folders"), contents, kept.get("contents", contents), strict=True)
-        if changed := [folder for folder, now, then in told if None not in (now, then) and now != then]:
+        pairs = zip(wanted.pop("folders"), contents, kept.get("contents", contents), strict=True)
+        if changed := [folder for folder, now, then in pairs if None not in (now, then) and now != then]:
             raise DataError(f"{where}: {what} made with other files in {_listed(changed)}; choose another --out")
     wanted.pop("from_here", None)
     differ = [_difference(OPTIONS.get(name, name), kept[name], wanted[name])
@@ -82,12 +86,12 @@ def _difference(label: str, kept: Any, wanted: Any) -> str:
 
 
 def _listed(values: Sequence[Any]) -> str:
-    shown = ", ".join(map(str, values[:MOST_NAMED]))
-    return shown if len(values) <= MOST_NAMED else f"{shown} and {len(values) - MOST_NAMED} more"
+    shown = ", ".join(map(str, values[:MAX_LISTED]))
+    return shown if len(values) <= MAX_LISTED else f"{shown} and {len(values) - MAX_LISTED} more"
 
 
-def read_record(path: Path, *names: str) -> Facts | None:
-    """The facts kept in a file, None where there is none.  Raises DataError where it cannot be read or lacks some ``names``."""
+def read_manifest(path: Path, *names: str) -> Facts | None:
+    """The facts in a file, None where it does not exist.  Raises DataError where it is unreadable or lacks one of ``names``."""
     try:
         data = json.loads(path.read_text())
     except FileNotFoundError:
@@ -95,18 +99,19 @@ def read_record(path: Path, *names: str) -> Facts | None:
     except (OSError, ValueError, RecursionError) as error:
         raise DataError(f"{path}: cannot be read ({error}); choose another --out") from None
     if not isinstance(data, dict) or not set(names) <= data.keys():
-        raise DataError(f"{path}: not a record of a training; choose another --out")
+        raise DataError(f"{path}: not the manifest of a training; choose another --out")
     return data
 
 
 def pairs_facts(folders: Iterable[str]) -> list[str]:
-    """Folders of pairs by name and by what they say of themselves; where they lie does not matter."""
-    told = ((Path(folder), Path(folder) / "pairs.json") for folder in folders)
-    return [f"{folder.name} {_digest([json.read_bytes()])}" if json.is_file() else folder.name for folder, json in told]
+    """Folders of pairs by name and digest of their ``pairs.json``; independent of their location."""
+    files = ((Path(folder), Path(folder) / "pairs.json") for folder in folders)
+    return [f"{folder.name} {_digest([json.read_bytes()])}" if json.is_file() else folder.name for folder, json in files]
 
 
 def start_fact(path: str | None, out: Path) -> str | None:
-    """Weights to begin with: those of this run's own folder by name, as they may be trained on; others by their contents."""
+    """Initial weights: by name if they lie in ``out``, where they may be trained further; otherwise by a digest of their
+    contents."""
     if path is None:
         return None
     if Path(path).resolve().is_relative_to(out.resolve()):
@@ -117,7 +122,7 @@ def start_fact(path: str | None, out: Path) -> str | None:
 
 def _digest(parts: Iterable[bytes]) -> str:
     """First 12 hex digits of the SHA-256 of parts."""
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for part in parts:
-        found.update(part)
-    return found.hexdigest()[:12]
+        digest.update(part)
+    return digest.hexdigest()[:12]

@@ -1,7 +1,7 @@
-"""A larger network that begins as a smaller trained one: its first output is the smaller one's, to rounding.
+"""Net2Net: initialises a larger network from a smaller trained one; both then compute the same output, up to rounding.
 
-Function-preserving widening and deepening (Net2Net, Chen et al. 2016): channels that are new start at random but are not
-read yet, convolutions that are new start as the identity.  A size so begun needs a fraction of the steps.
+Function-preserving widening and deepening (Chen et al. 2016): new channels start at random but are not read yet, and new
+convolutions start as the identity.  A network initialised so needs a fraction of the steps.
 """
 
 import torch
@@ -11,17 +11,17 @@ from model.unet import CompactUNet
 
 
 def widen(small: CompactUNet, large: CompactUNet) -> CompactUNet:
-    """Makes ``large``, freshly initialised, compute what ``small`` does; returns it.
+    """Makes ``large``, freshly initialised, compute the same function as ``small``; returns it.
 
     Raises ValueError where a level of ``large`` is narrower or has fewer convolutions, or blocks or levels differ.
     """
     mine, theirs = large.state_dict(), small.state_dict()
     if large.block != small.block or len(large.down) != len(small.down) or theirs.keys() - mine.keys():
-        raise ValueError("the larger network must have the blocks and levels of the smaller, and at least its convolutions")
+        raise ValueError("the larger network must have the smaller one's blocks and levels, and at least its convolutions")
     for name, value in mine.items():
         if name in theirs:
             value.copy_(_embedded(name, value, theirs[name]))
-        elif name.endswith("weight"):  # a convolution that the smaller network does not have, after a ReLU
+        elif name.endswith("weight"):  # a new convolution follows a ReLU, so that the identity preserves its input
             known = small.get_parameter(f"{name.rsplit('.', 2)[0]}.0.weight").shape[0]
             value[:known] = 0.0
             value[range(known), range(known), 1, 1] = 1.0
@@ -32,7 +32,7 @@ def widen(small: CompactUNet, large: CompactUNet) -> CompactUNet:
 
 
 def _embedded(name: str, value: Tensor, known: Tensor) -> Tensor:
-    """``value`` with ``known`` in its corner and nothing new read by what is known."""
+    """``value`` with ``known`` in its first corner; the known outputs read none of the new inputs."""
     if any(a < b for a, b in zip(value.shape, known.shape, strict=True)):
         raise ValueError(f"{name}: {tuple(value.shape)} is narrower than {tuple(known.shape)}")
     out = value.clone()
@@ -46,7 +46,7 @@ def _embedded(name: str, value: Tensor, known: Tensor) -> Tensor:
 
 
 def started_from(network: nn.Module, trained: nn.Module) -> nn.Module:
-    """``network`` with the weights of ``trained``, which is alike or smaller."""
+    """``network`` initialised from ``trained``, a network of the same or a smaller size.  Raises ValueError otherwise."""
     state = trained.state_dict()
     alike = {name: value.shape for name, value in network.state_dict().items()}
     if {name: value.shape for name, value in state.items()} == alike:
@@ -55,5 +55,5 @@ def started_from(network: nn.Module, trained: nn.Module) -> nn.Module:
         with torch.no_grad():
             widen(trained, network)
     else:
-        raise ValueError("the network to start from is of another kind")
+        raise ValueError("the initial weights belong to another kind of network")
     return network

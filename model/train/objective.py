@@ -1,9 +1,9 @@
-"""What training minimises: L1, a perceptual distance, dissimilarity, coverage, and steadiness between neighbouring cameras.
+"""The training loss: L1, perceptual distance, dissimilarity, coverage, and temporal stability between neighbouring cameras.
 
-L1 and the perceptual distance weigh as in the paper (0.9 and 0.1).  Dissimilarity is 1 - SSIM.  Coverage: the fourth channel
-against the true share of each pixel that something covers.  Steadiness: the picture from a camera moved a little, brought back
-along the true motion of every surface point, should be this picture; after Lai et al. 2018, with the motion known instead of
-estimated.
+L1 and the perceptual distance have the paper's weights by default (0.9 and 0.1).  Dissimilarity is 1 - SSIM.  Coverage compares
+the fourth channel with the true covered share of each pixel.  Temporal stability (Lai et al. 2018): the picture from a slightly
+moved camera, warped by the true motion of the surface points, should equal this picture; their optical flow is estimated, ours
+is known.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ from model.perceptual import Dissimilarity, perceptual
 
 
 def warp(picture: Tensor, flow: Tensor) -> Tensor:
-    """``picture`` (N, C, H, W) sampled at each pixel's place plus ``flow`` (N, 2, H, W) pixels, bilinear; NaN flow as 0."""
+    """``picture`` (N, C, H, W) sampled bilinearly at each pixel's position plus ``flow`` (N, 2, H, W) pixels; NaN flow is 0."""
     height, width = picture.shape[-2:]
     rows, columns = torch.meshgrid(
         torch.arange(height, device=flow.device), torch.arange(width, device=flow.device), indexing="ij"
@@ -29,17 +29,20 @@ def warp(picture: Tensor, flow: Tensor) -> Tensor:
 
 
 def inside_flow(flow: Tensor) -> Tensor:
-    """(N, 1, H, W) bool: pixels whose place in the neighbour is known and within the picture."""
+    """(N, 1, H, W) bool: pixels whose position in the neighbouring picture is known and inside it."""
     height, width = flow.shape[-2:]
     rows, columns = torch.meshgrid(
         torch.arange(height, device=flow.device), torch.arange(width, device=flow.device), indexing="ij"
     )
-    x, y = columns + flow[:, 0], rows + flow[:, 1]  # NaN fails every comparison
+    x, y = columns + flow[:, 0], rows + flow[:, 1]  # NaN compares false
     return ((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))[:, None]
 
 
 class Objective(nn.Module):
-    """``forward`` gives the loss to minimise and its terms.  ``name``: the perceptual distance that is used."""
+    """``forward`` returns the loss and its terms.  ``name``: of the perceptual distance in use.
+
+    perceptual_weight: of the perceptual distance; L1 has 1 minus it.  The other weights multiply their terms; 0 skips a term.
+    """
 
     def __init__(self, perceptual_path: Path | None, perceptual_weight: float, coverage_weight: float, steady_weight: float,
                  structure_weight: float = 0.0):
@@ -50,14 +53,15 @@ class Objective(nn.Module):
         self.coverage_weight, self.steady_weight = coverage_weight, steady_weight
 
     def forward(self, made: Tensor, beside: Tensor, batch: Batch) -> tuple[Tensor, dict[str, Tensor]]:
-        """made (B, 3 or 4, H, W); beside (N, 3 or 4, H, W): the network's pictures of ``batch.neighbour``."""
+        """made: (B, 3 or 4, H, W), the network's pictures of ``batch.x``.  beside: (N, 3 or 4, H, W), those of
+        ``batch.neighbour``."""
         colour = made[:, :3]
         weight = batch.coverage * batch.known
         l1 = ((colour - batch.colour).abs() * weight).sum() / (3 * weight.sum()).clamp_min(1)
         terms = {"l1": l1}
         loss = (1 - self.perceptual_weight) * l1
         if self.distance is not None and self.perceptual_weight:
-            half = max(1, len(made) // 2)  # the distance costs more than the network: half of the batch is enough
+            half = max(1, len(made) // 2)  # the distance takes longer than the network, so only half of the batch is compared
             shown = torch.where(weight[-half:] > 0.5, colour[-half:].clamp(0, 1), batch.colour[-half:])
             terms["distance"] = self.distance(shown, batch.colour[-half:])
             loss = loss + self.perceptual_weight * terms["distance"]
@@ -67,7 +71,7 @@ class Objective(nn.Module):
             loss = loss + self.structure_weight * terms["dissimilarity"]
         if made.shape[1] > 3 and self.coverage_weight:
             covered, true = made[:, 3:4], batch.coverage
-            # Beyond its bound the channel is clamped when shown, so there is nothing to mend there.
+            # The channel is clamped to 0..1 for display, so values beyond a true 0 or 1 are no error.
             wrong = torch.where(true >= 1, F.relu(1 - covered), torch.where(true <= 0, F.relu(covered), (covered - true).abs()))
             terms["coverage"] = (wrong * batch.known).mean()
             loss = loss + self.coverage_weight * terms["coverage"]

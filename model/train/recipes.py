@@ -1,10 +1,10 @@
-"""Whole trainings by one command: the most of one CUDA GPU in 25 minutes, or of two CPU cores in a night.
+"""Recipes: all networks trained by one command, in 25 minutes of one CUDA GPU or in a night of two CPU cores.
 
-A recipe makes procedural places (and pairs of the folders it is given) on all cores until its share of the time is spent,
-then trains one network after the other, each for its share, and last judges them on a validation scene.  No OpenGL is
-needed, and nothing but ``model/`` and the libraries it imports has to be carried to the machine: under 1 MB of code.
-Stopped at any moment, the same command goes on where it was: ``recipe.json`` says what was asked for, how much of its
-time the making of pairs has taken and, once that is over, which pairs there are; nothing is added to them later.
+A recipe makes training pairs of the given folders and of procedural places on all cores until its share of the time is spent.
+It then trains one network after the other, each for its share of the time, and evaluates them on a validation scene.  It needs
+no OpenGL, and nothing but ``model/`` and the libraries that it imports: less than 1 MB of code.  Interrupted at any moment, the
+same command continues: ``recipe.json`` stores the facts, the seconds spent on pairs and, once they are complete, the list of
+pairs, which then stays fixed.
 """
 
 import contextlib
@@ -17,19 +17,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from model.common.folders import made_folder, replace_text
-from model.common.interrupts import leaving, workers
+from model.common.interrupts import run_in_worker, workers
 from model.common.processors import usable_processors, use_threads
 from model.data.crops import PairFolder
 from model.data.dataset import LEAST_CROP, DataError
 from model.data.procedural import procedural_place
-from model.train.manifest import Facts, read_record, refuse_other, whereabouts
+from model.train.manifest import Facts, read_manifest, refuse_other, whereabouts
 from model.train.trainer import TrainConfig, train
 from model.weights import weights_name
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One network of a recipe.  share: of the recipe's time.  after: weights of an earlier stage to go on from."""
+    """One network of a recipe.  share: of the recipe's time.  after: name of an earlier stage whose weights it starts from."""
 
     quality: str
     filtered: bool
@@ -41,13 +41,13 @@ class Stage:
 
     @property
     def name(self) -> str:
-        """Of its weights."""
+        """Name of its weights."""
         return weights_name(self.quality, filtered=self.filtered)
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """minutes: in all.  data_share: of them, for making places and pairs; the stages' shares add up to the rest."""
+    """minutes: total time.  data_share: share of it for making pairs; the stages' shares add up to the rest."""
 
     minutes: float
     data_share: float
@@ -55,7 +55,7 @@ class Recipe:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Of input that its networks learn from: "filtered", "unfiltered"."""
+        """Kinds of input of its networks: "filtered", "unfiltered"."""
         return tuple(sorted({_kind(stage) for stage in self.stages}))
 
 
@@ -64,7 +64,7 @@ def _kind(stage: Stage) -> str:
 
 
 RECIPES = {
-    # The 31M network first: what can be learned from this data at all is the scale for the small ones.
+    # The paper's network of 31M parameters first: it shows what can be learned from this data.
     "gpu": Recipe(25.0, 0.20, (
         Stage("paper", True, 0.22, batch=16, crop=256, rate=5e-4),
         Stage("balanced", True, 0.34, batch=32, crop=256),
@@ -84,11 +84,11 @@ RECIPES = {
 def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float, perceptual: Path | None,
            validation: Path | None = None, seed: int = 1, device: str = "auto", most_places: int = 4096,
            textures: Path | None = None) -> list[Path]:
-    """Follows a recipe into ``out``; returns the weights, in the order of its stages.
+    """Runs a recipe in the folder ``out``; returns the paths of the weights, in the order of its stages.
 
-    folders: data to learn from besides the procedural places.  minutes: in all.  most_places: procedural ones.  textures:
-    folder of sheets to paint them with.
-    Raises DataError where a folder cannot be used, or ``out`` holds something else, before anything is made.
+    folders: training data besides the procedural places.  minutes: total time.  most_places: limit of procedural places.
+    textures: folder of texture sheets.  validation: scene to evaluate the weights on.
+    Raises DataError where a folder cannot be used, or ``out`` holds another training, before anything is written.
     """
     name = next((name for name, known in RECIPES.items() if known == recipe), "of its own")
     facts: Facts = {"recipe": name, **whereabouts(out, folders), "seed": seed, "perceptual": "given" if perceptual else "none",
@@ -111,15 +111,18 @@ def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float
 
 
 def _crop(stage: Stage, pairs: Sequence[Path]) -> int:
-    """Side of the stage's crops: those of the recipe, or smaller ones where pictures hold no more."""
+    """Side of the stage's crops: the recipe's, or a smaller multiple of 16 that fits into all pictures."""
     sides = [min(PairFolder(folder).measured.shape[2:]) for folder in pairs]
     return min(stage.crop, max(LEAST_CROP, min(sides) // 16 * 16))
 
 
 @dataclass(frozen=True)
 class _Job:
-    """Pairs to be made by one process.  name: of their folders.  group: which of the picture sizes in ``folder``; without
-    a folder, ``number`` is that of a procedural place."""
+    """Pairs to be made by one process.
+
+    name: prefix of their folders.  folder, group: a data folder and the index of one of its picture sizes; without a folder,
+    ``number`` identifies a procedural place.
+    """
 
     name: str
     folder: str = ""
@@ -128,15 +131,15 @@ class _Job:
 
     @property
     def kind(self) -> str:
-        """Of place, for how long it takes."""
+        """Kind of place, by which durations are recorded."""
         return self.name if self.folder else procedural_place(self.number).kind
 
     def seed(self, seed: int) -> int:
-        """Of its pairs.  With one seed for all, every place had the same densities, patches and stations left out."""
+        """Seed of its pairs.  A common seed would remove the same patches and stations at the same densities everywhere."""
         return seed * 100_000 + zlib.crc32(self.name.encode()) % 100_000
 
     def targets(self, out: Path, kinds: Sequence[str]) -> list[tuple[str, int, Path]]:
-        """(kind, reduction, folder of pairs) of all that is to be made."""
+        """(kind of input, reduction, folder) of all pairs to be made."""
         return [(kind, reduce, out / "pairs" / kind / f"{self.name}-{reduce}")
                 for kind in kinds for reduce in ((1, 2) if kind == "filtered" else (1,))]
 
@@ -146,21 +149,21 @@ class _Job:
 
 def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts, seconds: float,
                most_places: int, textures: Path | None = None) -> dict[str, list[Path]]:
-    """Pairs of the given folders and of as many procedural places as the time allows, on all cores.
+    """Makes pairs of the given folders and of as many procedural places as fit in the time, on all cores.
 
-    facts: what the recipe makes everything from.  Returns the folders of pairs for each kind of input.  What an earlier call
-    made is kept; the time that it took counts, and once it came to its end nothing is added.
+    facts: of the recipe.  seconds: for all calls together.  Returns the folders of pairs for each kind of input.  Pairs of
+    earlier calls are kept, and once an earlier call has completed the list, nothing is added.
     """
-    record = out / "recipe.json"
-    kept = read_record(record, "pairs", "seconds", "made_from")
-    if kept is not None and (kept["pairs"] or _made(out, recipe)):  # else there is nothing yet that was made from it
+    manifest = out / "recipe.json"
+    kept = read_manifest(manifest, "pairs", "seconds", "made_from")
+    if kept is not None and (kept["pairs"] or _made(out, recipe)):  # a manifest without pairs binds nothing
         refuse_other(out, "its pairs were", kept["made_from"], facts)
     else:
         _refuse_others(out, recipe)
         kept = {"pairs": None, "seconds": 0.0, "made_from": facts}
-    progress = _Progress(record, kept)
+    progress = _Progress(manifest, kept)
     if not kept["pairs"]:
-        jobs = _folder_jobs(folders)  # refused now, not after the places are made
+        jobs = _folder_jobs(folders)  # refuses bad folders before places are made
         with contextlib.ExitStack() as stack:
             for kind in recipe.kinds:
                 stack.enter_context(made_folder(out / "pairs" / kind))
@@ -172,24 +175,24 @@ def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts,
                 if _made(out, recipe):
                     progress.keep()
                 else:
-                    record.unlink(missing_ok=True)
+                    manifest.unlink(missing_ok=True)
             kept["pairs"] = _listed(out, recipe)
     progress.keep()
     return {kind: [out / "pairs" / kind / name for name in names] for kind, names in kept["pairs"].items()}
 
 
 def _refuse_others(out: Path, recipe: Recipe) -> None:
-    """Raises DataError where a folder without a record holds something already."""
+    """Raises DataError where a folder without a manifest contains another training."""
     if any(out.glob("pairs-*filtered.*")):
-        raise DataError(f"{out}: holds a training without --recipe; choose another --out")
+        raise DataError(f"{out}: contains a training without --recipe; choose another --out")
     checkpoints = (folder / "checkpoint.pt" for folder in (out, *(out / stage.name for stage in recipe.stages)))
     for made in (*_made(out, recipe), *checkpoints):
         if made.exists():
-            raise DataError(f"{made}: was not begun by this recipe; choose another --out")
+            raise DataError(f"{made}: was not made by this recipe; choose another --out")
 
 
 class _Progress:
-    """The seconds that making pairs has taken, in all calls together, of each kind of place the most; and their record."""
+    """Seconds spent on pairs in all calls together, the longest duration of each kind of place, and their manifest."""
 
     def __init__(self, path: Path, kept: Facts):
         self.path, self.kept = path, kept
@@ -200,15 +203,15 @@ class _Progress:
         return time.monotonic() - self.start
 
     def done(self, kind: str, begun: float) -> None:
-        """A place of a kind is done that was begun when so many seconds were spent."""
+        """Records a finished place.  begun: :meth:`spent` when it began."""
         self.most[kind] = round(max(self.most.get(kind, 0.0), self.spent() - begun), 1)
 
     def in_time(self, kind: str, seconds: float) -> bool:
-        """Whether a place begun now will be done when ``seconds`` are spent: as far as can be told, of a kind that is new."""
+        """Whether a place begun now is expected to finish before ``seconds``; a kind not yet timed is assumed to take half."""
         return self.spent() + self.most.get(kind, seconds / 2) <= seconds
 
     def keep(self) -> None:
-        """Writes the record; once there are pairs to list, the time stands still."""
+        """Writes the manifest.  The time stops once the pairs are listed."""
         if not self.kept["pairs"]:
             self.kept["seconds"] = round(self.spent(), 1)
         replace_text(self.path, json.dumps(self.kept, indent=1))
@@ -216,18 +219,18 @@ class _Progress:
 
 def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: _Progress, seconds: float,
               most_places: int, textures: str | None) -> None:
-    """Does the jobs and what an earlier call began, then procedural places in turn, as many as will be done in time."""
+    """Runs the jobs, then procedural places that an earlier call began, then new ones as long as they finish in time."""
     begun = {path.name.rsplit("-", 1)[0] for path in _made(out, recipe)}
     places = [_Job(f"place-{number}", number=number) for number in range(most_places)]
     ready = [job for job in (*jobs, *(place for place in places if place.name in begun)) if not job.done(out, recipe.kinds)]
-    # What is not in time now never will be: those that are passed over need not be asked again.
+    # A place that does not fit in the time now will not fit later, so a generator that skips it is enough.
     new = (place for place in places if place.name not in begun and progress.in_time(place.kind, seconds))
     count, waiting = usable_processors(), dict[Future[str], tuple[str, float]]()
     with workers(count) as pool:
         while True:
             while len(waiting) < count and (job := ready.pop(0) if ready else next(new, None)) is not None:
                 spent = progress.spent()
-                waiting[pool.submit(leaving, _make, job, str(out), recipe.kinds, seed, textures)] = job.kind, spent
+                waiting[pool.submit(run_in_worker, _make, job, str(out), recipe.kinds, seed, textures)] = job.kind, spent
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
@@ -237,7 +240,7 @@ def _make_all(jobs: list[_Job], out: Path, recipe: Recipe, seed: int, progress: 
 
 
 def _made(out: Path, recipe: Recipe) -> list[Path]:
-    """All folders of pairs that are there."""
+    """All folders of pairs that exist."""
     return sorted(path for kind in recipe.kinds for path in (out / "pairs" / kind).glob("*[0-9]") if path.is_dir())
 
 
@@ -246,7 +249,7 @@ def _listed(out: Path, recipe: Recipe) -> dict[str, list[str]]:
 
 
 def _folder_jobs(folders: Sequence[Path]) -> list[_Job]:
-    """One for every folder and every size of pictures in it.  Raises DataError where a folder cannot be used."""
+    """One job for every folder and picture size in it.  Raises DataError where a folder cannot be used."""
     from model.data.pairs import by_size
     from model.data.sources import open_places
 
@@ -260,7 +263,7 @@ def _folder_jobs(folders: Sequence[Path]) -> list[_Job]:
 
 
 def _make(job: _Job, out: str, kinds: Sequence[str], seed: int, textures: str | None) -> str:
-    """The pairs of a job, in a process of its own.  Returns its name."""
+    """Makes the pairs of a job, in a worker process.  Returns the job's name."""
     import torch
 
     from model.data.cutout import with_cut_outs

@@ -1,4 +1,4 @@
-"""Under ``torchrun``: which of the processes this one is, and what all must agree on.  Alone otherwise."""
+"""Distributed training under ``torchrun``: the process group, and values that all processes share.  One process otherwise."""
 
 import contextlib
 import os
@@ -10,7 +10,7 @@ import torch.distributed as dist
 
 @dataclass(frozen=True)
 class Process:
-    """This process among those of a ``torchrun``; alone otherwise."""
+    """This process: its rank, the number of processes, and its device."""
 
     rank: int
     count: int
@@ -23,13 +23,12 @@ class Process:
 
 @contextlib.contextmanager
 def processes(device: str):
-    """Joins the others where ``torchrun`` started us, and leaves them at the end.  device: auto, cuda or cpu."""
+    """Joins the process group if ``torchrun`` started this process, and leaves it at the end.  device: auto, cuda or cpu."""
     rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
     cuda = device == "cuda" or (device == "auto" and torch.cuda.is_available())
     chosen = torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0))) if cuda else torch.device("cpu")
     if cuda:
         torch.cuda.set_device(chosen)
-        torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = True
     joined = count > 1 and not dist.is_initialized()
     if joined:
         dist.init_process_group("nccl" if cuda else "gloo")
@@ -41,7 +40,7 @@ def processes(device: str):
 
 
 def of_the_first(process: Process, value: float) -> float:
-    """The first process's value in all of them, such as its clock: all must take the same steps at the same rates."""
+    """The first process's value, for example its clock, in all processes: all must take the same steps at the same rates."""
     if process.count == 1:
         return value
     shared = torch.tensor([value], dtype=torch.float64, device=process.device)

@@ -1,10 +1,10 @@
-"""Training: pairs made ahead, random crops, an averaged network; stopped at any moment it goes on exactly where it was.
+"""The training loop: random crops of precomputed pairs, a weight average of the network, and checkpoints.
 
-One call of :func:`train` runs until its steps or minutes are used up, keeping a checkpoint (network, average, optimiser,
-step, and what they were made from) every minute or so, and when Ctrl-C stops it; called again with the same folder it
-goes on from there, and refuses to go on with anything else.  ``out`` takes the weights; checkpoint, ``config.json`` and
-logs lie in a folder of the weights' name in it, so that every network has its own.  Under ``torchrun`` every
-process draws its own crops and the gradients are averaged (DistributedDataParallel); the first process keeps the results.
+One call of :func:`train` runs until its steps or minutes are used up.  It writes a checkpoint (network, average, optimiser,
+step, and the facts they were made from) about every minute and on Ctrl-C.  Called again with the same folder and the same
+facts, it continues from the checkpoint to the bit; other facts are refused.  Weights are written to ``out``; checkpoint,
+``config.json`` and logs to a subfolder named after the weights.  Under ``torchrun`` each process draws its own crops, gradients
+are averaged (DistributedDataParallel), and the first process writes the results.
 """
 
 import json
@@ -19,10 +19,9 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from model.common.folders import made_folder, replace_text
-from model.common.interrupts import to_its_end
-from model.common.memory import keep_freed_memory
+from model.common.interrupts import finish_before_interrupt
 from model.data.crops import Ahead, Crops
 from model.data.dataset import DataError
 from model.reconstruct import fast_precision
@@ -36,27 +35,29 @@ from model.weights import WeightsError, load_weights, save_weights, weights_name
 
 DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "crop", "recolour", "rate", "warmup",
             "perceptual_weight", "coverage_weight", "steady_weight", "structure_weight", "average")
-"""Of a configuration, what decides the weights as it stands: a checkpoint goes on with the same alone.  Longer is the same."""
+"""Fields of a configuration that determine the weights; a checkpoint continues only if they are equal.  A longer training has
+the same."""
 
 CROPS = 4
-"""Version of how crops are drawn; raised when the same seed draws others."""
+"""Version of the drawing of crops; increased when the same seed draws different crops."""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """What a training run is; saved with its checkpoint as ``config.json``.
+    """Configuration of a training run; saved with its checkpoint as ``config.json``.
 
-    pairs: folders made by :mod:`model.data.pairs`; shares: how often each is drawn from (empty: equally).
-    minutes: stop after this long, all calls together (0: by steps alone).  batch: crops a process and step.
-    neighbours: how many of them come with a neighbouring camera, where the pairs have them.
-    perceptual_weight: of the perceptual distance, L1 taking the rest (paper: 0.1).  structure_weight: of 1 - SSIM.
-    average: what the averaged network keeps of itself each step.
-    start_from: weights to begin with, of this size or a smaller one (:mod:`model.train.net2net`).
-    recolour: crops take other exposures and orders of channels, stations disagree and points stray (model.data.augmentation);
-    not where one scanner's own colours are to be learned.
-    sources: what the pairs were made from, for the record.
-    threads: of each process on the CPU (0: torch's choice).  loaders: processes that make crops ahead (-1: none on the CPU,
-    one a core but one beside a GPU).
+    pairs: folders made by :mod:`model.data.pairs`.  shares: relative frequency of each folder (empty: equal).
+    minutes: training time of all calls together (0: only ``steps`` counts).  batch: crops per process and step.
+    neighbours: number of them with a neighbouring camera, where the pairs have one.
+    rate: learning rate after ``warmup`` steps.
+    perceptual_weight: of the perceptual distance; L1 has the rest (paper: 0.1).  structure_weight: of 1 - SSIM.
+    average: decay of the weight average per step.
+    start_from: initial weights, of this size or a smaller one (:mod:`model.train.net2net`).
+    save_every: seconds between checkpoints.
+    recolour: augments crops with exposures, channel orders, disagreeing stations and noise (model.data.augmentation); off where
+    one scanner's own colours are to be learned.
+    sources: description of the training data, for the weights' header.
+    loaders: processes that prepare crops (-1: none on the CPU; one per core but one beside a GPU).
     """
 
     pairs: tuple[str, ...]
@@ -82,37 +83,36 @@ class TrainConfig:
     shares: tuple[float, ...] = ()
     device: str = "auto"
     recolour: bool = True
-    threads: int = 0
     loaders: int = -1
     sources: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
-        """Of the weights, and of the folder that holds what belongs to them."""
+        """Name of the weights, and of the folder with their checkpoint and logs."""
         return weights_name(self.quality, filtered=self.filtered)
 
     @property
     def state(self) -> Path:
-        """Folder of the checkpoint and all that goes with it."""
+        """Folder of checkpoint, configuration and logs."""
         return Path(self.out) / self.name
 
     def facts(self, perceptual: str) -> Facts:
-        """What decides the weights, but for how long is trained.  perceptual: the distance that is used."""
+        """Facts that determine the weights, apart from the training time.  perceptual: name of the distance in use."""
         return {name: getattr(self, name) for name in DECIDING} | {
             "crops": CROPS, "pairs": pairs_facts(self.pairs), "perceptual": perceptual,
             "start_from": start_fact(self.start_from, Path(self.out)),
         }
 
     def learning_rate(self, step: int, done: float) -> float:
-        """Warm-up, then a cosine over the share of the run that is done (0..1), by steps or by minutes."""
+        """Linear warm-up, then a cosine to 2 % of the rate.  done: share of the run, 0..1, by steps or by minutes."""
         warm = min(1.0, (step + 1) / self.warmup)
         return self.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))))
 
 
 class Trainer:
-    """The state of a run: network, its average, optimiser and step.  ``load`` and ``save`` keep all of it.
+    """The state of a run: network, its weight average, optimiser and step.  ``load`` and ``save`` restore and store all of it.
 
-    whole: no step is half done.
+    between_steps: False during a step, when the state must not be saved.
     """
 
     def __init__(self, config: TrainConfig, process: Process):
@@ -124,27 +124,27 @@ class Trainer:
             try:
                 started_from(self.network, load_weights(Path(config.start_from))[0])
             except ValueError as error:
-                raise DataError(f"{config.start_from}: cannot begin a {config.quality} network ({error})") from None
+                raise DataError(f"{config.start_from}: cannot be the start of a {config.quality} network ({error})") from None
         self.averaged = make_network(config.quality).to(process.device).requires_grad_(False).eval()
         self.averaged.load_state_dict(self.network.state_dict())
         self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
-        self.step, self.spent, self.saved, self.whole = 0, 0.0, 0, True
-        # on CPUs that do not multiply bf16 in hardware a step in bf16 takes three times as long as in fp32
+        self.step, self.spent, self.saved, self.between_steps = 0, 0.0, 0, True
+        # without bf16 multiplication in hardware a step in bf16 takes three times as long as in fp32
         self.mixed = process.device.type == "cuda" or fast_precision("cpu") == "bf16"
         self.checkpoint = config.state / "checkpoint.pt"
         self.model: nn.Module = self.network
 
     def load(self, facts: Facts) -> None:
-        """Goes on from the checkpoint, where there is one.  facts: what this run is.
+        """Continues from the checkpoint, if there is one.  facts: of this run.
 
-        Raises DataError where it is of another network or was made from something else.
+        Raises DataError where the checkpoint is unreadable or was made from other facts.
         """
         out, path = Path(self.config.out), self.checkpoint
         if (earlier := out / path.name).is_file():
             raise DataError(f"{earlier}: {EARLIER}")
         if path.is_file():
             try:
-                with warnings.catch_warnings(action="ignore"):  # of what is no checkpoint torch says more than the line below
+                with warnings.catch_warnings(action="ignore"):  # the error below is enough
                     saved = torch.load(path, weights_only=True, map_location=self.process.device)
                 if (kept := json.loads(saved.get("made_from", "{}"))).get("crops") != CROPS:
                     raise DataError(f"{path}: {EARLIER}")
@@ -155,18 +155,18 @@ class Trainer:
                 self.step, self.spent = saved["step"], saved["spent"]
             except (RuntimeError, KeyError, ValueError, TypeError, AttributeError, EOFError, OSError,
                     pickle.UnpicklingError) as error:
-                said = (str(error).splitlines() or [type(error).__name__])[0]
-                raise DataError(f"{path}: not a checkpoint of this training ({said}); choose another --out, or remove "
+                reason = (str(error).splitlines() or [type(error).__name__])[0]
+                raise DataError(f"{path}: not a checkpoint of this training ({reason}); choose another --out, or remove "
                                 "it") from None
         self.saved = self.step
-        if self.process.count > 1:  # all meet here: none still reads what the first then moves
+        if self.process.count > 1:  # a barrier: all processes have read the checkpoint before the first replaces it
             ids = [self.process.device.index] if self.process.device.type == "cuda" else None
             self.model = nn.parallel.DistributedDataParallel(self.network, device_ids=ids)
 
     def save(self, weights: Path, facts: Facts, notes: dict) -> None:
-        """Weights and checkpoint, each written beside and renamed; by the first process alone.
+        """Writes weights and checkpoint, each atomically, in the first process.
 
-        Raises DataError, and then leaves both as they were, where the weights are beyond half precision.
+        Raises DataError, with both files unchanged, where weights exceed half precision.
         """
         if not self.process.first:
             return
@@ -179,18 +179,20 @@ class Trainer:
                          notes={**notes, "step": self.step})
         except WeightsError as error:
             raise self._diverged(error) from None
-        write_whole(self.checkpoint, lambda beside: torch.save(state, beside))
+        write_atomic(self.checkpoint, lambda beside: torch.save(state, beside))
         self.saved = self.step
 
     def _diverged(self, why: object) -> DataError:
-        kept = f"what step {self.saved} had learned is kept" if self.saved else "nothing is kept"
-        return DataError(f"{self.config.state}: learning broke down at step {self.step + 1} ({why}); {kept}; choose a lower "
+        kept = f"the weights of step {self.saved} are kept" if self.saved else "nothing is kept"
+        return DataError(f"{self.config.state}: training diverged at step {self.step + 1} ({why}); {kept}; choose a lower "
                          "--rate, and another --out")
 
     def advance(self, batch, objective: Objective, rate: float) -> dict[str, torch.Tensor]:
-        """One step.  Returns the terms of the loss.  Raises DataError, with nothing learned, where they have no finite slope:
-        such a step would leave no weight that is a number."""
-        self.whole = False
+        """One optimisation step.  Returns the terms of the loss.
+
+        Raises DataError, with the weights unchanged, where the gradient is not finite.
+        """
+        self.between_steps = False
         for group in self.optimiser.param_groups:
             group["lr"] = rate
         with torch.autocast(self.process.device.type, torch.bfloat16, enabled=self.mixed):
@@ -205,22 +207,18 @@ class Trainer:
         for mine, new in zip(self.averaged.state_dict().values(), self.network.state_dict().values(), strict=True):
             mine.lerp_(new, 1 - keep) if mine.is_floating_point() else mine.copy_(new)
         self.step += 1
-        self.whole = True
+        self.between_steps = True
         return {"loss": loss.detach(), **{name: value.detach() for name, value in terms.items()}}
 
 
 def train(config: TrainConfig, on_step=None) -> Path:
-    """Trains and returns the path of the weights (the averaged network).
+    """Trains and returns the path of the weights (of the weight average).
 
-    on_step: called with the number of steps done after each.  Raises DataError where pairs or checkpoint do not fit, and
-    then has changed nothing, and where learning breaks down.
+    on_step: called after each step with the number of steps done.  Raises DataError where pairs or checkpoint do not fit, with
+    nothing changed, and where training diverges.
     """
     out = Path(config.out)
-    if config.threads:
-        torch.set_num_threads(config.threads)
     with processes(config.device) as process:
-        if process.device.type == "cpu":
-            keep_freed_memory()
         crops = Crops([Path(p) for p in config.pairs], config.crop, config.seed, config.shares, recolour=config.recolour)
         objective = Objective(
             Path(config.perceptual_path) if config.perceptual_path else None, config.perceptual_weight,
@@ -233,11 +231,11 @@ def train(config: TrainConfig, on_step=None) -> Path:
         with made_folder(config.state):
             if process.first:
                 replace_text(config.state / "config.json", json.dumps(notes, indent=1))
-            # Weights are passed on, and where things lay on this machine is nobody else's business.
-            told = {**notes, "pairs": facts["pairs"], "start_from": facts["start_from"], "out": out.name,
-                    "sources": [Path(source).name for source in config.sources], "perceptual_path": None}
+            # The header of weights that are published holds no paths of this machine.
+            header = {**notes, "pairs": facts["pairs"], "start_from": facts["start_from"], "out": out.name,
+                      "sources": [Path(source).name for source in config.sources], "perceptual_path": None}
             with TrainingLog(config.state, trainer.step, shown=process.first) as log:
-                _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, facts, told), on_step)
+                _run(config, process, crops, objective, trainer, log, lambda: trainer.save(weights, facts, header), on_step)
     return weights
 
 
@@ -254,7 +252,7 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
                 batch = ahead.batch(trainer.step).to(process.device)
                 done = max(trainer.step / config.steps, trainer.spent / limit if limit else 0.0)
                 rate = config.learning_rate(trainer.step, done)
-                with to_its_end():
+                with finish_before_interrupt():
                     terms = trainer.advance(batch, objective, rate)
                     trainer.spent = time.monotonic() - start
                 log.step(trainer.step, terms, rate, trainer.spent)
@@ -265,7 +263,7 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
                 if on_step is not None:
                     on_step(trainer.step)
             save()
-        except (KeyboardInterrupt, RuntimeError):  # or another process has gone, which may have heard Ctrl-C first
-            if trainer.whole and trainer.step > trainer.saved:
+        except (KeyboardInterrupt, RuntimeError):  # RuntimeError: another process ended, perhaps by the same Ctrl-C
+            if trainer.between_steps and trainer.step > trainer.saved:
                 save()
             raise

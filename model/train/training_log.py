@@ -1,4 +1,4 @@
-"""What a training run says while it runs: a line on the terminal, ``log.jsonl`` always, TensorBoard where it is installed."""
+"""Progress of a training run: a line on the terminal, ``log.jsonl``, and TensorBoard where it is installed."""
 
 import json
 from collections import defaultdict
@@ -9,14 +9,17 @@ from torch import Tensor, nn
 
 from model.common.folders import replace_text
 
-EVERY = 50  # steps between lines
+EVERY = 50
+"""Steps between log lines."""
 PICTURES_EVERY = 500
+"""Steps between pictures in TensorBoard."""
 
 
 class TrainingLog:
-    """Means of the loss's terms over EVERY steps.  shown: False in all processes but the first.
+    """Logs means of the loss's terms over EVERY steps.
 
-    step: done so far.  What an earlier call told of later ones, which its checkpoint does not hold, is cut off.
+    step: steps done so far.  Entries of later steps, which an earlier run logged after its last checkpoint, are removed.
+    shown: False in all processes but the first, which then log nothing.
     """
 
     def __init__(self, out: Path, step: int, *, shown: bool):
@@ -30,9 +33,9 @@ class TrainingLog:
             try:
                 from torch.utils.tensorboard import SummaryWriter
 
-                self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)  # the first to go
+                self.board = SummaryWriter(str(out / "tensorboard"), purge_step=step + 1)
             except ImportError:
-                print("no tensorboard: scalars go to log.jsonl only (pip install tensorboard)", flush=True)
+                print("TensorBoard is not installed: scalars go to log.jsonl only (pip install tensorboard)", flush=True)
 
     def __enter__(self) -> "TrainingLog":
         return self
@@ -44,27 +47,27 @@ class TrainingLog:
             self.board.close()
 
     def step(self, step: int, terms: dict[str, Tensor], rate: float, spent: float) -> None:
-        """Takes note of a step; spent: seconds of training so far, earlier calls included."""
+        """Adds a step.  spent: seconds of training so far, earlier runs included."""
         if self.file is None:
             return
         for name, value in terms.items():
-            self.sums[name] = self.sums[name] + value.double()  # where it was made: to ask for a number is to wait for a GPU
+            self.sums[name] = self.sums[name] + value.double()  # stays on the device: float() would wait for the GPU
         self.count += 1
         if step % EVERY:
             return
         means = {name: float(value) / self.count for name, value in self.sums.items()}
-        pace = (spent - self.last) / self.count if self.last else spent / step
+        seconds = (spent - self.last) / self.count if self.last else spent / step
         self.file.write(json.dumps({"step": step, "seconds": round(spent, 1), "rate": rate, **means}) + "\n")
         self.file.flush()
         if self.board is not None:
             for name, value in {**means, "rate": rate}.items():
                 self.board.add_scalar(name, value, step)
-        print(f"step {step}  {'  '.join(f'{k} {v:.4f}' for k, v in means.items())}  {pace:.2f} s a step", flush=True)
+        print(f"step {step}  {'  '.join(f'{k} {v:.4f}' for k, v in means.items())}  {seconds:.2f} s a step", flush=True)
         self.sums.clear()
         self.count, self.last = 0, spent
 
     def pictures(self, step: int, network: nn.Module, batch) -> None:
-        """Now and then, the first crops as filled, as made and as they should be, side by side."""
+        """Every PICTURES_EVERY steps: the first crops filled, from the network, and true, side by side."""
         if self.board is None or step % PICTURES_EVERY:
             return
         with torch.no_grad():
@@ -74,7 +77,7 @@ class TrainingLog:
 
 
 def _cut(path: Path, step: int) -> None:
-    """Leaves of a log the lines up to a step; one that was torn goes, too."""
+    """Removes from a log the lines after a step, and lines that were written incompletely."""
     if not path.is_file():
         return
     text = path.read_text("utf-8", errors="replace")

@@ -101,17 +101,19 @@ def _networks(plan: Plan) -> list[dict]:
     """A row for each network, size and engine."""
     import torch
 
+    from model.common.torch_process import prepare_inference
     from model.engines import ENGINES, Runner
     from model.network_layout import PACKED_IN
     from model.reconstruct import Reconstructor
     from model.unet import mac_per_pixel, make_network
     from model.weights import shipped, weights_name
 
+    prepare_inference()
     on_gpu, begun = plan.device == "cuda", time.perf_counter()
     qualities = [q for q in ("balanced", "fast", "best") if weights_name(q, filtered=True) in shipped()]
     jobs = [(q, size, engine, False) for size in plan.sizes for q in qualities for engine in ("eager", "graph")]
     middle = plan.sizes[min(1, len(plan.sizes) - 1)]
-    jobs += [("balanced", middle, *last) for last in (("graph", True), ("tensorrt", False), ("compile", False))]
+    jobs += [("balanced", middle, *last) for last in (("graph", True), ("compile", False))]
     rows: list[dict] = []
     networks: dict[str, Reconstructor] = {}
     costs: dict[str, float] = {}

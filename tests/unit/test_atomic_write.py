@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from model.common.folders import made_folder
 
 
@@ -20,9 +20,9 @@ def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_whole(path, fails)
+        write_atomic(path, fails)
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
-    write_whole(path, lambda beside: beside.write_text("new"))
+    write_atomic(path, lambda beside: beside.write_text("new"))
     assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
 
 
@@ -31,7 +31,7 @@ def test_a_link_stays_one_and_what_it_leads_to_is_written(tmp_path):
     real, link = tmp_path / "results" / "real.json", tmp_path / "link.json"
     link.symlink_to(real)
     for text in ("first", "second"):  # at first it leads nowhere
-        write_whole(link, lambda beside, text=text: beside.write_text(text))
+        write_atomic(link, lambda beside, text=text: beside.write_text(text))
         assert link.is_symlink() and real.read_text() == text
     assert [path.name for path in real.parent.iterdir()] == ["real.json"]
 
@@ -41,7 +41,7 @@ def test_a_pipe_is_written_to_and_stays_one(tmp_path):
     os.mkfifo(pipe)
     listener = threading.Thread(target=lambda: heard.append(pipe.read_text()), daemon=True)
     listener.start()
-    write_whole(pipe, lambda beside: beside.write_text("figures"))
+    write_atomic(pipe, lambda beside: beside.write_text("figures"))
     listener.join(10.0)
     assert heard == ["figures"] and pipe.is_fifo() and list(tmp_path.iterdir()) == [pipe]
 
@@ -51,10 +51,10 @@ def test_what_goes_to_standard_output_joins_what_is_there(tmp_path, to_a_file):
     """In a pipe and in a file that a shell opened, which is not replaced."""
     code = """
 from pathlib import Path
-from model.common.atomic_write import passes_through, write_whole
+from model.common.atomic_write import passes_through, write_atomic
 print("table")
 assert passes_through(Path("/dev/stdout"))
-write_whole(Path("/dev/stdout"), lambda beside: beside.write_text("figures"))
+write_atomic(Path("/dev/stdout"), lambda beside: beside.write_text("figures"))
 """
     if to_a_file:
         with (tmp_path / "said").open("a") as target:

@@ -1,10 +1,19 @@
-"""Memory kept between pictures: in a process of its own each, since it is set once and for all."""
+"""Settings of the process under which networks run: freed memory is kept, all processors are used, by commands alone.
+
+Memory is measured in a fresh process each time, because the setting cannot be undone."""
 
 import platform
 import subprocess
 import sys
 
 import pytest
+import torch
+
+from model.common import torch_process
+from model.common.processors import usable_processors
+from model.reconstruct import Reconstructor
+from viewer import cli
+from viewer.settings import Settings
 
 COUNT = """
 import resource, sys
@@ -43,13 +52,13 @@ print(resident() - before)
 """
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library can be told")
-def test_a_network_has_its_memory_cleared_once_and_not_for_every_picture():
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library has the setting")
+def test_the_system_clears_memory_once_and_not_for_every_picture():
     faults = {}
     for how in ("given back", "kept"):
         counted = subprocess.run([sys.executable, "-c", COUNT, how], capture_output=True, text=True)
         if counted.returncode == 3:
-            pytest.skip("this C library cannot be told")
+            pytest.skip("this C library has no such setting")
         faults[how] = int(counted.stdout)
     if faults["given back"] < 5000:
         pytest.skip("memory comes in huge pages here, which are few")
@@ -65,10 +74,24 @@ def test_other_c_libraries_are_left_alone(monkeypatch):
     memory.give_back()
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library can be told")
-def test_what_is_kept_can_be_given_back():
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library has the setting")
+def test_kept_memory_can_be_given_back():
     counted = subprocess.run([sys.executable, "-c", HELD], capture_output=True, text=True)
     if counted.returncode == 3:
-        pytest.skip("this C library cannot be told")
+        pytest.skip("this C library has no such setting")
     kept, given_back = map(int, counted.stdout.split())
     assert kept > 150 << 20 and given_back < kept / 3, (kept, given_back)
+
+
+def test_a_network_changes_no_setting_of_the_process(one_thread, monkeypatch):
+    monkeypatch.setattr(torch_process, "keep_freed_memory", lambda: pytest.fail("memory is the command's"))
+    Reconstructor("fast", filtered=True, device="cpu")
+    assert torch.get_num_threads() == 1
+
+
+def test_commands_prepare_the_process_for_the_neural_view_alone(one_thread, monkeypatch):
+    monkeypatch.setattr(torch_process, "keep_freed_memory", lambda: True)
+    cli._check_weights(Settings(view="filled"))
+    assert torch.get_num_threads() == 1
+    cli._check_weights(Settings(view="neural"))
+    assert torch.get_num_threads() == usable_processors()

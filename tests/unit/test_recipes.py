@@ -70,7 +70,7 @@ def test_train_from_the_command_line_resumes_and_says_where_the_weights_are(room
 
 
 @pytest.mark.parametrize("line, said", [
-    ([], "--out DIR is needed"), (["--out", "OUT"], "nothing to learn from"), (["NOWHERE", "--out", "OUT"], "no such folder"),
+    ([], "--out DIR is missing"), (["--out", "OUT"], "no training data"), (["NOWHERE", "--out", "OUT"], "no such folder"),
     (["EMPTY", "--out", "OUT"], "neither scene.json"), (["--tune", "NOWHERE"], "no such file"),
 ])
 def test_bad_training_input_is_one_line_and_leaves_nothing(tmp_path, capsys, line, said):

@@ -1,7 +1,6 @@
-"""The network behind its engines: graphs, captures and their failures, folded normalisation; without a GPU."""
+"""Engines without a GPU: graphs, failed captures and fallbacks; folded batch normalisation."""
 
 import copy
-import inspect
 from contextlib import contextmanager, nullcontext
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 import torch
 from torch import nn
 
-from model.engines import ENGINES, Captured, Runner, fold_normalisation
+from model.engines import ENGINES, Captured, EngineError, Runner, fold_normalisation
 from model.network_layout import PACKED_IN, PACKED_OUT
 from model.unet import SIZES, CompactUNet, PaperUNet
 from viewer.errors import InputError
@@ -17,9 +16,10 @@ from viewer.render import neural
 
 
 class Network:
-    """A Reconstructor as far as a Runner goes, on the CPU."""
+    """A Runnable on the CPU."""
 
-    device, engine = "cpu", "graph"
+    device: str = "cpu"
+    engine: str = "graph"
 
     def made(self, packed):
         return (packed[..., :PACKED_OUT] * 2 + packed[..., PACKED_OUT:]).contiguous()
@@ -28,7 +28,7 @@ class Network:
 
 
 class Graph:
-    """A capture that behaves as a CUDA graph does: fixed buffers in and out, nothing but the recorded work."""
+    """Stand-in for a CUDA graph: static input and output buffers, overwritten by each run."""
 
     def __init__(self, work, example):
         self.input, self.work = torch.zeros_like(example), work
@@ -44,7 +44,7 @@ def test_a_graph_gives_what_the_network_gives():
     seed = int(np.random.default_rng().integers(2**31))
     generator = torch.Generator().manual_seed(seed)
     for height, width in ((1, 1), (7, 13), (64, 48)):
-        runner = Runner(Network(), height, width, capture=Graph)  # type: ignore[arg-type]
+        runner = Runner(Network(), height, width, capture=Graph)
         assert runner.engine == "graph" and runner.problem is None and runner.name == ENGINES["graph"]
         for _ in range(3):
             packed = torch.rand((height, width, PACKED_IN), generator=generator).half()
@@ -54,74 +54,81 @@ def test_a_graph_gives_what_the_network_gives():
 
 
 class Cuda:
-    """torch.cuda as far as a capture uses it, on the CPU; ``log`` holds what was called."""
+    """The part of torch.cuda that a capture uses, on the CPU.  refusal: raised when a capture ends."""
 
-    def __init__(self, monkeypatch):
-        self.log: list[str] = []
-        log = self.log
-
+    def __init__(self, monkeypatch, refusal: Exception | None):
         class Stream:
             def wait_stream(self, _stream):
-                log.append("wait")
-
-        class Graph:
-            def replay(self):
-                log.append("replay")
+                pass
 
         @contextmanager
-        def graph(cuda_graph, pool=None, stream=None, capture_error_mode="global"):
-            assert isinstance(cuda_graph, Graph) and capture_error_mode == "thread_local"
-            log.append("capture")
+        def graph(_graph, capture_error_mode="global"):
+            assert capture_error_mode == "thread_local"
             yield
-            log.append("captured")
+            if refusal is not None:
+                raise refusal
 
-        self.graph = graph
-        fakes = {"Stream": Stream, "CUDAGraph": Graph, "graph": graph, "stream": lambda _stream: nullcontext(),
-                 "current_stream": Stream, "synchronize": lambda: log.append("synchronize")}
+        fakes = {"Stream": Stream, "CUDAGraph": object, "graph": graph, "stream": lambda _stream: nullcontext(),
+                 "current_stream": Stream, "synchronize": lambda: None}
         for name, fake in fakes.items():
             monkeypatch.setattr(torch.cuda, name, fake)
 
 
-def test_a_capture_warms_up_first_and_a_frame_only_copies_and_replays(monkeypatch):
-    real = inspect.signature(torch.cuda.graph).parameters
-    cuda = Cuda(monkeypatch)
-    assert list(inspect.signature(cuda.graph).parameters) == list(real)[:4]
-    made = []
+def test_a_refused_capture_is_an_engine_error_and_a_bug_is_not(monkeypatch):
+    example = torch.zeros((2, 3, PACKED_IN), dtype=torch.float16)
+    Cuda(monkeypatch, RuntimeError("operation not permitted when stream is capturing"))
+    with pytest.raises(EngineError, match="not permitted"):
+        Captured(Network().made, example)
+    for error in (torch.OutOfMemoryError("CUDA out of memory"), TypeError("a bug")):
+        Cuda(monkeypatch, error)
+        with pytest.raises(type(error)):
+            Captured(Network().made, example)
 
-    def work(packed):
-        cuda.log.append("work")
-        made.append(packed[..., :PACKED_OUT].clone())
-        return made[-1]
+    def broken(_packed):
+        raise RuntimeError("shapes do not match")
 
-    captured = Captured(work, torch.zeros((2, 3, PACKED_IN), dtype=torch.float16))
-    assert cuda.log == ["wait", "work", "work", "work", "wait", "capture", "work", "captured", "synchronize"]
-    cuda.log.clear()
-    packed = torch.rand(2, 3, PACKED_IN).half()
-    assert captured(packed) is made[-1] and torch.equal(captured._input, packed)
-    assert cuda.log == ["replay"]
+    Cuda(monkeypatch, None)
+    with pytest.raises(RuntimeError, match="shapes do not match") as raised:
+        Captured(broken, example)
+    assert not isinstance(raised.value, EngineError)
 
 
 @pytest.mark.parametrize("engine", list(ENGINES))
-def test_a_capture_that_fails_falls_back_and_says_so(monkeypatch, engine):
+def test_a_capture_that_fails_falls_back_and_the_log_says_why(monkeypatch, caplog, engine):
     monkeypatch.setattr(torch, "compile", lambda work, dynamic: work)  # importing the real one takes seconds
 
     def refuse(_work, _example):
-        raise RuntimeError("operation not permitted when stream is capturing\nadvice")
+        raise EngineError("operation not permitted when stream is capturing")
 
-    runner = Runner(Network(), 4, 4, engine=engine, capture=refuse)  # type: ignore[arg-type]
+    runner = Runner(Network(), 4, 4, engine=engine, capture=refuse)
     packed = torch.rand(4, 4, PACKED_IN).half()
     assert runner.engine == "eager" and torch.equal(runner(packed), Network().made(packed))
     if engine == "eager":
-        assert runner.problem is None
+        assert runner.problem is None and not caplog.records
     else:
-        assert "not permitted" in runner.name and "advice" not in runner.name and runner.name.startswith(ENGINES["eager"])
+        assert "not permitted" in runner.name and runner.name.startswith(ENGINES["eager"])
+        assert [record.levelname for record in caplog.records] == ["WARNING"] and "not permitted" in caplog.text
 
 
-def test_tensorrt_that_is_not_installed_falls_back_to_a_graph():
-    if __import__("importlib.util").util.find_spec("torch_tensorrt"):
-        pytest.skip("torch_tensorrt is installed")
-    runner = Runner(Network(), 4, 4, engine="tensorrt", capture=Graph)  # type: ignore[arg-type]
-    assert runner.engine == "graph" and "torch_tensorrt" in runner.name
+@pytest.mark.parametrize("error", [RuntimeError("no C++ compiler\nadvice"), ImportError("no Triton")])
+def test_a_compiler_that_is_missing_falls_back_to_a_graph(monkeypatch, error):
+    def compile_fails(_work, dynamic):
+        def run(_packed):
+            raise error
+
+        return run
+
+    monkeypatch.setattr(torch, "compile", compile_fails)
+    runner = Runner(Network(), 4, 4, engine="compile", capture=Graph)
+    assert runner.engine == "graph" and runner.name.endswith(f"({ENGINES['compile']} failed: {str(error).splitlines()[0]})")
+
+
+def test_a_bug_does_not_choose_a_slower_engine(monkeypatch):
+    def broken(_work, _example):
+        raise TypeError("a bug")
+
+    with pytest.raises(TypeError):
+        Runner(Network(), 4, 4, capture=broken)
 
 
 def test_no_memory_is_not_hidden_by_a_fallback():
@@ -129,7 +136,7 @@ def test_no_memory_is_not_hidden_by_a_fallback():
         raise torch.OutOfMemoryError("CUDA out of memory")
 
     with pytest.raises(torch.OutOfMemoryError):
-        Runner(Network(), 4, 4, capture=full)  # type: ignore[arg-type]
+        Runner(Network(), 4, 4, capture=full)
 
 
 def test_an_unknown_engine_in_the_environment_is_refused(monkeypatch):

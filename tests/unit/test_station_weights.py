@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from model.common.scanner_positions import told_apart
+from model.common.scanner_positions import stations_differ
 from model.data.dataset import MemoryPicture, Scan
 from model.data.projected import project_scan
 from model.projection import SoftZ, network_input, rasterise
@@ -206,10 +206,10 @@ def test_equal_weights_give_the_plain_mean_and_unequal_ones_the_weighted(seed):
 
 def test_two_stations_are_told_apart_only_where_both_are_known_and_differ():
     nan = np.nan
-    assert told_apart(np.array([(0, 0, 0), (0, 0, 1e-3)], float))
-    assert told_apart(np.array([(0, 0, 0), (nan, nan, nan), (1, 2, 3)], float))
+    assert stations_differ(np.array([(0, 0, 0), (0, 0, 1e-3)], float))
+    assert stations_differ(np.array([(0, 0, 0), (nan, nan, nan), (1, 2, 3)], float))
     for places in (None, np.zeros((0, 3)), np.zeros((1, 3)), np.zeros((5, 3)), np.array([(nan, nan, nan), (1, 2, 3)], float)):
-        assert not told_apart(places)
+        assert not stations_differ(places)
 
 
 def test_a_projected_scan_has_weights_where_its_stations_are_known_and_apart(seed):

@@ -13,7 +13,7 @@ import pytest
 import torch
 from rooms import make_room
 
-from model.common.interrupts import to_its_end
+from model.common.interrupts import finish_before_interrupt
 from model.common.signals import STOPS
 from model.data.dataset import DataError
 from model.data.pairs import build
@@ -112,7 +112,7 @@ def test_half_a_step_is_not_kept(pairs, tmp_path, monkeypatch):
 @pytest.mark.parametrize("stop", [signal.SIGTERM], indirect=True)
 def test_a_scheduler_that_asks_twice_waits_for_the_step(stop):
     whole = []
-    with pytest.raises(KeyboardInterrupt), to_its_end():
+    with pytest.raises(KeyboardInterrupt), finish_before_interrupt():
         _press(stop)
         _press(stop)
         whole.append(True)
@@ -120,10 +120,10 @@ def test_a_scheduler_that_asks_twice_waits_for_the_step(stop):
 
 
 def test_an_error_that_ctrl_c_brought_about_is_a_ctrl_c():
-    with pytest.raises(KeyboardInterrupt), to_its_end():
+    with pytest.raises(KeyboardInterrupt), finish_before_interrupt():
         _press()
         raise RuntimeError("the other process is gone")
-    with pytest.raises(RuntimeError), to_its_end():
+    with pytest.raises(RuntimeError), finish_before_interrupt():
         raise RuntimeError("something else")
 
 
@@ -256,7 +256,7 @@ def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
             again(tmp_path, *folders, seed=seed)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
     (tmp_path / "recipe.json").unlink()
-    with pytest.raises(DataError, match="was not begun by this recipe"):
+    with pytest.raises(DataError, match="was not made by this recipe"):
         again(tmp_path, rooms[0])
 
 
@@ -288,14 +288,14 @@ def test_learning_that_breaks_down_is_one_line_and_what_was_learned_stays(pairs,
         return loss * (float("nan") if len(made) == 2 else 1.0), terms
 
     monkeypatch.setattr(train.Objective, "forward", broken)
-    with pytest.raises(DataError, match=r"step 5 \(loss nan\); what step 3 had learned is kept; choose a lower --rate"):
+    with pytest.raises(DataError, match=r"step 5 \(loss nan\); the weights of step 3 are kept; choose a lower --rate"):
         train.train(_config(pairs, tmp_path, steps=9, save_every=1e9))
     assert len(before) == 2 and all(path.read_bytes() == content for path, content in before.items())
     monkeypatch.undo()
     assert main(["train", str(rooms[0]), "--out", str(tmp_path / "wild"), "--quality", "fast", "--batch", "2", "--crop", "32",
                  "--device", "cpu", "--steps", "60", "--rate", "1e6"]) == 2
     error = capsys.readouterr().err
-    assert "learning broke down" in error and error.count("\n") == 1
+    assert "training diverged" in error and error.count("\n") == 1
     assert not (tmp_path / "wild" / "fast-filtered.safetensors").exists()
 
 

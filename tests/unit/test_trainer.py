@@ -47,7 +47,7 @@ def _pull(strength: float):
 
 def test_whatever_decides_the_weights_is_part_of_the_facts(tmp_path):
     """All but how long is trained, where, with what, and what is told of by its contents."""
-    others = {"pairs", "out", "steps", "minutes", "perceptual_path", "start_from", "save_every", "device", "threads", "loaders",
+    others = {"pairs", "out", "steps", "minutes", "perceptual_path", "start_from", "save_every", "device", "loaders",
               "sources"}  # fmt: skip
     told = TrainConfig((), str(tmp_path)).facts("squares")
     assert {field.name for field in fields(TrainConfig)} - others == set(told) - {"crops", "pairs", "perceptual", "start_from"}

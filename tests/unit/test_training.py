@@ -85,7 +85,7 @@ def test_two_processes_learn_from_the_mean_of_their_gradients(pairs, tmp_path):
         "import torch.distributed as dist\n"
         "seen = []\n"
         "train(TrainConfig(pairs=(sys.argv[2],), out=sys.argv[3], quality='fast', steps=2, batch=1, crop=32,\n"
-        "                  neighbours=0, device='cpu', threads=1, warmup=1),\n"
+        "                  neighbours=0, device='cpu', warmup=1),\n"
         "      on_step=lambda step: seen.append((step, dist.get_world_size())))\n"
         "assert seen == [(1, 2), (2, 2)], seen\n"
     )

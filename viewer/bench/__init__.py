@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from model.common.atomic_write import passes_through
-from model.common.seeds import MOST_SEED
+from model.common.seeds import MAX_SEED
 from viewer.errors import InputError
 from viewer.settings import CHOICES
 
@@ -58,6 +58,8 @@ KINDS = {
     "cull": Kind("finding what is in view among a million cells", 5, "nothing", ("repeats", "seed")),
 }
 _OF_SCANS = ("procedural", "rooms", "seed")
+NEURAL = ("open", "error", "scale", "versus", "stability")
+"""Benches that always run a network."""
 
 
 def parse_count(text: str, option: str) -> int:
@@ -120,8 +122,8 @@ def _check(options: argparse.Namespace) -> None:
         value = getattr(options, option)
         if value is not None and value < least:
             raise InputError(f"--{option} {value}: expected at least {least}")
-    if not 0 <= options.seed <= MOST_SEED:
-        raise InputError(f"--seed {options.seed}: expected 0 to {MOST_SEED}")
+    if not 0 <= options.seed <= MAX_SEED:
+        raise InputError(f"--seed {options.seed}: expected 0 to {MAX_SEED}")
     if options.keep is not None and options.keep.exists() and not options.keep.is_dir():
         raise InputError(f"--keep {options.keep}: is a file; give a folder")
 
@@ -151,6 +153,10 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
         raise InputError(f"{options.scans[0]}: `bench {options.kind}` makes its own points and takes no scan")
     if ignored := unused(options, settings):
         print(f"pointglass: `bench {options.kind}` has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
+    if options.kind in NEURAL or (options.kind == "frame" and settings.view == "neural"):
+        from model.common.torch_process import prepare_inference
+
+        prepare_inference()
     result, rows, plot = _RUN[options.kind](options, settings, repeats)
     result = {"bench": options.kind, "machine": machine(), **result}
     print(described(result))

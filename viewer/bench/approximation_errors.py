@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.scanner_positions import told_apart
+from model.common.scanner_positions import stations_differ
 from viewer.bench.approximations import EXACT, Approximation, BenchRenderer, Whole, approximations, coarser
 from viewer.bench.bench_input import Subject
 from viewer.bench.plots import INK, MARKS, figure, label_points, save
@@ -136,7 +136,7 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
         precisions.append("int8")
     except Int8Error as error:
         left_out.append(f"int8: {error}")
-    table = approximations(qualities, precisions, told_apart(scene.station_places))
+    table = approximations(qualities, precisions, stations_differ(scene.station_places))
     if only is not None:
         groups = list(dict.fromkeys(row.group for row in table))
         if only not in groups:

@@ -29,12 +29,12 @@ def save(made: "Figure", path: Path, result: dict) -> None:
     """Writes a figure with the facts of ``result`` under it, whole or not at all."""
     from matplotlib import pyplot as plt
 
-    from model.common.atomic_write import write_whole
+    from model.common.atomic_write import write_atomic
 
     columns = int(made.get_figwidth() * 18)
     lines = [part for line in described(result).splitlines() for part in textwrap.wrap(line, columns)]
     made.supxlabel("\n".join(lines), fontsize=6, color="grey", ha="left", x=0.01)
-    write_whole(path, lambda p: made.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
+    write_atomic(path, lambda p: made.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
     plt.close(made)
 
 

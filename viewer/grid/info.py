@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from model.common.scanner_positions import told_apart
+from model.common.scanner_positions import stations_differ
 from viewer.grid.cache import CacheError
 from viewer.grid.open_scene import open_scene
 from viewer.grid.scene import Scene
@@ -31,7 +31,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "sources": meta.get("sources", []),
         "format": meta.get("format"),
         "points": scene.count,
-        "stations": "weighed" if told_apart(scene.station_places) else "equal",
+        "stations": "weighed" if stations_differ(scene.station_places) else "equal",
         "bounds": {"min": low, "max": high},
         "size": [b - a for a, b in zip(low, high, strict=True)],
         "spacing": scene.spacing,

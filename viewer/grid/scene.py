@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from model.common.scanner_positions import places_of
+from model.common.scanner_positions import station_positions_of
 from model.noise import NoiseModel
 from viewer.preprocess.point_attributes import AttributeLayout, layout_from
 
@@ -79,7 +79,7 @@ class Scene:
         """(S, 3) float64 file coordinates: where the scanner of each scan number stood, NaN where the files do not say, or say
         what cannot be: farther outside the measured points than STATION_REACH times their extent.  S is at most 255: later
         scans share a number."""
-        places = places_of(scan.get("position") for scan in self.meta.get("scans") or [])
+        places = station_positions_of(scan.get("position") for scan in self.meta.get("scans") or [])
         reach = STATION_REACH * np.ptp(self.bounds, axis=0).max()
         with np.errstate(invalid="ignore"):
             away = (places < self.bounds[0] - reach) | (places > self.bounds[1] + reach)

@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from model.common.scanner_positions import places_of, told_apart
+from model.common.scanner_positions import station_positions_of, stations_differ
 from viewer.preprocess.positions import is_position
 from viewer.preprocess.scan_lines import WINDOW, Stand, find_stands
 from viewer.readers.source import Chunk, ScanInfo, Source
@@ -65,7 +65,8 @@ class Standpoints:
         self._close()
         found = self._found
         told = (scan.position for number, source in enumerate(self._sources) if number not in found for scan in source.scans)
-        if not told_apart(places_of([*told, *(stand.place.tolist() for stands, _ in found.values() for stand in stands)])):
+        inferred = (stand.place.tolist() for stands, _ in found.values() for stand in stands)
+        if not stations_differ(station_positions_of([*told, *inferred])):
             return {}
         for number, (stands, at) in found.items():
             self._give(number, stands, at)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.scanner_positions import told_apart
+from model.common.scanner_positions import stations_differ
 from model.station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST
 from viewer.render import shader
 
@@ -29,7 +29,7 @@ class Places:
 
     def __init__(self, scene: "Scene"):
         self._world = scene.station_places
-        self.known = told_apart(self._world)
+        self.known = stations_differ(self._world)
         self._view = np.zeros((MOST_STATIONS, 4), np.float32)  # all of them: what is not written would be anything
         self._view[: len(self._world), 3] = ~np.isnan(self._world).any(axis=1)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from model.common.folders import made_folder
 from viewer.errors import InputError
 
@@ -66,7 +66,7 @@ def write_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None)
     kept = PngInfo()
     for key, value in (text or {}).items():
         kept.add_itxt(key, value)
-    write_whole(path, lambda p: Image.fromarray(image).save(p, format="PNG", compress_level=3, pnginfo=kept))
+    write_atomic(path, lambda p: Image.fromarray(image).save(p, format="PNG", compress_level=3, pnginfo=kept))
 
 
 def write_array(path: Path, array: np.ndarray) -> None:
@@ -76,9 +76,9 @@ def write_array(path: Path, array: np.ndarray) -> None:
         with beside.open("wb") as file:
             np.save(file, array, allow_pickle=False)
 
-    write_whole(path, save)
+    write_atomic(path, save)
 
 
 def write_json(path: Path, data: object) -> None:
     """Writes indented JSON."""
-    write_whole(path, lambda p: p.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8"))
+    write_atomic(path, lambda p: p.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8"))

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from viewer.errors import InputError
 from viewer.tools.clip import Vector
 
@@ -208,6 +208,6 @@ def write_csv(path: Path, measurements: Iterable[Measurement], metres_per_unit: 
     """Writes :func:`csv_text`; an older file stays on failure.  Raises InputError naming the file."""
     text = csv_text(measurements, metres_per_unit)
     try:
-        write_whole(path, lambda beside: beside.write_bytes(text.encode("utf-8")))
+        write_atomic(path, lambda beside: beside.write_bytes(text.encode("utf-8")))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); save it elsewhere") from None

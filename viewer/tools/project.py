@@ -12,7 +12,7 @@ import types
 import typing
 from pathlib import Path
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from viewer.errors import InputError
 from viewer.tools.clip import Box, Slab
 from viewer.tools.document import Document
@@ -37,7 +37,7 @@ def write_project(path: Path, document: Document) -> None:
     data = {"pointglass_project": VERSION, "document": _to_json(_with_paths(document, lambda p: _relative(p, path.parent)))}
     text = json.dumps(data, indent=1, allow_nan=False) + "\n"
     try:
-        write_whole(path, lambda beside: beside.write_text(text, encoding="utf-8"))
+        write_atomic(path, lambda beside: beside.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); save the project elsewhere") from None
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.interrupts import to_its_end
+from model.common.interrupts import finish_before_interrupt
 from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.input import Input
@@ -234,7 +234,7 @@ class App:
         loading = session.loads.current is not None or session.view_settings.network_load is not None
         stirring = loading or self._dialog.shown or perf_counter() < self._awake_until
         busy = arriving or session.needs_picture or self._settle > 0 or change == 0.0
-        with to_its_end():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
+        with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.window_size) == 0):
                 glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
             else:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from viewer.errors import InputError
 
 STAGES = ("cull", "raster", "filter", "fill", "network", "present")
@@ -30,7 +30,7 @@ def stamped(prefix: str, suffix: str, folder: Path) -> Path:
 def write_beside(path: Path, data: bytes) -> None:
     """Writes ``path`` in one step.  Raises InputError naming the file and the cause; nothing is left behind then."""
     try:
-        write_whole(path, lambda beside: beside.write_bytes(data))
+        write_atomic(path, lambda beside: beside.write_bytes(data))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); "
                          "start pointglass in a folder that has room and can be written to") from None

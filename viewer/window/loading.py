@@ -80,10 +80,12 @@ def preview_scene(paths: list[Path], *, match: bool = True, columns: str | None 
 
 def load_network(settings: Settings) -> None:
     """Imports torch and reads the weights, off the window's thread, so that the first neural frame only has to run."""
+    from model.common.torch_process import prepare_inference
     from model.reconstruct import cuda_problem
     from viewer.errors import DeviceError
     from viewer.render import neural
 
+    prepare_inference()
     problem = None if settings.device == "cpu" else cuda_problem()
     if settings.device == "cuda" and problem:
         raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 
 MOST = 12
 """Scans that are remembered."""
@@ -74,7 +74,7 @@ def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | N
         if picture is not None:
             _save_thumbnail(scan.thumbnail, picture)
         text = json.dumps([asdict(row) for row in kept], indent=1)
-        write_whole(state_dir() / _FILE, lambda beside: beside.write_text(text, "utf-8"))
+        write_atomic(state_dir() / _FILE, lambda beside: beside.write_text(text, "utf-8"))
         for gone in set(before) - set(kept):
             if gone.paths != scan.paths:
                 gone.thumbnail.unlink(missing_ok=True)
@@ -93,7 +93,7 @@ def _save_thumbnail(path: Path, picture: np.ndarray) -> None:
     image = Image.fromarray(np.ascontiguousarray(picture[top : top + down, left : left + across]))
     buffer = io.BytesIO()
     image.resize(THUMBNAIL, Image.Resampling.BOX).save(buffer, "PNG")
-    write_whole(path, lambda beside: beside.write_bytes(buffer.getvalue()))
+    write_atomic(path, lambda beside: beside.write_bytes(buffer.getvalue()))
 
 
 def load_thumbnail(scan: RecentScan) -> np.ndarray | None:

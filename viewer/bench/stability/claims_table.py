@@ -104,7 +104,7 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    from model.common.atomic_write import write_whole
+    from model.common.atomic_write import write_atomic
 
     labels = {"depth_99": "depth error, 99th percentile, point spacings", "mask": "keep-masks that differ, share of pixels",
               "filled": "filled picture, PSNR in dB"}
@@ -127,5 +127,5 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
         axis.set_yticks(range(len(kinds)), kinds, fontsize=6)
         axis.set(xscale="log", xlim=(1e-6, 1e-2), xlabel="mean difference from float64, the worst of all networks")
         axis.legend(fontsize="x-small")
-    write_whole(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
+    write_atomic(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
     plt.close(figure)

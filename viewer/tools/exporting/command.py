@@ -4,7 +4,7 @@ import argparse
 import shutil
 from pathlib import Path
 
-from model.common.atomic_write import passes_through, write_whole
+from model.common.atomic_write import passes_through, write_atomic
 from viewer.errors import InputError
 from viewer.text import bytes_text, counted
 from viewer.tools.exporting.point_writers import WRITERS, bytes_needed, writer_for
@@ -35,7 +35,7 @@ def export(selection: Selection, out: Path) -> int:
     if free < needed:
         raise InputError(f"--out {out}: needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}; make room")
     try:
-        write_whole(out, lambda beside: _with_ending(beside, out, lambda path: writer(path, selection, counts)))
+        write_atomic(out, lambda beside: _with_ending(beside, out, lambda path: writer(path, selection, counts)))
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
     return total

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_whole
+from model.common.atomic_write import write_atomic
 from viewer.camera import Camera
 from viewer.errors import InputError
 from viewer.progress import progress
@@ -40,7 +40,7 @@ def write_mp4(path: Path, cameras: Sequence[Camera], draw: Draw, *, size: tuple[
     with progress(len(cameras), "filming", "frame") as meter:
         pictures = _counted(map(draw, cameras), meter.update)
         try:
-            write_whole(path, lambda beside: _encode(beside, pictures, size, fps))
+            write_atomic(path, lambda beside: _encode(beside, pictures, size, fps))
         except OSError as error:
             why = error.strerror or str(error)
             raise InputError(f"{path}: cannot be written ({why}); make room, or choose another --out") from None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.scanner_positions import told_apart
+from model.common.scanner_positions import stations_differ
 from model.data.dataset import MemoryPicture, Scan
 from model.evaluation.heldout import Viewpoint
 from viewer.camera import Camera, from_fov, look_at
@@ -44,7 +44,7 @@ def judged_viewpoints(scene: "Scene", size: tuple[int, int], count: int) -> list
 
 def station_viewpoints(scan: Scan, size: tuple[int, int]) -> list[Viewpoint]:
     """Four directions from each of the scanners that are left out; none where the scan does not tell its stations apart."""
-    if scan.places is None or not told_apart(scan.places):
+    if scan.places is None or not stations_differ(scan.places):
         return []
     counts = np.bincount(scan.station, minlength=len(scan.places))[: len(scan.places)]
     share = counts / max(len(scan.station), 1)

@@ -13,7 +13,7 @@ import torch
 from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, gaussian_filter
 
 from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.common.scanner_positions import places_of
+from model.common.scanner_positions import station_positions_of
 from model.data.dataset import MemoryPicture, Scan
 from model.data.pairs import build
 from model.data.photo_place import PhotoPlace
@@ -83,7 +83,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if len(xyz) < 1000:
         raise InputError(f"{path}: {len(xyz)} usable points are too few to tune with")
-    return Scan(xyz, rgb, station, places_of(scan.position for scan in source.scans))
+    return Scan(xyz, rgb, station, station_positions_of(scan.position for scan in source.scans))
 
 
 def _blurred(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
