@@ -12,7 +12,7 @@ from time import perf_counter
 
 import numpy as np
 
-_NICENESS = 5
+_NICENESS = 10
 """Added to the thread's niceness where the system has one per thread (Linux): the interface goes first on few cores."""
 
 

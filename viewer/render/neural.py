@@ -161,6 +161,11 @@ class NeuralStage:
         self.present(filled)
         return done.milliseconds
 
+    @property
+    def busy(self) -> bool:
+        """Whether its network runs, or is about to, for a picture that may be out of date."""
+        return self._thread.busy
+
     def drop(self) -> None:
         """Forgets a picture whose network has not begun or whose result was not presented."""
         self._thread.drop_waiting()

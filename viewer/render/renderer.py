@@ -191,6 +191,12 @@ class Renderer:
         stages.end()
         return Frame({v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
 
+    @property
+    def network_busy(self) -> bool:
+        """Whether a network runs on its own thread, for a picture of any size."""
+        stages = (self._neural, *(passes["_neural"] for passes in self._kept.values()))
+        return any(stage is not None and stage.busy for stage in stages)
+
     def _start_network(self, neural: "NeuralStage", camera: "Camera", stages: Stages, facts: dict, textures: dict) -> None:
         """Starts the network for this picture, and keeps the picture before it where the camera is the same."""
         key = camera_key(camera)

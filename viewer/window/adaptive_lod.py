@@ -23,8 +23,12 @@ FINEST, COARSEST = 16.0, 0.5
 """Points per pixel while moving: above 16 the soft z-buffer shows no difference, below 0.5 holes open."""
 SCALES = (1.0, 0.75, 0.5)
 """Internal resolutions while moving, as a share of each side."""
+CONTENDED_LEVEL = 1.0
+"""Points per pixel of a moving picture while a network runs on the processors that draw (see :meth:`AdaptiveLod.scale`)."""
 LEAST_HIDDEN = 0.25
 """Share of the points that must be hidden for occlusion culling to pay."""
+OUTSIDE_WEIGHT = 0.2
+"""Weight of the newest picture in the running mean of what is spent outside the renderer."""
 _SLOWER = 1.25  # times the target: above it something is left out
 _FASTER = 0.9  # times the target: a higher resolution is tried where it is predicted to stay below
 _PATIENCE = 60  # frames until what did not pay is tried again
@@ -39,6 +43,7 @@ class AdaptiveLod:
         self.keep_up = True
         self.target_ms = target_ms
         self._network: float | None = None
+        self._outside = 0.0
         self.begin(0)
 
     def begin(self, points: int) -> None:
@@ -57,15 +62,22 @@ class AdaptiveLod:
         self._rest, self._points = None if self._moving is None else _STEP * self._moving, -1
         self._settled = False
 
-    def level(self, *, moving: bool) -> float | None:
-        """The level of detail to draw with now."""
+    def level(self, *, moving: bool, contended: bool = False) -> float | None:
+        """The level of detail to draw with now.  contended: as for :meth:`scale`."""
         if not self.keep_up:
             return None
+        if moving and contended:
+            return CONTENDED_LEVEL if self._moving is None else min(self._moving, CONTENDED_LEVEL)
         return self._moving if moving else self._rest
 
-    def scale(self, *, moving: bool) -> float:
-        """The internal resolution to draw with now, as a share of the picture's sides."""
-        return SCALES[self._scale] if moving and self.keep_up else 1.0
+    def scale(self, *, moving: bool, contended: bool = False) -> float:
+        """The internal resolution to draw with now, as a share of the picture's sides.
+
+        contended: a network that cannot be interrupted has the processors that draw, too: the lowest resolution answers input.
+        """
+        if not (moving and self.keep_up):
+            return 1.0
+        return SCALES[-1] if contended else SCALES[self._scale]
 
     @property
     def final(self) -> bool:
@@ -90,6 +102,10 @@ class AdaptiveLod:
         """Learns how long the network takes for one picture."""
         self._network = milliseconds
 
+    def spent_outside(self, milliseconds: float) -> None:
+        """Learns how long the interface and the screen take beside a picture, where they share its processors."""
+        self._outside += OUTSIDE_WEIGHT * (min(milliseconds, self.target_ms / 2) - self._outside)
+
     def drew(self, level: float | None, stats: dict, *, moving: bool) -> None:
         """Learns from a picture made at a level of detail: that of ``level``, or a coarser one that a person chose."""
         stages = stats["stages"]
@@ -103,7 +119,7 @@ class AdaptiveLod:
             self._drew_at_rest(spent, stats["points_drawn"])
 
     def _drew_moving(self, level: float | None, spent: float, stats: dict) -> None:
-        target = POINTS_SHARE * self.target_ms
+        target = POINTS_SHARE * (self.target_ms - self._outside)
         if not self._fit_resolution(max(stats["total_ms"], spent / POINTS_SHARE)):
             self._fit_points(level, spent, target, stats["points_drawn"])
         self._stay = max(0, self._stay - 1)
@@ -119,13 +135,14 @@ class AdaptiveLod:
 
     def _fit_resolution(self, total: float) -> bool:
         """Lowers or raises the internal resolution.  Returns whether it changed: then this frame says nothing about points."""
-        if total > _SLOWER * self.target_ms and self._scale < len(SCALES) - 1:
-            self._scale += 1 if total < 2.0 * self.target_ms else len(SCALES) - 1 - self._scale
+        target = self.target_ms - self._outside
+        if total > _SLOWER * target and self._scale < len(SCALES) - 1:
+            self._scale += 1 if total < 2.0 * target else len(SCALES) - 1 - self._scale
             self._before = None
             return True
         if self._scale > 0:
             larger = total * (SCALES[self._scale - 1] / SCALES[self._scale]) ** 2
-            if larger < _FASTER * self.target_ms and self._moving is None:
+            if larger < _FASTER * target and self._moving is None:
                 self._scale -= 1
                 self._before = None
                 return True

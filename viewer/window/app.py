@@ -254,8 +254,10 @@ class App:
             return
         self._measure_density()
         session.arrange(self.theme.scale)
+        painted: float | None = None
         if session.needs_picture:
             self.viewport.paint()
+            painted = perf_counter()
             self._settle = max(self._settle, 1)
             stats = session.picture.stats
             if stats is not None and stats["total_ms"] > _LONG:
@@ -266,6 +268,8 @@ class App:
             self._settle = max(0, self._settle - 1)
             self._draw()
             glfw.swap_buffers(self.window)
+            if painted is not None and session.flight.moving and self.viewport.shares_processors:
+                session.picture.adaptive_lod.spent_outside((perf_counter() - painted) * 1e3)
 
     def _upload(self, loaded: Loaded) -> None:
         self.wake()

@@ -13,7 +13,8 @@ from viewer.window.adaptive_lod import AdaptiveLod
 class Plan:
     """How to make the next picture.  views: left first.  level: of detail.  hides: cells hidden in the last frame are left
     out.  moving: while the camera moves.  scale: of the internal resolution, 1 is the picture's own.
-    deferred: the network runs on its own thread, and the filled view stands in until it has ended."""
+    deferred: the network runs on its own thread, and the filled view stands in until it has ended.
+    contended: coarse while moving, because a network of an earlier picture runs on the processors that draw."""
 
     views: tuple[str, ...]
     level: float | None
@@ -21,16 +22,18 @@ class Plan:
     moving: bool = False
     scale: float = 1.0
     deferred: bool = False
+    contended: bool = False
 
 
 class Picture:
     """dirty: whether it must be made again.  made: how it was made, None where there is none.  pending: the plan whose
     network is still running, or whose points are still arriving; None otherwise.
     approximations: what of the picture is not exact.  stats: its cost, or that of the one before, as ``Frame.stats``.
-    adaptive_lod: what a picture may leave out."""
+    adaptive_lod: what a picture may leave out.  contended: whether a network runs on the processors that draw."""
 
     def __init__(self) -> None:
         self.adaptive_lod = AdaptiveLod()
+        self.contended = False
         self.dirty = True
         self.made: Plan | None = None
         self.pending: Plan | None = None
@@ -51,9 +54,9 @@ class Picture:
         """The picture to make now.  views, lod: as chosen."""
         adaptive = self.adaptive_lod
         drawn = tuple(adaptive.stand_in(view, moving=moving, resizing=resizing) for view in views)
-        levels = [level for level in (lod, adaptive.level(moving=moving)) if level is not None]
+        levels = [level for level in (lod, adaptive.level(moving=moving, contended=self.contended)) if level is not None]
         return Plan(drawn, min(levels) if levels else None, adaptive.hides(moving=moving), moving,
-                    adaptive.scale(moving=moving), deferred="neural" in drawn and not moving)
+                    adaptive.scale(moving=moving, contended=self.contended), deferred="neural" in drawn and not moving, contended=self.contended)
 
     def lacks(self, plan: Plan) -> bool:
         """Whether something of ``plan`` is missing and nothing that is under way will bring it."""
@@ -79,4 +82,5 @@ class Picture:
     def learn(self, plan: Plan, stats: dict) -> None:
         """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
         self.stats = stats
-        self.adaptive_lod.drew(plan.level, stats, moving=plan.moving)
+        if not (plan.moving and plan.contended):  # it says nothing of pictures that have the processors to themselves
+            self.adaptive_lod.drew(plan.level, stats, moving=plan.moving)

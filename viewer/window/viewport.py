@@ -138,11 +138,17 @@ class Viewport:
             self._session.failed(str(error) or _NO_MEMORY)
             return False
 
+    @property
+    def shares_processors(self) -> bool:
+        """Whether pictures are drawn by the processors that also run the interface and, without CUDA, the network."""
+        return self.renderer is not None and self.renderer.device.software
+
     def paint(self) -> None:
         """Makes the picture that the session plans now."""
         session, renderer = self._session, self.renderer
         if renderer is None:
             return
+        session.picture.contended = self.shares_processors and renderer.network_busy
         plan = session.plan
         views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
         try:
