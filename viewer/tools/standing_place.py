@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from viewer.tools.up_axis import turned
+
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
@@ -82,15 +84,18 @@ def sample_scene(scene: "Scene") -> SceneSample:
     return SceneSample(points, lit, low, high, spacing, 1.0 / metres if metres else 1.0, diagonal, brightness)
 
 
-def standing_view(scene: "Scene", seen: Sampled) -> tuple[np.ndarray, np.ndarray] | None:
+def standing_view(scene: "Scene", seen: Sampled, upright: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray] | None:
     """(3,) position and (3,) direction, nearly level: at a scanner, otherwise at eye height where most was measured, where the
     scan surrounds that place.
 
+    upright: (3, 3) as in viewer.tools.up_axis, where another direction than +z is up.
     None for a scan that nobody can stand in.
     """
-    for place in (scanner_position(scene, seen), standing_place(seen)):
-        if place is not None and enclosure(seen, place) >= ENCLOSED:
-            return place, best_direction(seen, place)
+    upright = np.eye(3) if upright is None else upright
+    scanner, level = scanner_position(scene, seen), turned(seen, upright)
+    for place in (None if scanner is None else scanner @ upright, standing_place(level)):
+        if place is not None and enclosure(level, place) >= ENCLOSED:
+            return upright @ place, upright @ best_direction(level, place)
     return None
 
 

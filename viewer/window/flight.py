@@ -1,15 +1,16 @@
 """Where the camera is, and how held keys, the mouse and time move it.  The steps themselves are ``navigation``'s.
 
-Frame: file coordinates, world up = +z.  Speeds are file units a second; the clock counts seconds.
+Frame: file coordinates; up is the direction that the document calls up.  Speeds are file units a second; the
+clock counts seconds.
 """
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from viewer.tools.up_axis import turned, upright_axes
 from viewer.window.framing import overview
-from viewer.window.navigation import FlyState, Motion, changed_speed, step
+from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
 from viewer.window.start_viewpoint import Survey
 
 REST = 0.25
@@ -104,8 +105,16 @@ class Flight:
 
     def go(self, state: FlyState) -> None:
         """Puts the camera somewhere else at once, keeping the flying speed."""
-        self.state = replace(state, speed=self.state.speed, velocity=np.zeros(3))
+        self.state = looking(state.position, state.forward, self.state.speed, self.state.upright)
         self._moved = self._clock() - REST
+
+    def set_up(self, up: Sequence[float]) -> bool:
+        """Levels the camera to another direction that is up, (3,); it looks the same way.  Returns whether that is another."""
+        if np.allclose(self.state.upright[:, 2], up):
+            return False
+        self.state = looking(self.state.position, self.state.forward, self.state.speed, upright_axes(up))
+        self._moved = self._clock() - REST
+        return True
 
     def go_home(self) -> None:
         """Back to where the visit began, at the speed it began with."""
@@ -115,7 +124,10 @@ class Flight:
     def step_back(self, aspect: float) -> None:
         """Looks the same way from where everything is in view.  aspect: width over height."""
         if self._seen is not None:
-            self.go(overview(self._seen, aspect, self.state.forward, self.state.speed))
+            upright = self.state.upright
+            seen, ahead = turned(self._seen, upright), upright.T @ self.state.forward
+            place = upright @ overview(seen, aspect, ahead, self.state.speed).position
+            self.go(looking(place, self.state.forward, self.state.speed, upright))
 
     def let_go(self) -> None:
         """Forgets every key and button held."""

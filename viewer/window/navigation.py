@@ -1,6 +1,8 @@
 """Flying: how held keys and mouse movement become a camera pose, the same at every frame rate.
 
-Frame: file coordinates, world up = +z.  yaw: radians about +z, 0 looks along +x.  pitch: radians, positive looks up.
+Frame: file coordinates.  ``upright`` turns the axes of a world whose z is up into those of the file: the identity, unless a
+person called another direction up.  yaw: radians about up, 0 looks along the first of these axes.  pitch: radians, positive
+looks up.
 Speeds are file units a second.  Pure functions of state: no window, no clock.
 """
 
@@ -36,13 +38,17 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class FlyState:
-    """position: (3,) float64.  velocity: (3,) float64, file units a second.  speed: the cruising speed."""
+    """position: (3,) float64.  velocity: (3,) float64, file units a second.  speed: the cruising speed.
+
+    upright: (3, 3) rotation, whose last column is the direction that is up.
+    """
 
     position: np.ndarray
     yaw: float = 0.0
     pitch: float = 0.0
     speed: float = 1.0
     velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    upright: np.ndarray = field(default_factory=lambda: np.eye(3))
 
     @property
     def moving(self) -> bool:
@@ -53,24 +59,29 @@ class FlyState:
     def forward(self) -> np.ndarray:
         """(3,) unit vector."""
         cos = np.cos(self.pitch)
-        return np.array([np.cos(self.yaw) * cos, np.sin(self.yaw) * cos, np.sin(self.pitch)])
+        return self.upright @ np.array([np.cos(self.yaw) * cos, np.sin(self.yaw) * cos, np.sin(self.pitch)])
+
+    @property
+    def right(self) -> np.ndarray:
+        """(3,) unit vector, level."""
+        return self.upright @ np.array([np.sin(self.yaw), -np.cos(self.yaw), 0.0])
 
     @property
     def camera_to_world(self) -> np.ndarray:
         """(4, 4) float64, OpenGL axes (x right, y up, -z forward)."""
-        back = -self.forward
-        right = np.array([np.sin(self.yaw), -np.cos(self.yaw), 0.0])
+        back, right = -self.forward, self.right
         matrix = np.eye(4)
         matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = right, np.cross(back, right), back
         matrix[:3, 3] = self.position
         return matrix
 
 
-def looking(position, direction, speed: float) -> FlyState:
-    """At rest at ``position`` (3,), looking along ``direction`` (3,), not zero."""
-    x, y, z = np.asarray(direction, np.float64) / np.linalg.norm(direction)
-    pitch = float(np.clip(np.arcsin(z), -_PITCH_LIMIT, _PITCH_LIMIT))
-    return FlyState(np.array(position, np.float64), float(np.arctan2(y, x)), pitch, float(speed))
+def looking(position, direction, speed: float, upright: np.ndarray | None = None) -> FlyState:
+    """At rest at ``position`` (3,), looking along ``direction`` (3,), not zero; both in file coordinates."""
+    upright = np.eye(3) if upright is None else upright
+    x, y, z = upright.T @ (np.asarray(direction, np.float64) / np.linalg.norm(direction))
+    pitch = float(np.clip(np.arcsin(np.clip(z, -1.0, 1.0)), -_PITCH_LIMIT, _PITCH_LIMIT))
+    return FlyState(np.array(position, np.float64), float(np.arctan2(y, x)), pitch, float(speed), upright=upright)
 
 
 def step(state: FlyState, motion: Motion, dt: float) -> FlyState:
@@ -83,8 +94,7 @@ def step(state: FlyState, motion: Motion, dt: float) -> FlyState:
     yaw = (state.yaw - LOOK * dx + np.pi) % (2 * np.pi) - np.pi if dx else state.yaw
     pitch = float(np.clip(state.pitch - LOOK * dy, -_PITCH_LIMIT, _PITCH_LIMIT))
     state = replace(state, yaw=float(yaw), pitch=pitch)
-    right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
-    wish = motion.forward * state.forward + motion.right * right + np.array([0.0, 0.0, motion.up])
+    wish = motion.forward * state.forward + motion.right * state.right + motion.up * state.upright[:, 2]
     length = np.linalg.norm(wish)
     pace = state.speed * (FAST if motion.fast else 1.0) * (SLOW if motion.slow else 1.0)
     wanted = wish / length * pace if length > 1e-9 else np.zeros(3)

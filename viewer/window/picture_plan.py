@@ -56,7 +56,8 @@ class Picture:
         drawn = tuple(adaptive.stand_in(view, moving=moving, resizing=resizing) for view in views)
         levels = [level for level in (lod, adaptive.level(moving=moving, contended=self.contended)) if level is not None]
         return Plan(drawn, min(levels) if levels else None, adaptive.hides(moving=moving), moving,
-                    adaptive.scale(moving=moving, contended=self.contended), deferred="neural" in drawn and not moving, contended=self.contended)
+                    adaptive.scale(moving=moving, contended=self.contended), contended=self.contended,
+                    deferred="neural" in drawn and not moving)
 
     def lacks(self, plan: Plan) -> bool:
         """Whether something of ``plan`` is missing and nothing that is under way will bring it."""

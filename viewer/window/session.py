@@ -12,6 +12,7 @@ Frame: file coordinates, world up = +z.  The clock counts seconds; any steady on
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -21,7 +22,7 @@ import numpy as np
 from viewer.camera import Camera, from_fov
 from viewer.settings import Settings
 from viewer.text import counted
-from viewer.tools.document import Document
+from viewer.tools.document import UP_AXES, Document
 from viewer.tools.standing_place import standing_view
 from viewer.window import loading
 from viewer.window.capture import FrameTimes
@@ -30,7 +31,7 @@ from viewer.window.layout import Layout, Panels, Rect, arrange
 from viewer.window.navigation import looking
 from viewer.window.notices import Notices, ScanNotice
 from viewer.window.picture_plan import Picture, Plan
-from viewer.window.start_viewpoint import FIELD_OF_VIEW, darkness, start_state
+from viewer.window.start_viewpoint import FIELD_OF_VIEW, Survey, brightening, darkness, lying, start_state
 from viewer.window.view_settings import ViewSettings
 from viewer.window.work import Work
 
@@ -88,6 +89,7 @@ class Session:
         self.paths: tuple[Path, ...] = ()
         self.preview = self.lost = False
         self._inside = False  # whether the visit began standing in the scan
+        self._seen: Survey | None = None
         self.dragging_handle = False
         self.help, self.interface, self.profiler = False, True, False
         self.panels = Panels()
@@ -209,6 +211,8 @@ class Session:
     def advance(self) -> bool:
         """Lets time pass since the last call.  Returns whether anything visible changed."""
         moved, expired = self.flight.advance(), self.notices.expire()
+        if self.flight.set_up(self.document.up):
+            self.picture.renew()
         self.picture.dirty |= moved
         return moved or expired
 
@@ -305,6 +309,15 @@ class Session:
             self.loads.open(self.paths, as_scanned=True)
         elif action == "open_fully":
             self.loads.open(self.paths)
+        elif action == "brighten" and self._seen is not None:
+            look = replace(self.document.look, exposure=brightening(self._seen))
+            self.work.edit("Brighten the dark scan", look=look)
+            self.picture.renew()
+        elif action.startswith("up ") and self._seen is not None and self.scene is not None:
+            name = action.removeprefix("up ")
+            self.work.edit(f"Up axis {name}", up=UP_AXES[name])
+            self.flight.begin(start_state(self.scene, self._seen, self._aspect, UP_AXES[name]), self._seen)
+            self.picture.renew()
 
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
@@ -321,7 +334,7 @@ class Session:
         if stays and loaded.follows_preview and self.flight.at_home and not self._inside:
             stays = standing_view(loaded.scene, loaded.seen) is None
         self._inside = stays and self._inside
-        self.scene, self.paths, self.preview = loaded.scene, loaded.paths, loaded.preview
+        self.scene, self.paths, self.preview, self._seen = loaded.scene, loaded.paths, loaded.preview, loaded.seen
         self._shown_at.clear()
         self.point = None
         document = self.work.document if stays and not self.work.opens_project else self.work.accept()
@@ -330,13 +343,12 @@ class Session:
         if stays:
             self.flight.continue_in(loaded.seen)
         else:
-            width, height = self.size if min(self.size) > 0 else (16, 9)
-            state, start = start_state(loaded.scene, loaded.seen, width / height), self._start
+            state, start = start_state(loaded.scene, loaded.seen, self._aspect, document.up), self._start
             if start is not None:
-                state, self._start = looking(start.position, start.view_rotation[2], state.speed), None
+                state, self._start = looking(start.position, start.view_rotation[2], state.speed, state.upright), None
             if document.view is not None:
                 seen_from = document.view.camera(16, 9)
-                state = looking(seen_from.position, seen_from.view_rotation[2], state.speed)
+                state = looking(seen_from.position, seen_from.view_rotation[2], state.speed, state.upright)
                 self.view_settings.request(document.settings)
                 self.view_settings.background = document.background
             self._inside = standing_view(loaded.scene, loaded.seen) is not None
@@ -346,10 +358,16 @@ class Session:
         if loaded.preview:
             return
         self.notices.of_scan = loading.scan_notices(loaded.scene.meta)
-        if dark := darkness(loaded.seen):
-            self.notices.of_scan.append(dark)
+        offers = darkness(loaded.seen), lying(loaded.seen, document.up)
+        self.notices.of_scan += [offer for offer in offers if offer is not None]
         for notice in self.notices.of_scan[:2]:
             self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
+
+    @property
+    def _aspect(self) -> float:
+        """Width over height of the picture."""
+        width, height = self.size if min(self.size) > 0 else (16, 9)
+        return width / height
 
     def close_scene(self) -> None:
         """Back to the start page.  The viewport must release its renderer before."""

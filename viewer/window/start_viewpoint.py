@@ -1,9 +1,11 @@
 """The start viewpoint: standing inside where the scan surrounds the eye, else looking at the whole of it from outside.
 
-Frame: file coordinates, world up = +z, file units; ``metre`` is file units per metre (taken as 1 where the file does
-not say).  Works on a few hundred thousand points of the coarse layers, which are a uniform subsample.
+Frame: file coordinates and units; world up = +z unless a person called another direction up.  ``metre`` is file units per metre
+(taken as 1 where the file does not say).  Works on a few hundred thousand points of the coarse layers, a uniform
+subsample.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,6 +13,7 @@ import numpy as np
 
 from viewer.camera import Camera, from_fov
 from viewer.tools.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
+from viewer.tools.up_axis import Z_UP, turned, up_axis_offer, upright_axes
 from viewer.window.framing import from_outside
 from viewer.window.navigation import FlyState, looking
 from viewer.window.notices import ScanNotice
@@ -18,7 +21,12 @@ from viewer.window.notices import ScanNotice
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
-_DARK = 0.22  # median level below which a scan counts as dark
+_DARK = 0.22
+"""Median level, 0 to 1, below which a scan counts as dark; chosen by eye on the scans at hand."""
+_MIDDLE = 0.4
+"""Median level that brightening aims at: a little below a photographer's grey card (18 % linear, 0.46), for highlights."""
+_MOST_STOPS = 3.0
+"""More shows noise only."""
 _CROSSING = 12.0  # seconds to fly across the scene
 
 
@@ -41,19 +49,38 @@ def darkness(seen: Survey) -> ScanNotice | None:
     """A notice about a scan whose points are dark, else None."""
     if seen.brightness >= _DARK:
         return None
-    return ScanNotice(f"This scan is dark: half of its points are below {100 * seen.brightness:.0f} % of full brightness.")
+    text = f"This scan is dark: half of its points are below {100 * seen.brightness:.0f} % of full brightness."
+    return ScanNotice(text, "brighten", "Brighten")
 
 
-def start_state(scene: "Scene", seen: Survey, aspect: float) -> FlyState:
+def brightening(seen: Survey) -> float:
+    """Stops of exposure, 0 to _MOST_STOPS in steps of a quarter, that bring the median level of a dark scan to _MIDDLE."""
+    levels = np.array([max(seen.brightness, 1 / 255), _MIDDLE])
+    linear = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)  # sRGB, IEC 61966-2-1
+    return float(np.clip(np.round(4 * np.log2(linear[1] / linear[0])) / 4, 0.0, _MOST_STOPS))
+
+
+def lying(seen: Survey, up: Sequence[float]) -> ScanNotice | None:
+    """A notice about a scan that seems to lie on its side while ``up`` (3,) is up, else None."""
+    name = up_axis_offer(seen) if tuple(up) == Z_UP else None
+    if name is None:
+        return None
+    text = f"This scan seems to lie on its side: {name} looks like up (Scene has the other axes)."
+    return ScanNotice(text, f"up {name}", f"Call {name} up")
+
+
+def start_state(scene: "Scene", seen: Survey, aspect: float, up: Sequence[float] = Z_UP) -> FlyState:
     """At a scanner or at eye height where the scan surrounds that place, else outside with everything in view.
 
-    aspect: width over height of the picture.
+    aspect: width over height of the picture.  up: (3,) unit vector, file coordinates.
     """
-    view = standing_view(scene, seen)
+    upright = upright_axes(up)
+    view = standing_view(scene, seen, upright)
     if view is not None:
         walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
-        return looking(*view, walking)
-    return from_outside(seen, aspect, seen.speed)
+        return looking(*view, walking, upright)
+    state = from_outside(turned(seen, upright), aspect, seen.speed)
+    return looking(upright @ state.position, upright @ state.forward, state.speed, upright)
 
 
 def start_camera(scene: "Scene", width: int, height: int) -> Camera:

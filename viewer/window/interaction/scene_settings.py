@@ -31,7 +31,7 @@ class SceneSettings(Tool):
                     context.renew_picture()
             ui.end_combo()
         if ui.is_item_hovered():
-            ui.set_tooltip("for heights, level slabs and turning clips")
+            ui.set_tooltip("for flying, heights, level slabs and turning clips")
         self._units(ui, context)
         ui.separator()
         work = context.session.work
