@@ -1,4 +1,4 @@
-"""Hole or background: the opacity of each empty pixel.  Reference implementation of the passes of ``surround_*.comp``.
+"""Hole or background: the opacity of each empty pixel.  Reference implementation of the passes of ``hole_*.comp``.
 
 A small gap is a hole where, in blocks of 2 or 4 pixels, of each two consecutive neighbours in the ring of eight at least one
 holds a measured pixel.  A larger gap is a hole where measured pixels exist in all 16 directions within a radius: in each

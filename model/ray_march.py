@@ -1,4 +1,4 @@
-"""Ray marching of empty pixels through a lattice of occupied blocks: reference implementation of ``surround_march.comp``.
+"""Ray marching of empty pixels through a lattice of occupied blocks: reference implementation of ``hole_march.comp``.
 
 One ray for each square of RAY_BLOCK pixels, through its centre.  Computed in float32, in the shader's order, so that both
 agree to the bit.

@@ -6,7 +6,7 @@ surface as it looks from none of them.  Weights by the angle between the two ray
 move with the camera.  This needs the scanner positions, which E57 files store and LAS and PLY files do not; without them all
 points have the same weight.
 
-Reference implementation of ``shaders/common_stations.glsl`` and ``shaders/trust.comp``, bit-identical in float32.
+Reference implementation of ``shaders/common_stations.glsl`` and ``shaders/confidence.comp``, bit-identical in float32.
 """
 
 import torch

@@ -17,7 +17,7 @@ vec4 background(vec4 features) {
 #ifdef BASE
 uniform sampler2D raw;
 uniform sampler2D depth;
-uniform sampler2D mask;       // the keep-mask, or how far each pixel of it is trusted
+uniform sampler2D mask;       // the keep-mask, or the confidence of each pixel
 uniform float feature_scale;  // 1 / (focal length in pixels x point spacing)
 #ifdef NOISE
 uniform sampler2D noise;      // 0 where nothing is measured

@@ -1,7 +1,7 @@
-// WEIGHED: what a point counts, by how nearly its scanner looked the way the eye looks.  Twin: model/station_weights.py.
+// WEIGHTED: what a point counts, by how nearly its scanner looked the way the eye looks.  Twin: model/station_weights.py.
 // View frame, the eye at its origin.  Nothing may be fused or reordered: hence precise.
 
-#ifdef WEIGHED
+#ifdef WEIGHTED
 layout(std140, binding = STATIONS_BINDING) uniform Stations { vec4 stations[256]; };  // view position; w: 1 where known
 
 uint point_weight(vec3 at, uint word) {

@@ -1,4 +1,4 @@
-// Pull-push fill, level 0: the filled picture, as opaque as surround_holes.comp found each pixel, and all of it in directions
+// Pull-push fill, level 0: the filled picture, as opaque as hole_coverage.comp found each pixel, and all of it in directions
 // that the scan encloses (viewer/render/enclosed_directions.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input:
 // eight half-precision channels a pixel (channels last): filled RGB, keep-mask or confidence, filled depth feature, filled noise
 // level (NOISE; else 0), 1 where the network may not open what is filled (SEALED, or far inside what is covered), 1 - alpha.
@@ -10,7 +10,7 @@ layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
 uniform sampler2D whole_weight;
-uniform usampler2D holes;         // as surround_holes.comp leaves them
+uniform usampler2D holes;         // as hole_coverage.comp leaves them
 #ifndef ALIKE
 uniform isampler2D closed;        // what each direction is, 0 where void: six cube faces one above the other
 uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes

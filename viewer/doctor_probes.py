@@ -28,6 +28,8 @@ def item(name: str, status: str, value: str, remedy: str = "") -> dict:
 
 
 def _probe_opengl() -> list[dict]:
+    from moderngl import Error as OpenGLError
+
     from viewer.render.context import create_context, describe_device
 
     remedy = "install the GPU's driver, or Mesa's software one: apt install libegl1 libgl1-mesa-dri"
@@ -40,7 +42,7 @@ def _probe_opengl() -> list[dict]:
     try:
         passed = compute_works(context)
         problem = "the self-test's compute pass gave wrong numbers"
-    except Exception as error:
+    except (PointglassError, OpenGLError) as error:
         passed, problem = False, f"the self-test failed: {' '.join(str(error).split())}"
     limits = (
         f"pictures up to {device.texture_limit} pixels a side, {device.storage_limit / 2**20:.0f} MiB a storage "
@@ -53,7 +55,20 @@ def _probe_opengl() -> list[dict]:
         remedy = "pictures are right but slow; if this machine has a GPU, install its driver"
     else:
         status, value, remedy = "ok", f"{what}; self-test passed", ""
-    return [item("OpenGL", status, value, remedy), item("limits", "ok", limits)]
+    return [item("OpenGL", status, value, remedy), item("limits", "ok", limits), _gpu_memory(context)]
+
+
+def _gpu_memory(context: "moderngl.Context") -> dict:
+    """Free memory of the device that draws, what says so, and how much of it the points of a scan may take."""
+    from viewer.render.gpu_memory import free_memory, point_budget
+
+    memory, (budget, source) = free_memory(context), point_budget(context)
+    free = "unknown" if memory.free is None else f"{memory.free / GB:.1f} GB"
+    total = "" if memory.total is None else f" of {memory.total / GB:.1f} GB"
+    value = f"{free}{total} free ({memory.source}); for points at most {budget / GB:.1f} GB: {source}"
+    if memory.free is not None:
+        return item("GPU memory", "ok", value)
+    return item("GPU memory", "warn", value, "raise the limit for large scans with --gpu-memory")
 
 
 def compute_works(context: "moderngl.Context") -> bool:
@@ -163,7 +178,10 @@ def interop_item(programs: "Programs") -> dict:
     Making a bridge runs the test: a pattern written by OpenGL, changed by torch, read by OpenGL.
     """
     from viewer.render.cuda_bridge import MAPPERS, CudaBridge
+    from viewer.render.match_device import use_matching_device
 
+    matched = use_matching_device(programs.context)
+    where = "" if matched.index is None else f"; {matched.how}"
     found: dict[str, str | None] = {}
     for name in MAPPERS:
         try:
@@ -173,26 +191,12 @@ def interop_item(programs: "Programs") -> dict:
             found[name] = str(error)
     works = [name for name, problem in found.items() if problem is None]
     broken = list(dict.fromkeys(problem for problem in found.values() if problem is not None))  # both may say the same
-    where = _gl_cuda_device()
     if not works:
         return item("interop", "warn", "; ".join(broken) + where, "frames are copied through memory, which is right but slower")
     value = f"OpenGL buffers are mapped into CUDA by {works[0]}, nothing is copied; self-test passed{where}"
     if broken:
         return item("interop", "ok", f"{value}; not by the other: {'; '.join(broken)}")
     return item("interop", "ok", f"{value}; {' and '.join(works[1:])} would do too" if works[1:] else value)
-
-
-def _gl_cuda_device() -> str:
-    """Which EGL device is torch's CUDA device, where there is a choice."""
-    from viewer.render.egl import cuda_numbers, current_cuda_number, matching_device
-
-    numbers = cuda_numbers()
-    if len(numbers) < 2:
-        return ""
-    chosen = matching_device()
-    return f"; CUDA device {current_cuda_number()} is " + (
-        "none that EGL knows for certain" if chosen is None else f"EGL device {chosen} of {len(numbers)}"
-    )
 
 
 PROBES: dict[str, Callable[[], list[dict]]] = {

@@ -97,7 +97,7 @@ def sources(context, monkeypatch) -> dict[str, str]:
     from model.soft_z import MOST_AVERAGED
     from model.station_constants import HEAVIEST, UNPLACED
 
-    weights = {"WEIGHED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED, "WIDE_SUMS": 1}
+    weights = {"WEIGHTED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED, "WIDE_SUMS": 1}
     noted("raster_colour.comp", {"LANES": 128, "ROWS": 8, "APPENDED": 1, **weights})
     noted("raster_points_colour.frag", weights)
     for carried in (None, 1):

@@ -228,7 +228,8 @@ def install(monkeypatch, driver: Driver, *, core: bool = True, bindings: bool = 
         yield
 
     for name, value in {"Stream": Stream, "Event": Event, "stream": stream, "default_stream": lambda: None,
-                        "current_device": lambda: 0}.items():
+                        "current_device": lambda: 0, "device_count": lambda: 4, "set_device": lambda index: None,
+                        "get_device_properties": lambda index: types.SimpleNamespace(name=f"GPU {index}")}.items():
         monkeypatch.setattr(torch.cuda, name, value)
     monkeypatch.setattr("viewer.render.cuda_bridge.as_tensor", host_tensor)
 

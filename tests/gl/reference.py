@@ -12,8 +12,8 @@ from model.projection import Raster, SoftZ, network_input, pixels, rasterise, un
 from model.ray_march import march, rays_of, sparse_depth
 from model.station_weights import station_weights
 from viewer.render.cull import Culler
-from viewer.render.enclosed_directions import OPEN, Directions, Surroundings, cell_of
-from viewer.render.stations import Places, weighs
+from viewer.render.enclosed_directions import OPEN, Directions, Enclosure, cell_of
+from viewer.render.stations import ScannerPositions, uses_station_weights
 
 
 @dataclass
@@ -44,7 +44,7 @@ def rays_met(around: Directions, camera) -> torch.Tensor | None:
 
 def directions(scene, camera) -> np.ndarray:
     """(H, W) int8: what the direction of each pixel is, OPEN, CLOSED or SEALED."""
-    return looked_up(Surroundings(scene).closed(camera.position), camera)
+    return looked_up(Enclosure(scene).closed(camera.position), camera)
 
 
 def reference_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
@@ -56,8 +56,8 @@ def reference_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
     x, y, z = view_points(steps, cells, torch.from_numpy(draw.cell_view), torch.from_numpy(draw.axes))
     soft = SoftZ.preset(settings.soft_z, scene.spacing, metre, unlit=scene.unlit)
     index, inside = pixels(x, y, z, camera, rounded=soft.rounded)
-    weight, places = None, Places(scene)
-    if weighs(settings, places):
+    weight, places = None, ScannerPositions(scene)
+    if uses_station_weights(settings, places):
         seen = places.seen_from(camera)
         where = torch.from_numpy(np.where(seen[:, 3:] > 0, seen[:, :3], np.nan))
         weight = station_weights(x[inside], y[inside], z[inside], station[inside], where)
@@ -67,7 +67,7 @@ def reference_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
     ) & (raster.count > 0)
     noise = pixel_noise(scene.noise, raster, camera, camera.view_rotation.T, camera.position)
     packed = network_input(raster, mask, camera.fx, scene.spacing, noise)
-    around = Surroundings(scene).around(camera.position)
+    around = Enclosure(scene).around(camera.position)
     met = rays_met(around, camera)
     alpha = np.where(looked_up(around.closed, camera) != OPEN, 1.0, coverage(mask, met).numpy()) * bool(mask.any())
     return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha, met)

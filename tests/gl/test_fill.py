@@ -149,8 +149,8 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
         twin, towards = reference_frame(scene, camera, settings), directions(scene, camera)
         mask = torch.from_numpy(twin.mask)
         sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(mask, twin.met).numpy())
-        (rasteriser,), around = renderer._rasterisers.values(), renderer._surroundings.around(camera.position)
-        colour, trusted = renderer._trusted(rasteriser, renderer._filter.mask)
+        (rasteriser,), around = renderer._rasterisers.values(), renderer._enclosure.around(camera.position)
+        colour, trusted = renderer._fill_input(rasteriser, renderer._filter.mask)
         for factor, limit in ((1e-7, 1), (1.0, 0), (1e7, -1)):
             spacing = factor * scene.spacing
             got = sent(context, renderer._fill, colour, trusted, rasteriser.depth,

@@ -4,6 +4,7 @@ import os
 import threading
 from dataclasses import replace
 
+import moderngl
 import numpy as np
 import pytest
 from paged import (
@@ -21,7 +22,7 @@ from paged import (
 )
 
 from viewer.errors import DeviceError, InputError
-from viewer.render.points import PointPages
+from viewer.render.points import LEAST_SLOTS, PointPages
 from viewer.render.shader import BATCH
 
 pytestmark = pytest.mark.gl
@@ -184,23 +185,33 @@ def test_a_budget_that_is_too_small_names_the_option(context):
         PointPages(context, replace(SCENE, points=np.zeros((1 << 20, 3), np.uint32)), 128 << 20, budget=5 << 20)
 
 
-class Short:
-    """A context whose device has memory for a few pages only."""
+class Refusing:
+    """A context whose device has ``memory`` bytes for buffers.  raises: moderngl raises for what it refuses, as it does where a
+    driver returns no buffer; else OpenGL reports GL_OUT_OF_MEMORY."""
 
-    def __init__(self, context, pages: int):
-        self._context, self._left, self.error = context, pages, "GL_NO_ERROR"
+    def __init__(self, context, memory: int, *, raises: bool = False):
+        self._context, self._memory, self._raises = context, memory, raises
+        self._made: list = []
+        self.error = "GL_NO_ERROR"
 
-    def buffer(self, **options):
-        self.error = "GL_NO_ERROR" if self._left else "GL_OUT_OF_MEMORY"
-        self._left -= 1
-        return self._context.buffer(**options)
+    def buffer(self, *, reserve: int, **options):
+        held = sum(buffer.size for buffer in self._made if not isinstance(buffer.mglo, moderngl.InvalidObject))
+        refused = held + reserve > self._memory
+        if refused and self._raises:
+            raise moderngl.Error("cannot create buffer")
+        self.error = "GL_OUT_OF_MEMORY" if refused else "GL_NO_ERROR"
+        self._made.append(self._context.buffer(reserve=reserve, **options))
+        return self._made[-1]
 
 
-@pytest.mark.parametrize("slots", [40.5, CHUNKS + 10])
-def test_a_device_with_less_memory_than_the_budget_gets_a_smaller_pool(context, slots):
-    pages = pages_of(Short(context, 3), slots=slots, software=False)
+@pytest.mark.parametrize("raises", [False, True])
+@pytest.mark.parametrize(("slots", "memory"), [(40.5, 30.0), (CHUNKS + 10, 30.0), (CHUNKS + 10, 17.0)])
+def test_refused_memory_halves_the_budget_and_every_point_is_still_drawn(context, caplog, slots, memory, raises):
+    pages = pages_of(Refusing(context, int(memory * CHUNK_BYTES), raises=raises), slots=slots, software=False)
     try:
-        assert pages.residency.slots == 27 and len(pages.buffers) == 3
+        assert LEAST_SLOTS <= pages.residency.slots <= memory and pages.short and pages.nbytes <= memory * CHUNK_BYTES
+        said = [record.message for record in caplog.records if "refused memory for points" in record.message]
+        assert said and all("continuing with" in line and "\n" not in line for line in said)
         first, count = draw_list(np.random.default_rng(5), 0.9)
         times = np.zeros(SCENE.count, int)
         for part in pages.prepare(first, count):
@@ -209,8 +220,13 @@ def test_a_device_with_less_memory_than_the_budget_gets_a_smaller_pool(context, 
         assert np.array_equal(times, expected(first, count))
     finally:
         pages.release()
-    with pytest.raises(DeviceError, match="no memory left for the points"):
-        pages_of(Short(context, 1), software=False)
+
+
+@pytest.mark.parametrize("raises", [False, True])
+def test_a_device_without_memory_for_the_least_is_refused_in_one_line(context, raises):
+    with pytest.raises(DeviceError, match="no memory left for the points") as raised:
+        pages_of(Refusing(context, 10 * CHUNK_BYTES, raises=raises), software=False)
+    assert "\n" not in str(raised.value) and raised.value.exit_code == 3
 
 
 def test_nothing_runs_on_once_released(context):

@@ -13,7 +13,7 @@ from model import reconstruct
 from viewer.errors import DeviceError
 from viewer.render import bridge, egl, neural
 from viewer.render.context import Device
-from viewer.render.cuda_bridge import CudaCallError, device_failure
+from viewer.render.device_failure import CudaCallError, DeviceMemoryError, device_failure
 from viewer.render.renderer import Renderer
 from viewer.settings import Settings
 
@@ -168,7 +168,10 @@ class CUDAError(Exception):
     DeviceError("already said"),
 ])  # fmt: skip
 def test_a_failed_device_is_one_line_with_a_remedy(error):
-    said = device_failure(error)
+    failure = device_failure(error)
+    assert failure is not None and failure.exit_code == 3
+    said = str(failure)
+    assert isinstance(failure, DeviceMemoryError) == isinstance(error, torch.OutOfMemoryError)
     assert said and "\n" not in said
     assert isinstance(error, DeviceError) or "--device cpu" in said or "smaller" in said
 
@@ -220,7 +223,7 @@ def test_a_stage_is_made_anew_for_what_it_is_made_of_and_kept_otherwise(monkeypa
     """One after the other: each of these settings changes the network or where it runs, the others do not."""
     there, made = [], []
 
-    def stage(_programs, _size, *key):
+    def stage(_programs, _size, *key, background):
         made.append(key)
         there.append(key)
         return SimpleNamespace(key=key, release=lambda: there.remove(key))
@@ -231,7 +234,7 @@ def test_a_stage_is_made_anew_for_what_it_is_made_of_and_kept_otherwise(monkeypa
     others = [{"quality": "best"}, {"filter": "off"}, {"weights": "own.safetensors"}, {"precision": "fp32"}, {"device": "auto"}]
     for settings in (plain, *(replace(plain, **other) for other in others)):
         for same in (settings, replace(settings, filter_strength=2.0, lod=1.0)):
-            assert Renderer._neural_for(renderer, same) is renderer._neural  # type: ignore[arg-type]
+            assert Renderer._neural_for(renderer, same, background=False) is renderer._neural  # type: ignore[arg-type]
             assert there == [renderer._neural.key]
     device, filtered = [key[-1] for key in made], [key[1] for key in made]
     assert len(made) == len(set(made)) == 6

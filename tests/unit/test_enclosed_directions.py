@@ -8,7 +8,7 @@ import pytest
 from viewer.camera import Camera, look_at
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.render import enclosed_directions as void
-from viewer.render.enclosed_directions import CLOSED, OPEN, SEALED, SIDE, Surroundings, cell_of, closed_in_view
+from viewer.render.enclosed_directions import CLOSED, OPEN, SEALED, SIDE, Enclosure, cell_of, closed_in_view
 
 
 def closed_plainly(points: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def test_what_is_seen_from_outside_is_left_to_the_picture(seed):
     parts = [(40_000, (0, 0, 0), (4, 2, 0.1)), (20_000, (0.2, 0.8, 0), (0.6, 1.2, 3)), (20_000, (3.4, 0.8, 0), (3.8, 1.2, 3)),
              (20_000, (0.2, 0.8, 2.8), (3.8, 1.2, 3))]  # fmt: skip
     points = np.concatenate([rng.uniform(low, high, (count, 3)) for count, low, high in parts])
-    scene = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
+    scene = Enclosure(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
     for eye in ((2.0, -5.0, 1.6), (-3.0, -3.0, 4.0), (2.0, 1.0, 12.0)):
         assert (scene.closed(np.array(eye)) == OPEN).all()
 
@@ -84,7 +84,7 @@ def test_what_is_seen_from_outside_is_left_to_the_picture(seed):
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
 def test_the_compiled_loop_closes_what_numpy_does(seed, scale):
     rng = np.random.default_rng(seed)
-    surroundings = Surroundings(scene_from_arrays(rng.normal(size=(500, 3)) * scale, np.zeros((500, 3), np.uint8)))
+    surroundings = Enclosure(scene_from_arrays(rng.normal(size=(500, 3)) * scale, np.zeros((500, 3), np.uint8)))
     for count in (0, 1, 30, 3000):
         points = rng.normal(size=(count, 3)) * scale * rng.uniform(0.1, 3, (count, 1))
         points[: count // 3] = np.round(points[: count // 3] / scale) * scale  # on axes, diagonals, and in the eye itself
@@ -113,7 +113,7 @@ def test_what_is_near_is_looked_at_point_by_point_in_a_large_scan(seed, monkeypa
     points = floor_of_rooms(rng, 12)
     scene = scene_from_arrays(points, np.zeros(points.shape, np.uint8))
     monkeypatch.setattr(void, "_SAMPLES", 300)
-    large = Surroundings(scene)
+    large = Enclosure(scene)
     assert len(large._near) > 300 >= len(large._blocks) and large._first[-1] == len(large._near)
     eyes = [np.array([7.0 * room + 3.0, 2.5, 1.5]) for room in (0, 5, 11)]
     assert all((large.closed(eye) == SEALED).all() for eye in eyes)
@@ -138,7 +138,7 @@ def test_what_the_tripod_hid_is_closed_as_a_whole_however_low_the_eye(seed, heig
     """A disc without points in the floor, 1.4 m around the station, seen from above it and from beside."""
     points = walls(np.random.default_rng(seed))
     points = points[(points[:, 2] > 0) | (np.hypot(points[:, 0] - 3, points[:, 1] - 2.5) > 1.4)]
-    surroundings = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
+    surroundings = Enclosure(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
     for eye in ((3.0, 2.5, height), (3.7, 2.1, height)):
         assert (surroundings.closed(np.array(eye)) == SEALED).all()
 
@@ -147,7 +147,7 @@ def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
     """Four walls without a roof: what is not wall or floor is sky, none of it closed, though a walk from its middle meets all
     four walls."""
     points = walls(np.random.default_rng(seed), roof=False)
-    surroundings = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
+    surroundings = Enclosure(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
     eye = np.array([3.0, 2.5, 1.5])
     closed = surroundings.closed(eye).ravel()
     up = np.flatnonzero(void._centres()[:, 2] > np.cos(np.radians(50)))  # the walls reach to 53 degrees from the zenith
@@ -167,7 +167,7 @@ def test_what_one_sees_between_things_without_ground_is_not_cut_at_the_horizon(s
     floor = rng.uniform(-1, 1, (9_000, 3)) * (1, 1, 0) - (0, 0, 1.5)
     roof = rng.uniform(-4, 4, (9_000, 3)) * (1, 1, 0) + (0, 0, 4)
     points = np.concatenate([points, floor, roof])
-    closed = Surroundings(scene_from_arrays(points, np.zeros(points.shape, np.uint8))).closed(np.zeros(3)).ravel()
+    closed = Enclosure(scene_from_arrays(points, np.zeros(points.shape, np.uint8))).closed(np.zeros(3)).ravel()
     below = void._centres()[:, 2] < 0
     assert not (closed == SEALED).any() and (closed[below] == CLOSED).any()
 

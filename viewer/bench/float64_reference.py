@@ -21,7 +21,7 @@ def reference_frame(scene: "Scene", camera: "Camera", settings: "Settings", metr
 
     from model.projection import SoftZ, frame, network_input, pixels, unpack_points, view_points
     from model.station_weights import station_weights
-    from viewer.render.stations import Places, weighs
+    from viewer.render.stations import ScannerPositions, uses_station_weights
 
     soft = SoftZ.preset(settings.soft_z, scene.spacing, metre, unlit=scene.unlit)
     corners = scene.cell_min - camera.position + 0.5 * scene.step
@@ -37,7 +37,7 @@ def reference_frame(scene: "Scene", camera: "Camera", settings: "Settings", metr
         found.append((index, z[inside], rgb[inside], x[inside], y[inside], station[inside]))
     index, z, rgb, x, y, station = (torch.cat(part) for part in zip(*found, strict=True))
     weight = None
-    if weighs(settings, Places(scene)):
+    if uses_station_weights(settings, ScannerPositions(scene)):
         places = torch.from_numpy((scene.station_places - camera.position) @ camera.view_rotation.T)
         weight = station_weights(x, y, z, station, places)
     raster, mask = frame(index, z, rgb, camera, soft, preset=settings.filter, strength=settings.filter_strength,

@@ -6,13 +6,15 @@ torch's: mapping waits for what OpenGL was told before it, unmapping makes OpenG
 """
 
 import contextlib
-import re
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from model.network_layout import PACKED_IN, PACKED_OUT
 from viewer.errors import DeviceError
 from viewer.render.bridge import Network, works
 from viewer.render.context import unshared
+from viewer.render.cuda_mappers import MAPPERS, Mapper
+from viewer.render.device_failure import CudaCallError, first_line
+from viewer.render.match_device import other_gpu
 
 if TYPE_CHECKING:
     import moderngl
@@ -22,112 +24,6 @@ if TYPE_CHECKING:
 
 ALIGNMENT = 256
 """Bytes: what OpenGL may ask at most of a part's offset in a storage buffer."""
-_OF_DEVICE = re.compile(
-    r"CUDA( driver)? error|CUDA out of memory|cuDNN error|CUDNN_STATUS|CUBLAS_STATUS|cudaError|CUDA_ERROR"
-    r"|unable to find an engine"  # cuDNN's, on a device too old for it or short of memory
-)
-
-
-def device_failure(error: BaseException) -> str | None:
-    """One line for a person where an error came from the CUDA device or its memory; None for any other error (a bug)."""
-    if isinstance(error, DeviceError):
-        return str(error)
-    name, said = type(error).__name__, first_line(error)
-    if name == "OutOfMemoryError":
-        return f"the GPU has not enough memory left for the network ({said}); choose a smaller size or --quality fast"
-    if name in ("AcceleratorError", "CUDAError", "CudaCallError") or (
-        isinstance(error, RuntimeError) and _OF_DEVICE.search(said)
-    ):
-        return f"the GPU failed while the network ran ({said}); start again, or use --device cpu"
-    return None
-
-
-def first_line(error: BaseException) -> str:
-    """What an error says, without the lines of advice that CUDA's come with."""
-    lines = str(error).strip().splitlines()
-    return lines[0].strip() if lines else type(error).__name__
-
-
-class CudaCallError(RuntimeError):
-    """A call of cuda.bindings that did not return cudaSuccess."""
-
-
-class Mapper(Protocol):
-    """One OpenGL buffer registered with CUDA."""
-
-    def __init__(self, buffer: int, stream: "torch.cuda.Stream"): ...
-
-    def map(self) -> tuple[int, int]:
-        """Hands the buffer to CUDA, on the stream: device address and bytes."""
-        ...
-
-    def unmap(self) -> None:
-        """Hands it back to OpenGL, on the stream."""
-        ...
-
-    def close(self) -> None: ...
-
-
-class CoreMapper:
-    """By cuda.core's GraphicsResource (cuda-core >= 0.7)."""
-
-    def __init__(self, buffer: int, stream: "torch.cuda.Stream"):
-        from cuda.core import Device, GraphicsResource  # type: ignore[import-not-found]
-
-        device = Device(stream.device_index)
-        device.set_current()  # the primary context, which is torch's
-        self._stream = device.create_stream(_ForeignStream(stream))
-        self._resource = GraphicsResource.from_gl_buffer(buffer)
-
-    def map(self) -> tuple[int, int]:
-        mapped = self._resource.map(stream=self._stream)
-        return int(mapped.handle), int(mapped.size)
-
-    def unmap(self) -> None:
-        self._resource.unmap()
-
-    def close(self) -> None:
-        self._resource.close()
-
-
-class BindingsMapper:
-    """By the CUDA runtime through cuda.bindings, whose calls return their status first."""
-
-    def __init__(self, buffer: int, stream: "torch.cuda.Stream"):
-        from cuda.bindings import runtime  # type: ignore[import-not-found]
-
-        self._runtime, self._stream = runtime, stream.cuda_stream
-        (self._resource,) = self._call("cudaGraphicsGLRegisterBuffer", buffer, 0)
-        if not int(self._resource):  # cuda-bindings 12.9.3
-            raise CudaCallError("cudaGraphicsGLRegisterBuffer reported success and gave no handle; update cuda-bindings")
-
-    def _call(self, name: str, *arguments) -> list:
-        status, *made = getattr(self._runtime, name)(*arguments)
-        if int(status) != 0:
-            _, text = self._runtime.cudaGetErrorString(status)
-            raise CudaCallError(f"{name}: {text.decode() if isinstance(text, bytes) else text} ({int(status)})")
-        return made
-
-    def map(self) -> tuple[int, int]:
-        self._call("cudaGraphicsMapResources", 1, self._resource, self._stream)
-        try:
-            pointer, size = self._call("cudaGraphicsResourceGetMappedPointer", self._resource)
-        except CudaCallError:
-            self.unmap()
-            raise
-        return int(pointer), int(size)
-
-    def unmap(self) -> None:
-        self._call("cudaGraphicsUnmapResources", 1, self._resource, self._stream)
-
-    def close(self) -> None:
-        if self._resource is not None:
-            resource, self._resource = self._resource, None
-            self._call("cudaGraphicsUnregisterResource", resource)
-
-
-MAPPERS: dict[str, type[Mapper]] = {"cuda.core": CoreMapper, "cuda.bindings": BindingsMapper}
-"""In the order they are tried."""
 
 
 class Region:
@@ -203,7 +99,7 @@ class CudaBridge:
             self.release()
             raise
         self.release()
-        raise DeviceError(f"OpenGL's buffers cannot be mapped into CUDA here ({'; '.join(tried)}{other_gpu()})")
+        raise DeviceError(f"OpenGL's buffers cannot be mapped into CUDA here ({'; '.join(tried)}{other_gpu(programs.context)})")
 
     def _try(self, name: str, programs: "Programs") -> str | None:
         """Registers the buffer by one library and tests it: the problem, or None where it works and is kept."""
@@ -276,16 +172,6 @@ class CudaBridge:
         self._buffer.release()
 
 
-class _ForeignStream:
-    """torch's stream in the form cuda.core takes foreign streams; keeps it alive."""
-
-    def __init__(self, stream: "torch.cuda.Stream"):
-        self._stream = stream
-
-    def __cuda_stream__(self) -> tuple[int, int]:
-        return 0, int(self._stream.cuda_stream)
-
-
 class _DeviceMemory:
     """Device memory as an array that torch reads without copying."""
 
@@ -301,22 +187,3 @@ def as_tensor(pointer: int, shape: tuple[int, ...]) -> "torch.Tensor":
     if made.data_ptr() != pointer:
         raise CudaCallError("torch copied the mapped pixels instead of using them in place")
     return made
-
-
-def other_gpu() -> str:
-    """What to add to a failure: that OpenGL draws on another GPU than torch computes on, where CUDA can tell; else nothing."""
-    import torch
-
-    try:
-        from cuda.bindings import runtime  # type: ignore[import-not-found]
-
-        status, count, devices = runtime.cudaGLGetDevices(16, runtime.cudaGLDeviceList.cudaGLDeviceListAll)
-        mine = torch.cuda.current_device()
-        if int(status) != 0:
-            return "; CUDA knows no GPU of this OpenGL context"
-        drawing = [int(device) for device in devices[: int(count)]]
-        if mine not in drawing:
-            return f"; OpenGL draws on CUDA device {drawing}, torch computes on {mine}: set CUDA_VISIBLE_DEVICES"
-    except Exception:
-        return ""
-    return ""

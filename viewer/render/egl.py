@@ -11,8 +11,9 @@ import sys
 from typing import Protocol
 
 EXTENSION = "EGL_NV_device_cuda"
-_EXTENSIONS, _CUDA_DEVICE_NV = 0x3055, 0x323A
+_EXTENSIONS, _CUDA_DEVICE_NV, _DEVICE_EXT = 0x3055, 0x323A, 0x322C  # names of the EGL headers
 _MOST = 64
+"""EGL devices that are looked at."""
 
 
 class Devices(Protocol):
@@ -41,7 +42,16 @@ class EglDevices:
         pointer, number = ctypes.c_void_p, ctypes.c_int
         self._list = function("eglQueryDevicesEXT", ctypes.c_uint, number, ctypes.POINTER(pointer), ctypes.POINTER(number))
         self._string = function("eglQueryDeviceStringEXT", ctypes.c_char_p, pointer, number)
+        self._current_display = function("eglGetCurrentDisplay", pointer)
+        self._display_attribute = function("eglQueryDisplayAttribEXT", ctypes.c_uint, pointer, number,
+                                           ctypes.POINTER(ctypes.c_ssize_t))
         self._attribute = function("eglQueryDeviceAttribEXT", ctypes.c_uint, pointer, number, ctypes.POINTER(ctypes.c_ssize_t))
+
+    def of_current_display(self) -> int | None:
+        """The device of the display that is current on this thread, None where there is none."""
+        display = self._current_display()
+        value = ctypes.c_ssize_t(0)
+        return value.value if display and self._display_attribute(display, _DEVICE_EXT, ctypes.byref(value)) else None
 
     def all(self) -> list[int]:
         found, count = (ctypes.c_void_p * _MOST)(), ctypes.c_int()
@@ -68,6 +78,16 @@ def cuda_numbers(devices: Devices | None = None) -> list[int | None]:
         return found
     except (OSError, AttributeError):
         return []
+
+
+def current_cuda_device(devices: "EglDevices | None" = None) -> int | None:
+    """CUDA number of the EGL device that the current context draws on; None without EGL or such a number."""
+    try:
+        devices = devices or EglDevices()
+        device = devices.of_current_display()
+        return devices.cuda(device) if device and EXTENSION in devices.extensions(device).split() else None
+    except (OSError, AttributeError):
+        return None
 
 
 def current_cuda_number() -> int:

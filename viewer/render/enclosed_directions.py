@@ -214,7 +214,7 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
 def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
     """What all directions of a picture are; None where they differ.
 
-    closed: (6 * SIDE, SIDE) of Surroundings.  Looks at every cell that a pixel's ray could fall into, and some more.
+    closed: (6 * SIDE, SIDE) of Enclosure.  Looks at every cell that a pixel's ray could fall into, and some more.
     """
     across = max(camera.cx, camera.width - camera.cx) / camera.fx
     along = max(camera.cy, camera.height - camera.cy) / camera.fy
@@ -232,7 +232,7 @@ class Directions:
     occupancy: Occupancy | None = None
 
 
-class Surroundings:
+class Enclosure:
     """A thinned skeleton of a scene, and the directions it closes as seen from anywhere."""
 
     def __init__(self, scene: "Scene"):

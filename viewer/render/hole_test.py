@@ -33,7 +33,7 @@ _RAY_LEVELS = int(log2(RAY_BLOCK))
 
 class Surround:
     """Owns the textures for one picture size; ``run`` writes ``holes``: of each cell of 4x4 pixels a byte for every pixel, how
-    opaque it is to be (see ``shaders/surround_holes.comp``).
+    opaque it is to be (see ``shaders/hole_coverage.comp``).
 
     weights: of the fill's pyramid, written before each ``run``: of blocks of 2x2 pixels, of 4x4, and so on.
     """
@@ -46,16 +46,16 @@ class Surround:
         self.holes = context.texture(cells, 4, dtype="u4")
         self._rows, self._around = (context.texture(cells, 1, dtype="f2") for _ in range(2))
         self._inputs = {"blocks": weights[0], "around": self._around} | ({"cells": weights[1]} if blocks == 2 else {})
-        self._holes = programs.compute("surround_holes.comp", BLOCKS=blocks, KERNEL_SUM=KERNEL_SUM,
+        self._holes = programs.compute("hole_coverage.comp", BLOCKS=blocks, KERNEL_SUM=KERNEL_SUM,
                                        BACKGROUND_BELOW=BACKGROUND_BELOW, COVER_SLOPE=COVER_SLOPE)
         self._owned, self._windows = [self.holes, self._rows, self._around], []
         half = (len(KERNEL) + 1) // 2
         self._smooth_rows = [
-            programs.compute("surround_smooth.comp", ROWS=1, SIDE=half, AROUND=1 if self._strides else None, MARCHED=marched,
+            programs.compute("hole_smooth.comp", ROWS=1, SIDE=half, AROUND=1 if self._strides else None, MARCHED=marched,
                              RAY_SHIFT=_RAY_LEVELS - FINE_LEVELS, TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE)
             for marched in (None, 1)
         ]
-        self._smooth = programs.compute("surround_smooth.comp", SIDE=half)
+        self._smooth = programs.compute("hole_smooth.comp", SIDE=half)
         self._rays: Rays | None = None
         if not self._strides:
             return
@@ -63,8 +63,8 @@ class Surround:
         self._seen = context.texture(cells, 1, dtype="u4")
         self._between = context.texture(cells, 1, dtype="f1")  # where one pass is not enough: of one cell to five, no other
         self._owned += [*self._windows[1:], self._seen, self._between]
-        self._widen = programs.compute("surround_widen.comp")
-        self._look = [programs.compute("surround_look.comp", FIRST=first) for first in (1, None)]
+        self._widen = programs.compute("hole_dilate.comp")
+        self._look = [programs.compute("hole_directions.comp", FIRST=first) for first in (1, None)]
 
     def run(self, camera: "Camera", occupancy: "Occupancy | None") -> None:
         """Writes ``holes``.  occupancy: what rays are tested against; None: the picture decides alone."""
@@ -117,7 +117,7 @@ class Rays:
         self._codes: moderngl.Texture3D | None = None
         self._of: Occupancy | None = None
         self._march = programs.compute(
-            "surround_march.comp", RAY_BLOCK=RAY_BLOCK, STEP=ray_march.STEP, START=ray_march.START,
+            "hole_march.comp", RAY_BLOCK=RAY_BLOCK, STEP=ray_march.STEP, START=ray_march.START,
             START_IN_SURFACE=ray_march.START_IN_SURFACE,
             MAX_STEPS=ray_march.MAX_STEPS, LOOSE=lattice.LOOSE, INNER=lattice.INNER, NOTHING=ray_march.NOTHING,
             TOUCHED=ray_march.TOUCHED, IN_SURFACE=ray_march.IN_SURFACE,

@@ -17,10 +17,12 @@ from model.reconstruct import Reconstructor, cuda_problem
 from model.weights import WeightsError
 from viewer.errors import DeviceError, InputError
 from viewer.render import shader
+from viewer.render.background_capture import BackgroundRunner
 from viewer.render.bridge import Network, ReadBackBridge
 from viewer.render.choose_bridge import make_bridge
 from viewer.render.context import context_lost
-from viewer.render.cuda_bridge import device_failure
+from viewer.render.device_failure import device_failure
+from viewer.render.match_device import use_matching_device
 from viewer.render.network_thread import NetworkThread
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
@@ -45,8 +47,8 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
         except WeightsError as error:
             raise InputError(str(error)) from None
         except Exception as error:
-            if text := device_failure(error):
-                raise DeviceError(text) from error
+            if failure := device_failure(error):
+                raise failure from error
             raise
     return _networks[key]
 
@@ -54,33 +56,37 @@ def load_network(quality: str, filtered: bool, weights: str | None, precision: s
 class NeuralStage:
     """Owns the bridge and the picture for one size, quality and device, and on CUDA the network's graph for that size.
 
+    background: capture the graph on another thread and run call by call until it is there (for a window).
+
     filtered: whether a depth filter ran, which decides the weights.  weights: a file used instead.
     device: auto, cuda or cpu.  ``cuda`` raises DeviceError where CUDA does not work; ``auto`` falls back to the CPU, which
     ``device`` and ``name`` show.  presented: the camera of ``picture``, None while it holds none.
     """
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int], quality: str, filtered: bool, weights: str | None,
-                 precision: str, device: str):
+                 precision: str, device: str, *, background: bool = False):
         self.key: tuple = (quality, filtered, weights, precision, device)
         problem = None if device == "cpu" else cuda_problem()
         if device == "cuda" and problem:
             raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
         self.device = "cuda" if device != "cpu" and problem is None else "cpu"
+        if self.device == "cuda":
+            use_matching_device(programs.context)
         self.network = load_network(quality, filtered, weights, precision, self.device)
         self.context = programs.context
         self._unpack = programs.compute("network_output.comp")
         self.presented: object = None
         self._thread = NetworkThread()
-        self._runner: Runner | None = None
+        self._runner: Runner | BackgroundRunner | None = None
         try:
             if self.device == "cuda":
-                self._runner = Runner(self.network, size[1], size[0])
+                self._runner = (BackgroundRunner if background else Runner)(self.network, size[1], size[0])
             self.bridge, self.bridge_problem = make_bridge(programs, size, self.device)
         except Exception as error:
             if self._runner is not None:
                 self._runner.release()
-            if text := device_failure(error):
-                raise DeviceError(text) from error
+            if failure := device_failure(error):
+                raise failure from error
             raise
         self.picture = self.context.texture(size, 4, dtype="f1")
 
@@ -112,17 +118,24 @@ class NeuralStage:
         except Exception as error:
             self._fail(error)
 
+    def settle(self) -> None:
+        """Waits for what is prepared on another thread, so that pictures repeat to the byte from now on."""
+        if isinstance(self._runner, BackgroundRunner):
+            self._runner.settle()
+
     @property
     def _run(self) -> Network:
         return self.network if self._runner is None else self._runner
 
     def _fail(self, error: BaseException) -> NoReturn:
         lost = context_lost(self.context)
-        text = "the graphics driver was reset; start pointglass again" if lost else device_failure(error)
-        if text is None:
+        failure = DeviceError("the graphics driver was reset; start pointglass again") if lost else device_failure(error)
+        if failure is None:
             raise error
         self.key = ("failed",)
-        raise DeviceError(text) from error
+        if failure is error:
+            raise failure
+        raise failure from error
 
     @property
     def deferrable(self) -> bool:

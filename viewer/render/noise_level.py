@@ -39,8 +39,8 @@ class NoiseLevel:
         self._program["curve"] = noise.curve.astype(float).tolist()
 
     def run(self, raw: "moderngl.Texture", depth: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture", *,
-            camera: "Camera", weighed: bool, detail: float) -> None:
-        """raw, depth, weight: as a rasteriser leaves them.  mask: keep-mask or confidence.  weighed: whether points have
+            camera: "Camera", weighted: bool, detail: float) -> None:
+        """raw, depth, weight: as a rasteriser leaves them.  mask: keep-mask or confidence.  weighted: whether points have
         weights.  detail: of the settings."""
         program, voxel = self._program, self.noise.voxel
         for unit, (name, texture) in enumerate({"raw": raw, "depth": depth, "weight": weight, "mask": mask,
@@ -51,7 +51,7 @@ class NoiseLevel:
         program["to_lattice"] = tuple((camera.view_rotation / voxel).ravel())  # rows of world -> view: columns of view -> world
         program["eye"] = tuple((np.asarray(camera.position, np.float64) - self.noise.origin) / voxel)
         program["scale"] = noise_scale(detail)
-        program["point_weight"] = TYPICAL_WEIGHT if weighed else 1.0
+        program["point_weight"] = TYPICAL_WEIGHT if weighted else 1.0
         self.level.bind_to_image(0, read=False, write=True)
         program.run(*shader.groups(*self.level.size))
         self.context.memory_barrier()

@@ -4,7 +4,7 @@ The picture alone cannot tell a hole in a wall from the sky between two trees: b
 them.  The world can.  A ray that leaves the scan without passing a block that holds points is background; one that passes a
 block in the middle of a surface met a hole in that surface; one that only grazes the outermost blocks (an outline, a wire, a
 twig) needs the picture's evidence as well.  Blocks stand in the world, so the answer does not depend on the picture's edges
-and changes little from frame to frame.  World axes, file units, no OpenGL; the march is ``shaders/surround_march.comp``.
+and changes little from frame to frame.  World axes, file units, no OpenGL; the march is ``shaders/hole_march.comp``.
 """
 
 from dataclasses import dataclass

@@ -9,19 +9,21 @@ Point p of chunk c = p // chunk_points is in page slot_of_chunk[c] // slots_per_
 so a run of points is cut at multiples of chunk_points first and into batches then.
 """
 
+import logging
 from collections.abc import Callable
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import DeviceError, InputError
+from viewer.errors import DeviceError, InputError, is_opengl_error
 from viewer.grid.scene import CHUNK
 from viewer.render.context import describe_device
+from viewer.render.gpu_memory import point_budget
 from viewer.render.shader import BATCH
 from viewer.stream.chunk_reader import READ_AHEAD, ChunkReader
 from viewer.stream.chunk_source import POINT_BYTES, ChunkError, ChunkSource
-from viewer.stream.residency import OVERVIEW, Residency, Round, available_memory, opening_chunks, overview_chunks
+from viewer.stream.residency import OVERVIEW, Residency, Round, opening_chunks, overview_chunks
 from viewer.text import bytes_text
 
 if TYPE_CHECKING:
@@ -29,8 +31,6 @@ if TYPE_CHECKING:
 
     from viewer.grid.scene import Scene
 
-GPU_BUDGET = 4 << 30
-"""Bytes of points on a GPU, unless told otherwise: how much memory one has only extensions of some drivers say."""
 UPLOAD = 32 << 20
 """Bytes of points uploaded in one frame of a moving picture, at most."""
 UPLOAD_SECONDS = 0.008
@@ -40,26 +40,23 @@ SOFTWARE_PAGE = 32 << 20
 """Bytes of a page in software OpenGL, where making one means writing zeros over it: made when first needed."""
 _TAIL = BATCH * POINT_BYTES
 
-
-def default_budget(*, software: bool) -> int:
-    """Bytes the pool may take.  In software OpenGL it is main memory: half of what is available now."""
-    free = available_memory() if software else None
-    return GPU_BUDGET if free is None else free // 2
+log = logging.getLogger(__name__)
 
 
 class PointPages:
     """Owns the point buffers.
 
     storage_limit: bytes of a storage block.  software: OpenGL runs on the processor (None: ask).
-    budget: bytes all buffers together may take; None: default_budget.
+    budget: bytes all buffers together may take; None: a share of what the device has free (viewer.render.gpu_memory).
     read_ahead: bytes of main memory for chunks on their way.  upload: bytes uploaded in a frame while streaming.
     overview: points that a first picture waits for at most, where all fit.
     wake: called on another thread when a chunk has arrived.
     Raises InputError where the points cannot be read or the budget is too small, DeviceError where there is no memory.
 
     After each ``prepare``, in points of the draw list: ``missing``, on their way; ``left_out``, more than the pool holds;
-    ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.  ``short``: the
-    device had no memory for all that was asked for.
+    ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.
+    ``budget``, ``budget_source``: bytes, and where the figure comes from.  ``short``: the device refused as much as was asked
+    for, and the budget was halved until it did not.
     """
 
     def __init__(
@@ -83,16 +80,10 @@ class PointPages:
         software = describe_device(context).software if software is None else software
         if software:
             self.slots_per_page = max(1, min(self.slots_per_page, SOFTWARE_PAGE // chunk_bytes))
-        budget = default_budget(software=software) if budget is None else budget
+        self.budget, self.budget_source = (budget, "as asked for") if budget is not None else point_budget(
+            context, software=software)
         total = len(scene.points)
-        slots = -(-total // self.chunk_points)
-        if total * POINT_BYTES + slots // self.slots_per_page * _TAIL > budget:
-            slots = min(budget // chunk_bytes, slots - 1)
-            if slots < LEAST_SLOTS:
-                raise InputError(
-                    f"{bytes_text(budget)} for points on the GPU: expected {bytes_text(LEAST_SLOTS * chunk_bytes)} at least; "
-                    "raise --gpu-memory"
-                )
+        wanted = self._slots_for(total)
         self._context = context
         self.buffers: list[moderngl.Buffer] = []
         self._upload_limit = max(1, upload // chunk_bytes)
@@ -100,9 +91,7 @@ class PointPages:
         self.problem: str | None = None
         self._reader = ChunkReader(ChunkSource(scene, self.chunk_points), memory=read_ahead, wake=wake)
         try:
-            wanted = slots
-            if not software:
-                slots = self._memory_for(total, slots)
+            slots = wanted if software else self._allocated(total, wanted)
             self.short = slots < wanted
             whole = slots * self.chunk_points >= total
             pinned = 0 if whole else overview_chunks(scene, slots, self.chunk_points)
@@ -118,18 +107,53 @@ class PointPages:
             self.release()
             raise
 
-    def _memory_for(self, total: int, slots: int) -> int:
-        """Makes the pages of ``slots``; returns how many there is memory for."""
-        _ = self._context.error  # an earlier one is none of ours
-        for first in range(0, slots, self.slots_per_page):
-            self._make_page(total, slots)
-            if self._context.error != "GL_NO_ERROR":
-                self.buffers.pop().release()
-                slots = first
-                break
-        if slots < min(LEAST_SLOTS, -(-total // self.chunk_points)):
-            raise DeviceError("the GPU has no memory left for the points; close other programs or lower --gpu-memory")
+    def _slots_for(self, total: int) -> int:
+        """Slots for a scene of ``total`` points within the budget.  Raises InputError where it is too small for any."""
+        chunk_bytes = self.chunk_points * POINT_BYTES
+        slots = -(-total // self.chunk_points)
+        if total * POINT_BYTES + slots // self.slots_per_page * _TAIL <= self.budget:
+            return slots
+        slots = min(self.budget // chunk_bytes, slots - 1)
+        if slots < LEAST_SLOTS:
+            raise InputError(
+                f"{bytes_text(self.budget)} for points on the GPU: expected {bytes_text(LEAST_SLOTS * chunk_bytes)} at least; "
+                "raise --gpu-memory"
+            )
         return slots
+
+    def _allocated(self, total: int, slots: int) -> int:
+        """Makes the pages of ``slots``; where the device refuses, the budget is halved.  Returns the slots there are now.
+
+        Half, and not as much as was just possible: the pictures and the network need memory after this.
+        Raises DeviceError where there is no memory for the least that is needed.
+        """
+        while not self._make_pages(total, slots):
+            if slots <= LEAST_SLOTS:
+                raise DeviceError("the GPU has no memory left for the points; close other programs or lower --gpu-memory")
+            half = min(self.budget, total * POINT_BYTES) // 2
+            refused, self.budget = self.budget, max(half, LEAST_SLOTS * self.chunk_points * POINT_BYTES)
+            self.budget_source = "halved, the GPU refused more"
+            slots = self._slots_for(total)
+            log.warning("The GPU refused memory for points (budget %s); continuing with %s", bytes_text(refused),
+                        bytes_text(self.budget))
+        return slots
+
+    def _make_pages(self, total: int, slots: int) -> bool:
+        """Makes the pages of ``slots``; False where the device has no memory for them, and none is left then."""
+        _ = self._context.error  # an earlier error is not of these pages
+        for _page in range(0, slots, self.slots_per_page):
+            try:
+                self._make_page(total, slots)
+                refused = self._context.error != "GL_NO_ERROR"
+            except Exception as error:
+                if not is_opengl_error(error):
+                    raise
+                refused = True
+            if refused:
+                while self.buffers:
+                    self.buffers.pop().release()
+                return False
+        return True
 
     def _make_page(self, total: int, slots: int) -> None:
         """The next page, for the next of ``slots`` slots of a scene of ``total`` points."""

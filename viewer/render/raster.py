@@ -86,7 +86,7 @@ class Rasteriser:
         constants = {"FROM_KEYS": self.from_keys, "MOST_AVERAGED": MOST_AVERAGED, **self.layout}
         self._resolves = [programs.compute("resolve.comp", CARRIED=carried, **constants) for carried in (None, 1)]
         self.edits = context.buffer(reserve=EDITS_BLOCK.itemsize, dynamic=True)
-        self.weighed = False  # whether points have weights in this picture
+        self.weighted = False  # whether points have weights in this picture
         self.edited = False  # whether some are dropped or recoloured
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
@@ -151,7 +151,7 @@ class Rasteriser:
 
     def _weigh(self, stations: np.ndarray | None) -> "list[moderngl.ComputeShader]":
         """Takes note of where the stations are; returns the programs of the last steps."""
-        self.weighed = stations is not None
+        self.weighted = stations is not None
         if stations is not None:
             self.stations.write(stations)
             self.stations.bind_to_uniform_block(BINDINGS["STATIONS"])
@@ -165,7 +165,7 @@ class Rasteriser:
     @property
     def weights(self) -> dict[str, object]:
         """Constants of the programs that differ where points have weights."""
-        return {"WEIGHED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED} if self.weighed else {}
+        return {"WEIGHTED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED} if self.weighted else {}
 
     @property
     def variant(self) -> dict[str, object]:

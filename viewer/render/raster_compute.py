@@ -42,7 +42,7 @@ class ComputeRasteriser(Rasteriser):
 
     def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
         """Depth and colour.  appended: 1 for the list that the hider makes."""
-        key = self.weighed, self.edited, appended
+        key = self.weighted, self.edited, appended
         if key not in self._steps:
             self._steps[key] = [
                 self.programs.compute(f"raster_{name}.comp", APPENDED=appended, **self._shared, **self.variant, **more)

@@ -36,7 +36,7 @@ class PointRasteriser(Rasteriser):
         self._arrays_for: tuple = ()
 
     def _use_arrays(self, pages: "PointPages") -> None:
-        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size, self.weighed, self.edited)
+        wanted = (*(b.glo for b in pages.buffers), self.cells.buffer.glo, self.cells.buffer.size, self.weighted, self.edited)
         if wanted != self._arrays_for:
             self._release_arrays()
             programs = [

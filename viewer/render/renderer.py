@@ -1,9 +1,10 @@
 """``render(scene, camera, settings) -> Frame``: pure, the same arguments give the same bytes.
 
-No history and no timing decides anything here, unless a caller hands one in; what a window adds (adaptive quality,
-refinement) lives around it.  A Renderer owns the scene's points on the GPU and the passes for the last picture size used.
+No history and no timing changes a picture unless the caller passes a history; what a window adds (adaptive quality, refinement)
+lives around this module.  A Renderer owns the scene's points on the GPU and the passes of the last picture size.
 """
 
+import logging
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -18,8 +19,11 @@ from viewer.render.choose_raster import RASTERISERS as RASTERISERS
 from viewer.render.choose_raster import fastest, make_rasteriser
 from viewer.render.context import describe_device
 from viewer.render.cull import Culler, DrawList
+from viewer.render.deferred_network import camera_key as camera_key
+from viewer.render.deferred_network import finish_network, start_network
+from viewer.render.device_failure import DeviceMemoryError
 from viewer.render.edits import Edits, block_of, without_clipped_cells
-from viewer.render.enclosed_directions import OPEN, Directions, Surroundings
+from viewer.render.enclosed_directions import OPEN, Directions, Enclosure
 from viewer.render.fill import Fill
 from viewer.render.filter import DepthFilter
 from viewer.render.frame import Frame
@@ -30,9 +34,9 @@ from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
 from viewer.render.shader import Programs
 from viewer.render.stage_times import Stages
-from viewer.render.stations import Places, Trust, weighs
+from viewer.render.stations import Confidence, ScannerPositions, uses_station_weights
 from viewer.settings import MEMORY, VIEWS, Memory, Settings
-from viewer.text import counted
+from viewer.text import bytes_text, counted
 
 if TYPE_CHECKING:
     import moderngl
@@ -42,13 +46,12 @@ if TYPE_CHECKING:
     from viewer.render.device_class import Workgroup
     from viewer.render.neural import NeuralStage
 
-def camera_key(camera: "Camera") -> tuple:
-    """Equal for cameras that make the same picture."""
-    return (camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, camera.camera_to_world.tobytes())
-
-
-_PASSES = ("_rasterisers", "_filter", "_fill", "_trust", "_noise", "_neural")
+_PASSES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural")
 """Attributes of a Renderer whose textures have the picture's size."""
+_WORTH_HALVING = 64 << 20
+"""Bytes of points below which giving half of them back is not tried: a choice."""
+
+log = logging.getLogger(__name__)
 
 
 def _release(passes: dict) -> None:
@@ -58,9 +61,12 @@ def _release(passes: dict) -> None:
 
 
 class Renderer:
-    """Draws one scene.  raster, device: defaults for settings that say ``auto``.  memory: what the points may take.
-    wake: called on another thread when points have arrived that a streamed picture lacked, or a network has ended.
-    kept_sizes: picture sizes besides the last one whose passes are kept, for callers that change between sizes."""
+    """Draws one scene.
+
+    raster, device: used where the settings say ``auto``.  memory: limits for the points.  wake: called on another thread when
+    points have arrived that a streamed picture lacked, or a network has ended.  kept_sizes: picture sizes besides the last one
+    whose passes are kept, for callers that alternate between sizes.
+    """
 
     def __init__(self, context: "moderngl.Context", scene: "Scene", *, raster: str = "auto", device: str = "auto",
                  memory: Memory = MEMORY, wake: Callable[[], None] = lambda: None, kept_sizes: int = 0):
@@ -70,21 +76,20 @@ class Renderer:
         self._workgroup: Workgroup | None = None
         self._programs = Programs(context)
         self._culler = Culler(scene)
-        self._surroundings = Surroundings(scene)
-        self._places = Places(scene)
-        self.pages = PointPages(
-            context, scene, self.device.storage_limit, budget=memory.gpu, software=self.device.software,
-            read_ahead=memory.read_ahead, wake=wake,
-        )  # fmt: skip
+        self._enclosure = Enclosure(scene)
+        self._scanner_positions = ScannerPositions(scene)
+        self._make_pages = partial(PointPages, context, scene, self.device.storage_limit, software=self.device.software,
+                                   read_ahead=memory.read_ahead, wake=wake)
+        self.pages = self._make_pages(budget=memory.gpu)
         self._stages = Stages(context, software=self.device.software)
         self._rasterisers: dict[str, Rasteriser] = {}
         self._filter: DepthFilter | None = None
         self._fill: Fill | None = None
-        self._trust: Trust | None = None
+        self._confidence: Confidence | None = None
         self._noise: NoiseLevel | None = None
         self._neural: NeuralStage | None = None
         self._wake, self._serial = wake, 0
-        self._size = (0, 0)
+        self._size, self._allocated = (0, 0), False
         self._kept_sizes = kept_sizes
         self._kept: dict[tuple[int, int], dict] = {}
 
@@ -99,22 +104,37 @@ class Renderer:
                edits: Edits | None = None) -> Frame:
         """Makes the given views (default: that of the settings) of one camera.
 
-        history: what was seen in the frame before, so that hidden cells need not be drawn; used, and brought up to date,
-        where that cannot change the picture (compute rasteriser, no raw view) and otherwise left alone.
+        history: visibility in the previous frame, so that hidden cells need not be drawn.  It is used and updated where this
+        cannot change the picture (compute rasteriser, no raw view), and otherwise ignored.
         streaming: do not wait for points that are not on the GPU yet.
         edits: clips, hidden stations and the colours of points; None: every point as it is.
         defer_network: start the network on its own thread and return without the neural view, which :meth:`finish_network`
-        adds later; where points are missing it is not started.  The fact ``network_pending`` tells whether it runs.  The
-        neural view is there at once where pixels are mapped, or where one of the same camera still exists.
+        adds later; it is not started while points are missing.  The fact ``network_pending`` says whether it runs.  The neural
+        view is there at once where pixels are mapped, or where one of the same camera still exists.
+
+        Where the device runs out of memory, half of the points' memory is given back and the picture is made again.
+        Raises InputError for an unknown view, DeviceError where the device cannot make this picture.
         """
-        self._serial += 1
         views = (settings.view,) if views is None else views
-        edits = None if edits is None else edits.shown_in(views)
         for view in views:
             if view not in VIEWS:
                 raise InputError(f"view {view!r}: expected one of {', '.join(VIEWS)}")
+        edits = None if edits is None else edits.shown_in(views)
+        while True:
+            try:
+                frame = self._render(camera, settings, views, history, edits, streaming=streaming, defer_network=defer_network)
+                self._check_memory()
+                return frame
+            except DeviceMemoryError as error:
+                if not self._halve_points():
+                    raise
+                log.warning("%s; continuing with %s of memory for points", error, bytes_text(self.pages.budget))
+
+    def _render(self, camera: "Camera", settings: Settings, views: tuple[str, ...], history: Occlusion | None,
+                edits: Edits | None, *, streaming: bool, defer_network: bool) -> Frame:
+        self._serial += 1
         self._resize((camera.width, camera.height))
-        if "neural" in views:  # now, and not when everything before the network has been drawn
+        if "neural" in views:  # before anything is drawn
             from viewer.render.bridge import check_room
 
             check_room(self.device, self._size)
@@ -126,11 +146,12 @@ class Renderer:
         soft = self._soft_z(settings)
         if edits is not None and edits.recolours:
             soft = replace(soft, unlit=False)  # a black attribute is a colour
-        stations = self._places.seen_from(camera) if weighs(settings, self._places) else None
+        weighted = uses_station_weights(settings, self._scanner_positions)
+        stations = self._scanner_positions.seen_from(camera) if weighted else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
         wanted = self._history(history, settings, views)
-        hid: list[bool] = []
-        stages.run("raster", lambda: hid.append(rasteriser.run(
+        used_history: list[bool] = []
+        stages.run("raster", lambda: used_history.append(rasteriser.run(
             self.pages, draw, camera, soft, self.pages.prepare(draw.first, draw.count, streaming=streaming),
             history=wanted, stations=stations,
             edits=None if edits is None else block_of(edits, self.scene, camera))))
@@ -144,16 +165,18 @@ class Renderer:
             "cells_drawn": len(draw.cells),
             "cells_total": len(self.scene.cell_coords),
             "points_gpu_bytes": pages.nbytes,
+            "points_gpu_budget": pages.budget,
+            "points_gpu_budget_source": pages.budget_source,
             "opengl": self.device.renderer,
             "device": None,
             "network": None,
-            "stations": "weighed" if stations is not None else "equal",
+            "stations": "weighed" if weighted else "equal",  # a value of stats.json, kept
             "approximations": [*self._approximations(settings), *pages.approximations],
         }
-        if hid[0] and rasteriser.hider is not None:
+        if used_history[0] and rasteriser.hider is not None:
             hider = rasteriser.hider
             tally = cache(partial(hider.tally, hider.serial))
-            facts["occlusion"] = tally  # looked up when asked for, and once: it waits for the GPU
+            facts["occlusion"] = tally  # evaluated when asked for, and once: it waits for the GPU
             facts["points_drawn"] = lambda: drawn - tally()["points_hidden"]
             facts["approximations"].append("hidden cells skipped")
         mask = None
@@ -163,52 +186,44 @@ class Renderer:
                 rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre))
             textures["filtered"], mask = step.filtered, step.mask
             if {"filled", "neural"} & set(views):
-                neural = self._neural_for(settings) if "neural" in views else None
-                fill = self._fill = self._fill or Fill(self._programs, self._size)
-                colour, confidence = self._trusted(rasteriser, step.mask)
-                level = None
-                if neural and (noise := self._noise_level()):
-                    stages.run("noise", lambda: noise.run(
-                        rasteriser.colour, rasteriser.depth, rasteriser.weight, confidence, camera=camera,
-                        weighed=rasteriser.weighed, detail=settings.detail))
-                    level = noise.level
-                stages.run("fill", lambda: fill.run(
-                    colour, confidence, rasteriser.depth, noise=level,
-                    camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
-                    network=neural.bridge.input if neural else None))
-                textures["filled"] = fill.filled
-                if neural:
-                    if defer_network and neural.deferrable:
-                        self._start_network(neural, camera, stages, facts, textures)
-                    else:
-                        neural.drop()
-                        stages.run("network", neural.infer)
-                        stages.run("present", lambda: neural.present(fill.filled))
-                        neural.presented = camera_key(camera)
-                        textures["neural"] = neural.picture
-                    facts |= {"device": neural.device, "network": neural.name, "bridge": neural.bridge_name}
-                    facts["approximations"] = [*facts["approximations"], *neural.approximations]
+                self._fill_in(camera, settings, edits, rasteriser, mask, facts, textures,
+                              neural="neural" in views, defer_network=defer_network)
         stages.end()
         return Frame({v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
 
-    @property
-    def network_busy(self) -> bool:
-        """Whether a network runs on its own thread, for a picture of any size."""
-        stages = (self._neural, *(passes["_neural"] for passes in self._kept.values()))
-        return any(stage is not None and stage.busy for stage in stages)
-
-    def _start_network(self, neural: "NeuralStage", camera: "Camera", stages: Stages, facts: dict, textures: dict) -> None:
-        """Starts the network for this picture, and keeps the picture before it where the camera is the same."""
-        key = camera_key(camera)
-        if neural.presented == key:
-            textures["neural"] = neural.picture
-        facts["camera_key"] = key
-        facts["network_pending"] = not self.pages.missing
-        if facts["network_pending"]:
-            serial = self._serial
-            stages.run("hand over", lambda: neural.start(serial, self._wake))
+    def _fill_in(self, camera: "Camera", settings: Settings, edits: Edits | None, rasteriser: Rasteriser,
+                 mask: "moderngl.Texture", facts: dict, textures: dict, *, neural: bool, defer_network: bool) -> None:
+        """Adds the filled view, and the neural one, to ``textures``, and to ``facts`` what ran."""
+        stages = self._stages
+        network = self._neural_for(settings, background=defer_network) if neural else None
+        fill = self._fill = self._fill or Fill(self._programs, self._size)
+        colour, confidence = self._fill_input(rasteriser, mask)
+        level = None
+        if network and (noise := self._noise_level()):
+            stages.run("noise", lambda: noise.run(
+                rasteriser.colour, rasteriser.depth, rasteriser.weight, confidence, camera=camera,
+                weighted=rasteriser.weighted, detail=settings.detail))
+            level = noise.level
+        stages.run("fill", lambda: fill.run(
+            colour, confidence, rasteriser.depth, noise=level,
+            camera=camera, around=self._directions(camera, edits), spacing=self.scene.spacing,
+            network=network.bridge.input if network else None))
+        textures["filled"] = fill.filled
+        if network is None:
+            return
+        if defer_network and network.deferrable:
+            start_network(network, camera, stages, facts, textures, serial=self._serial, wake=self._wake,
+                          missing=self.pages.missing)
         else:
-            neural.drop()
+            network.drop()
+            if not defer_network:
+                network.settle()
+            stages.run("network", network.infer)
+            stages.run("present", lambda: network.present(fill.filled))
+            network.presented = camera_key(camera)
+            textures["neural"] = network.picture
+        facts |= {"device": network.device, "network": network.name, "bridge": network.bridge_name}
+        facts["approximations"] = [*facts["approximations"], *network.approximations]
 
     def finish_network(self, frame: Frame) -> bool:
         """Adds the neural view to a frame that was rendered with ``defer_network``, if its network has ended.
@@ -216,37 +231,34 @@ class Renderer:
         Returns whether it was added: False while the network runs, and where another picture was rendered since.
         Raises DeviceError where the network failed.
         """
-        neural, fill = self._neural, self._fill
-        if neural is None or fill is None or not frame.facts.get("network_pending"):
-            return False
-        milliseconds = neural.finish(self._serial, fill.filled)
-        if milliseconds is None:
-            return False
-        neural.presented = frame.facts["camera_key"]
-        frame.textures["neural"] = neural.picture
-        frame.facts["network_pending"] = False
-        frame.times.add("network", milliseconds)
-        return True
+        return finish_network(self._neural, self._fill, frame, self._serial)
 
-    def _directions(self, camera: "Camera", edits: Edits | None) -> Directions:
-        """What tells holes from background: the scan's surfaces; the picture alone where points of them were dropped."""
-        around = self._surroundings.around(camera.position)
-        return Directions(np.full_like(around.closed, OPEN), None) if edits is not None and edits.drops else around
+    @property
+    def network_busy(self) -> bool:
+        """Whether a network runs on its own thread, for a picture of any size."""
+        stages = (self._neural, *(passes["_neural"] for passes in self._kept.values()))
+        return any(stage is not None and stage.busy for stage in stages)
 
     def prefetch(self, camera: "Camera", settings: Settings) -> int:
-        """Has points of a picture to come brought to the GPU, as many as one frame may; returns how many are still missing."""
+        """Starts loading the points of a future picture to the GPU, as many as one frame may upload; returns how many are
+        still missing."""
         draw = self._culler.select(camera, settings.lod)
         self.pages.prepare(draw.first, draw.count, streaming=True)
         return self.pages.missing
 
-    def _trusted(self, rasteriser: Rasteriser, mask: "moderngl.Texture") -> "tuple[moderngl.Texture, moderngl.Texture]":
-        """What the fill starts from, and what each pixel of it counts: the raw picture and the keep-mask, or, of weighed
-        points, both by how far it is trusted."""
-        if not rasteriser.weighed:
+    def _directions(self, camera: "Camera", edits: Edits | None) -> Directions:
+        """What separates holes from background: the scan's surfaces; the picture alone where edits drop points of them."""
+        around = self._enclosure.around(camera.position)
+        return Directions(np.full_like(around.closed, OPEN), None) if edits is not None and edits.drops else around
+
+    def _fill_input(self, rasteriser: Rasteriser, mask: "moderngl.Texture") -> "tuple[moderngl.Texture, moderngl.Texture]":
+        """Colours that the fill starts from, and the weight of each pixel: the raw picture and the keep-mask, or, of weighted
+        points, the toned picture and the confidence."""
+        if not rasteriser.weighted:
             return rasteriser.colour, mask
-        self._trust = self._trust or Trust(self._programs, self._size)
-        self._trust.run(rasteriser.colour, rasteriser.weight, mask)
-        return self._trust.toned, self._trust.trust
+        self._confidence = self._confidence or Confidence(self._programs, self._size)
+        self._confidence.run(rasteriser.colour, rasteriser.weight, mask)
+        return self._confidence.toned, self._confidence.confidence
 
     def _noise_level(self) -> NoiseLevel | None:
         """None where the scan's noise is unknown: the network's noise input is then zero."""
@@ -255,7 +267,7 @@ class Renderer:
         return self._noise
 
     def _soft_z(self, settings: Settings) -> SoftZ:
-        """The depth tolerance; a bench tries others."""
+        """The depth tolerance; a benchmark replaces it."""
         return SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre, unlit=self.scene.unlit)
 
     def _history(self, memory: Occlusion | None, settings: Settings, views: tuple[str, ...]) -> History | None:
@@ -290,7 +302,8 @@ class Renderer:
             current = self._filter = DepthFilter(self._programs, self._size, settings.filter, settings.filter_levels)
         return current
 
-    def _neural_for(self, settings: Settings) -> "NeuralStage":
+    def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
+        """The network's stage.  background: what can be prepared on another thread is, and the first pictures do without."""
         from viewer.render.neural import NeuralStage
 
         device = settings.device if settings.device != "auto" else self._device
@@ -299,8 +312,33 @@ class Renderer:
             if self._neural is not None:
                 self._neural.release()
                 self._neural = None
-            self._neural = NeuralStage(self._programs, self._size, *key)
+            self._neural = NeuralStage(self._programs, self._size, *key, background=background)
         return self._neural
+
+    def _check_memory(self) -> None:
+        """Raises DeviceMemoryError where OpenGL had no memory for the passes of a new picture size."""
+        if self.device.software or not self._allocated:
+            return
+        self._allocated = False
+        if self.context.error == "GL_OUT_OF_MEMORY":
+            raise DeviceMemoryError(f"the GPU has no memory left for a picture of {self._size[0]}x{self._size[1]}; choose a "
+                                    "smaller --size, or lower --gpu-memory")
+
+    def _halve_points(self) -> bool:
+        """Frees the passes and makes the points' pages again with half their budget; False where that cannot help."""
+        self._release_passes()
+        self._size = (0, 0)
+        held, budget = self.pages.nbytes, self.pages.budget
+        if held < _WORTH_HALVING:
+            return False
+        self.pages.release()
+        try:
+            self.pages = self._make_pages(budget=min(budget, held) // 2)
+        except InputError:  # less than the least
+            self.pages = self._make_pages(budget=budget)
+            return False
+        self.pages.budget_source = "halved, the GPU ran out of memory"
+        return True
 
     def _resize(self, size: tuple[int, int]) -> None:
         if size == self._size:
@@ -316,10 +354,10 @@ class Renderer:
         while len(self._kept) > self._kept_sizes and (oldest := next(iter(self._kept))) != size:
             _release(self._kept.pop(oldest))
         self._swap_passes(self._kept.pop(size, {}))
-        self._size = size
+        self._size, self._allocated = size, True
 
     def _swap_passes(self, passes: dict) -> dict:
-        """Uses other passes, by attribute; returns those used before."""
+        """Uses other passes, by attribute; returns the previous ones."""
         before = {name: getattr(self, name) for name in _PASSES}
         for name in _PASSES:
             setattr(self, name, passes.get(name, {} if name == "_rasterisers" else None))
@@ -331,7 +369,7 @@ class Renderer:
         self._kept = {}
 
     def release(self) -> None:
-        """Frees everything on the GPU, and gives back what memory its pictures kept."""
+        """Frees everything on the GPU, and returns main memory that its pictures held to the system."""
         self._release_passes()
         self._stages.release()
         self.pages.release()

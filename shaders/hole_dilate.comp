@@ -1,4 +1,5 @@
-// Windows of cells in which something is measured, made wider by so many cells on each side.  Twin: model/hole_test.py.
+// Hole test: dilation of the cells in which something is measured, by a number of cells on each side.
+// Reference implementation: model/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r8, binding = 0) uniform writeonly image2D wider;

@@ -1,6 +1,7 @@
-// How many, weighted, of the cells around one are holes: along rows first (ROWS), then along columns.  A cell is a hole where it
-// sees something in every direction (AROUND); in the open (MARCHED) only where its ray touched a block with points, and anyway
-// where it met the middle of a surface.  Whole numbers throughout.  Twin: model/hole_test.py.
+// Weighted count of the cells around each cell that are holes: along rows first (ROWS), then along columns.
+// A cell is a hole where something is measured in every direction (AROUND).  Outdoors (MARCHED) its ray must also have touched
+// an occupied block; and it is a hole in any case where its ray met the middle of a surface.  All sums are integers.
+// Reference implementation: model/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r16f, binding = 0) uniform writeonly image2D smoothed;
@@ -9,7 +10,7 @@ layout(r16f, binding = 0) uniform writeonly image2D smoothed;
 uniform usampler2D seen;
 #endif
 #ifdef MARCHED
-uniform usampler2D met;  // as surround_march.comp leaves it
+uniform usampler2D met;  // as hole_march.comp leaves it
 #endif
 #else
 uniform sampler2D rows;

@@ -1,10 +1,11 @@
-// How far each measured pixel is trusted beside those around it, where points have weights, and its colour brought to the tone of
-// what is trusted more.  Twin: model/station_weights.py, trust and toned.  Four steps, each from the one before:
-// WEIGHTS: sums of the weights, and of their squares, over blocks of pixels.
-// SHARES: a pixel's weight by the mean weight around it, in which each counts by its own weight.
-// TONES: over blocks, sums of the colours of what is trusted and of the rest, each with its part of the trust.
-// PICTURE: the colours, and the trust of what has few around it that are trusted more.
-// All are sums of whole numbers, interpolated in 256ths; nothing may be fused or reordered: hence precise.
+// Confidence of each measured pixel relative to its neighbours, where points have station weights; and the pixel's colour,
+// moved towards the tone of more confident neighbours.  Reference implementation: model/station_weights.py, confidence_of and
+// match_tone.  Four passes, each from the one before:
+// WEIGHTS: sums of the weights and of their squares over blocks of pixels.
+// SHARES: a pixel's weight relative to the weighted mean weight around it.
+// TONES: over blocks, the colour sums of confident and of other pixels, each with the sum of its confidence.
+// PICTURE: the colours; and the confidence, raised where few neighbours are more confident.
+// All sums are of integers and interpolated in 256ths; nothing may be fused or reordered: hence precise.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 #if defined(WEIGHTS) || defined(SHARES)
@@ -26,7 +27,7 @@ layout(rgba32f, binding = 1) uniform writeonly image2D less;
 uniform sampler2D more;
 uniform sampler2D less;
 layout(rgba8, binding = 0) uniform writeonly image2D toned;
-layout(r8, binding = 1) uniform writeonly image2D trust;
+layout(r8, binding = 1) uniform writeonly image2D confidence;
 #endif
 
 #if defined(WEIGHTS) || defined(SHARES)
@@ -35,7 +36,7 @@ float own(ivec2 at) {
     return min(floor(texelFetch(weight, at, 0).x * 255.0 + 0.5), float(HEAVIEST));
 }
 #else
-// Trust in 255ths (x), and what is left to all of it, of what is measured (y).
+// Confidence in 255ths (x), and what it lacks to 255 at measured pixels (y).
 vec2 parts(ivec2 at) {
     float certain = floor(texelFetch(share, at, 0).x * 255.0 + 0.5);
     return vec2(certain, certain > 0.0 ? 255.0 - certain : 0.0);
@@ -78,7 +79,7 @@ void main() {
 #else
             vec2 part = parts(ivec2(x, y));
             vec4 colour = vec4(levels(ivec2(x, y)), 1.0);
-            first += colour * floor(part.x * part.x / 256.0 + 0.5);  // else many that are trusted a little outweigh the few
+            first += colour * floor(part.x * part.x / 256.0 + 0.5);  // squared: many of low confidence must not outweigh a few
             second += colour * part.y;
 #endif
         }
@@ -111,6 +112,6 @@ void main() {
         settled = floor(sum + 0.5);
     }
     imageStore(toned, at, vec4(tone / 255.0, 1.0));
-    imageStore(trust, at, vec4(settled / 255.0));
+    imageStore(confidence, at, vec4(settled / 255.0));
 #endif
 }

@@ -1,0 +1,75 @@
+"""A device that runs out of memory: half of the points' memory is given back and the same picture is made, or one line says why
+not.  See test_pages.py for memory that is refused when the points are loaded."""
+
+from dataclasses import replace
+
+import pytest
+from clouds import camera_in, room
+
+from viewer.errors import DeviceError
+from viewer.grid.scene import CHUNK
+from viewer.render import renderer as module
+from viewer.render.device_failure import DeviceMemoryError
+from viewer.render.fill import Fill
+from viewer.render.renderer import Renderer
+from viewer.settings import Memory, Settings
+
+pytestmark = pytest.mark.gl
+
+
+def test_a_network_without_memory_halves_the_points_and_the_picture_is_made(context, monkeypatch, caplog):
+    """A fill pass that fails while the points hold more than half of what they wanted, as a network's allocation would."""
+    monkeypatch.setattr(module, "_WORTH_HALVING", 1 << 20)
+    scene = room(3, 40 * CHUNK)
+    renderer = Renderer(context, scene)
+    camera = camera_in(scene, 3)
+    wanted = renderer.render(camera, Settings(view="filled")).image("filled").tobytes()
+    most, run = renderer.pages.nbytes // 2, Fill.run
+
+    def short(self, *arguments, **named):
+        if renderer.pages.nbytes > most:
+            raise DeviceMemoryError("the GPU has not enough memory left for the network")
+        return run(self, *arguments, **named)
+
+    monkeypatch.setattr(Fill, "run", short)
+    frame = renderer.render(camera, Settings(view="filled"))
+    assert frame.image("filled").tobytes() == wanted
+    assert renderer.pages.nbytes <= most and frame.stats["points_gpu_budget"] <= most
+    said = [record.message for record in caplog.records if "continuing with" in record.message]
+    assert len(said) == 1 and "not enough memory" in said[0] and "\n" not in said[0]
+    renderer.release()
+
+
+def test_a_small_scan_has_nothing_to_give_back(context, monkeypatch):
+    scene = room(3)
+    renderer = Renderer(context, scene, memory=Memory(gpu=1 << 28))
+
+    def short(self, *arguments, **named):
+        raise DeviceMemoryError("the GPU has not enough memory left for the network")
+
+    monkeypatch.setattr(Fill, "run", short)
+    with pytest.raises(DeviceError, match="not enough memory") as raised:
+        renderer.render(camera_in(scene, 3), Settings(view="filled"))
+    assert raised.value.exit_code == 3
+    monkeypatch.undo()
+    assert renderer.render(camera_in(scene, 3), Settings(view="filled")).image("filled").any()  # and it goes on
+    renderer.release()
+
+
+def test_targets_that_opengl_had_no_memory_for_are_not_drawn_into_silently(context, monkeypatch):
+    known = module.describe_device
+    monkeypatch.setattr(module, "describe_device", lambda context: replace(known(context), software=False))
+    scene = room(3)
+    renderer = Renderer(context, scene, raster="compute")
+
+    class Refusing:
+        error = "GL_OUT_OF_MEMORY"
+
+        def __getattr__(self, name):
+            return getattr(context, name)
+
+    renderer.context = Refusing()  # type: ignore[assignment]
+    with pytest.raises(DeviceError, match="no memory left for a picture of"):
+        renderer.render(camera_in(scene, 3), Settings(view="filled"))
+    renderer.context = context
+    renderer.release()

@@ -1,0 +1,63 @@
+"""How much memory the device that draws has, and how much of it the points may take."""
+
+import logging
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from viewer.render.context import describe_device
+from viewer.render.gl_functions import integers
+from viewer.stream.residency import available_memory
+
+if TYPE_CHECKING:
+    import moderngl
+
+UNKNOWN_BUDGET = 1 << 30
+"""Bytes of points where nothing says how much memory the device has (Intel's and Apple's drivers, which use main memory).
+A laptop's smallest graphics memory of today is 2 GiB; the same half of it as below."""
+POINTS_SHARE = 2
+"""One part in so many of the free memory goes to points.  The rest is for the pictures' targets, the network (2 GB at most, of
+quality best at 1920x1440) and other programs; a choice, not a measurement."""
+_LEAST_FREE = 64 << 20  # bytes; drivers that share main memory report next to nothing, which says nothing
+_KIB = 1024
+_NVX_TOTAL, _NVX_AVAILABLE = 0x9048, 0x9049  # GL_NVX_gpu_memory_info: dedicated and available memory in KiB
+_ATI_FREE = 0x87FB  # GL_ATI_meminfo, VBO_FREE_MEMORY_ATI: free memory, and three more, in KiB
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class FreeMemory:
+    """free: bytes, None where nothing says.  source: what said so.  total: bytes, None where unknown."""
+
+    free: int | None
+    source: str
+    total: int | None = None
+
+
+def free_memory(context: "moderngl.Context", *, software: bool | None = None) -> FreeMemory:
+    """Memory of the device that draws.  software: OpenGL runs on the processor (None: ask)."""
+    device = describe_device(context)
+    if device.software if software is None else software:
+        return FreeMemory(available_memory(), "free main memory")
+    if "GL_NVX_gpu_memory_info" in context.extensions:
+        total, free = (_KIB * integers(context, name, 1)[0] for name in (_NVX_TOTAL, _NVX_AVAILABLE))
+        if free >= _LEAST_FREE:
+            return FreeMemory(free, "GL_NVX_gpu_memory_info", total or None)
+    if "GL_ATI_meminfo" in context.extensions:
+        free = _KIB * integers(context, _ATI_FREE, 4)[0]
+        if free >= _LEAST_FREE:
+            return FreeMemory(free, "GL_ATI_meminfo")
+    torch = sys.modules.get("torch")  # not imported for this: a raw picture does not need it
+    if "nvidia" in device.vendor.lower() and torch is not None and torch.cuda.is_initialized():
+        free, total = torch.cuda.mem_get_info()
+        return FreeMemory(int(free), "torch.cuda.mem_get_info", int(total))
+    return FreeMemory(None, "the driver does not say")
+
+
+def point_budget(context: "moderngl.Context", *, software: bool | None = None) -> tuple[int, str]:
+    """Bytes that the points may take, and where the figure comes from."""
+    memory = free_memory(context, software=software)
+    if memory.free is None:
+        return UNKNOWN_BUDGET, f"{memory.source}: fixed"
+    return memory.free // POINTS_SHARE, f"1/{POINTS_SHARE} of the free memory ({memory.source})"
