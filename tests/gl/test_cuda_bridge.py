@@ -126,7 +126,8 @@ def test_the_order_is_core_then_bindings_then_a_copy_and_says_why(monkeypatch, d
 def test_cuda_is_not_asked_about_the_buffers_of_another_driver(monkeypatch, driver, programs):
     """It may crash: then there would be no picture at all."""
     install(monkeypatch, driver)
-    monkeypatch.setattr("viewer.render.cuda_bridge.unshared", unshared)
+    for module in ("cuda_bridge", "match_device"):
+        monkeypatch.setattr(f"viewer.render.{module}.unshared", unshared)
     bridge, why = make_bridge(programs, (8, 8), "cuda")
     renderer = str(programs.context.info["GL_RENDERER"])
     assert bridge.kind == "read-back" and why and renderer in why and "only NVIDIA's OpenGL" in why
@@ -159,7 +160,7 @@ def test_nothing_is_trusted_that_fails_at_any_step(monkeypatch, driver, programs
     text = str(caught.value)
     assert text.count(said) == 2 and "cuda.core: " in text and "cuda.bindings: " in text and "\n" not in text
     assert "advice" not in text
-    assert "OpenGL draws on CUDA device [3], torch computes on 0" in text
+    assert "OpenGL draws on CUDA device 3 of 4 (GPU 3), by cudaGLGetDevices, torch computes on CUDA device 0" in text
     assert "close" in driver.log or "from_gl_buffer" in driver.fail  # what was registered is given back
 
 

@@ -16,7 +16,6 @@ LONGER: dict[str, str] = {
     "viewer/window/app.py": "the window's loop and its table of actions; to be split with the next change of it",
     "viewer/window/session.py": "joins the parts of the window's state; to be split with the next change of it",
     "viewer/render/renderer.py": "the order of a frame's passes, read from top to bottom",
-    "viewer/render/cuda_bridge.py": "one class and what it asks of four libraries; to be split with the next change of it",
 }
 """Modules longer than MOST_LINES, each with its reason."""
 SAME_NAME: dict[str, str] = {
