@@ -6,7 +6,7 @@ from cloud_files import write_las, write_ply
 
 from viewer.grid.preview import preview_scene
 from viewer.grid.scene import unpack
-from viewer.readers.source import spread
+from viewer.readers.sampling import run_starts
 
 COUNT = 200_000
 ORIGIN = (636_000.0, 5_848_000.0, 400.0)
@@ -58,7 +58,7 @@ def test_runs_are_spread_wherever_one_stops(seed):
     rng = np.random.default_rng(seed)
     count, run = int(rng.integers(10_000, 10_000_000)), int(rng.integers(1, 2000))
     align = int(rng.choice([1, 5000, 50_000]))
-    starts = spread(count, int(rng.integers(run, 400_000)), run, align)
+    starts = run_starts(count, int(rng.integers(run, 400_000)), run, align)
     assert len(starts) and (starts >= 0).all() and (starts < count).all() and len(np.unique(starts)) == len(starts)
     if len(starts) >= 16:
         beginning = starts[: len(starts) // 2]

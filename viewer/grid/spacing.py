@@ -9,7 +9,6 @@ exactly.
 from concurrent.futures import Executor
 
 import numpy as np
-from scipy.special import lambertw
 
 from viewer.grid import kernels
 
@@ -77,5 +76,7 @@ def _places_kept(taken: float, each: float) -> float:
     """
     if taken == 1.0 or each <= 1.0:
         return taken
+    from scipy.special import lambertw  # 0.1 s to import, which most scans do without
+
     a = -np.log1p(-taken) * each / taken
     return float(1.0 + lambertw(-a * np.exp(-a)).real / a)

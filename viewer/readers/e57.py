@@ -4,7 +4,9 @@ Units are metres by the standard.  Coordinates are yielded in the file's common 
 its rotation and moved by its translation; a scan without a pose is taken to be in the common frame already.
 """
 
-from collections.abc import Iterator
+import logging
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +14,20 @@ import numpy as np
 
 from viewer.errors import InputError
 from viewer.readers import crs
-from viewer.readers.e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, value_of
+from viewer.readers.column_source import RANGE_RUNS
+from viewer.readers.e57_nodes import (
+    check_prototypes,
+    child,
+    is_number,
+    library,
+    open_e57,
+    pose_of,
+    text_of,
+    value_of,
+    xml_of,
+)  # fmt: skip
+from viewer.readers.e57_packets import PacketReader, UnknownPacking
+from viewer.readers.sampling import interleaved
 from viewer.readers.source import Chunk, ScanInfo, Source, stretch
 from viewer.text import counted
 
@@ -21,6 +36,7 @@ _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _RGB = ("colorRed", "colorGreen", "colorBlue")
 _NO_COLOUR, _NO_INTENSITY = "isColorInvalid", "isIntensityInvalid"  # 1 where a point has none
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +53,21 @@ class _Scan:
     narrow: bool = True
     intensity: tuple[float, float] | None = None
 
+    @property
+    def coordinates(self) -> tuple[str, str, str]:
+        return _CARTESIAN if set(_CARTESIAN) <= self.fields else _SPHERICAL
+
+    @property
+    def state(self) -> str:
+        """The field that marks points without a return."""
+        return "cartesianInvalidState" if self.coordinates is _CARTESIAN else "sphericalInvalidState"
+
+    @property
+    def wanted(self) -> list[str]:
+        """The fields that are read."""
+        colour = (*_RGB, _NO_COLOUR) if set(_RGB) <= self.fields else ()
+        return [*self.coordinates, *(f for f in (self.state, "intensity", *colour, _NO_INTENSITY) if f in self.fields)]
+
 
 class E57Source(Source):
     """One .e57 file.  Raises InputError where libe57 refuses it (checksum, length, XML) or it holds no points."""
@@ -48,7 +79,8 @@ class E57Source(Source):
             root = file.root()
             self.crs = _crs(root)
             data = child(root, "data3D", "Vector") or ()
-            check_prototypes(path)
+            self._xml = xml_of(path)
+            check_prototypes(path, self._xml)
             for i in range(len(data)):
                 self._add(i, data[i])
         self.count = sum(scan.count for scan in self._scans)
@@ -91,21 +123,51 @@ class E57Source(Source):
     def chunks(self) -> Iterator[Chunk]:
         """Yields the valid points of scan after scan."""
         for number, scan in enumerate(self._scans):
-            coordinates = _CARTESIAN if set(_CARTESIAN) <= scan.fields else _SPHERICAL
-            state = "cartesianInvalidState" if coordinates is _CARTESIAN else "sphericalInvalidState"
-            wanted = [*coordinates, *(f for f in (state, "intensity", *_RGB, _NO_COLOUR, _NO_INTENSITY) if f in scan.fields)]
-            if not set(_RGB) <= scan.fields:
-                wanted = [field for field in wanted if field not in (*_RGB, _NO_COLOUR)]
             if scan.count:
-                for columns in self._columns(number, wanted):
-                    yield self._chunk(number, scan, columns, coordinates, state)
+                for columns in self._columns(number, scan.wanted):
+                    yield self._chunk(number, scan, columns, scan.intensity or self._intensity_of(number, columns))
 
-    def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], coordinates, state: str) -> Chunk:
-        size = len(columns[coordinates[0]])
-        if state in columns:
-            valid = columns[state] == 0  # 1: only the direction is known, 2: nothing
+    def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
+        """See Source; None where the points are packed in a way that only libe57 decodes.  Checksums are not checked.  Where
+        the file gives no range of intensities, that of the scan's first RANGE_RUNS runs stands for it."""
+        vectors = [None] * len(self._scans) if self._xml is None else self._xml.findall("{*}data3D/*")
+        vectors = [None if node is None else node.find("{*}points") for node in vectors]
+        if len(vectors) != len(self._scans):
+            return None
+        with ExitStack() as opened:
+            file = opened.enter_context(self.path.open("rb"))
+            readers: list[PacketReader | None] = []
+            try:
+                for scan, vector in zip(self._scans, vectors, strict=True):
+                    if scan.count and vector is None:
+                        return None
+                    readers.append(PacketReader(self.path, file, vector) if scan.count and vector is not None else None)
+            except UnknownPacking as error:
+                _log.info("%s: no sample of it: %s", self.path, error)
+                return None
+            return self._sampled(readers, points, run, opened.pop_all())
+
+    def _sampled(self, readers: "list[PacketReader | None]", points: int, run: int, opened: ExitStack) -> Iterator[Chunk]:
+        ranges: dict[int, tuple[float, float]] = {}
+        counts = [reader.count if reader else 0 for reader in readers]
+        with opened:
+            runs = interleaved(counts, points, run)
+            for number, start in runs:
+                scan, reader = self._scans[number], readers[number]
+                assert reader is not None
+                columns = reader.read(start, run, scan.wanted)
+                if "intensity" in columns and scan.intensity is None and number not in ranges:
+                    first = [place for of, place in runs if of == number][:RANGE_RUNS]
+                    ranges[number] = _range_of(reader.read(place, run, ["intensity"])["intensity"] for place in first)
+                yield self._chunk(number, scan, columns, scan.intensity or ranges.get(number, (0.0, 0.0)))
+
+    def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], intensities: tuple[float, float]) -> Chunk:
+        """columns: scaled, of ``scan.wanted``.  intensities: range that becomes the whole of uint16."""
+        size = len(columns[scan.coordinates[0]])
+        if scan.state in columns:
+            valid = columns[scan.state] == 0  # 1: only the direction is known, 2: nothing
             columns = {name: values[valid] for name, values in columns.items()}
-        if coordinates is _CARTESIAN:
+        if scan.coordinates is _CARTESIAN:
             local = np.stack([columns[name] for name in _CARTESIAN], axis=1)
         else:
             r, azimuth, elevation = (columns[name] for name in _SPHERICAL)
@@ -121,20 +183,17 @@ class E57Source(Source):
             if _NO_COLOUR in columns:  # black, as other formats have points that no photograph covered
                 rgb[columns[_NO_COLOUR] != 0] = 0
         if "intensity" in columns:
-            intensity = stretch(columns["intensity"], *(scan.intensity or self._intensity_of(number)))
+            intensity = stretch(columns["intensity"], *intensities)
             if _NO_INTENSITY in columns:
                 intensity[columns[_NO_INTENSITY] != 0] = 0
         return Chunk(xyz, rgb, intensity, number, size - len(xyz))
 
-    def _intensity_of(self, number: int) -> tuple[float, float]:
-        """Range of a scan's intensities where the file gives none; one reading of that field, at first need."""
+    def _intensity_of(self, number: int, columns: dict[str, np.ndarray]) -> tuple[float, float]:
+        """Range of a scan's intensities where the file gives none: that field is read once, at first need."""
+        if "intensity" not in columns:
+            return 0.0, 0.0
         if number not in self._ranges:
-            low, high = np.inf, -np.inf
-            for columns in self._columns(number, ["intensity"]):
-                values = columns["intensity"][np.isfinite(columns["intensity"])]
-                if len(values):
-                    low, high = min(low, float(values.min())), max(high, float(values.max()))
-            self._ranges[number] = (low, high)
+            self._ranges[number] = _range_of(found["intensity"] for found in self._columns(number, ["intensity"]))
         return self._ranges[number]
 
     def _columns(self, number: int, names: list[str]) -> Iterator[dict[str, np.ndarray]]:
@@ -162,6 +221,16 @@ class E57Source(Source):
             finally:
                 if reader.isOpen():
                     reader.close()
+
+
+def _range_of(blocks: Iterable[np.ndarray]) -> tuple[float, float]:
+    """Lowest and highest finite value."""
+    low, high = np.inf, -np.inf
+    for values in blocks:
+        finite = values[np.isfinite(values)]
+        if len(finite):
+            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
+    return low, high
 
 
 def _declared(node) -> tuple[float, float]:

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from viewer.errors import InputError
-
-_PAGE = 1024  # bytes, by the standard
+from viewer.readers.e57_packets import PAGE, PAGE_DATA
 
 
 def library() -> Any:
@@ -46,22 +45,29 @@ def open_e57(path: Path) -> Iterator[Any]:
             file.close()
 
 
-def check_prototypes(path: Path) -> None:
-    """Raises InputError where points do not say what they are made of: asked for that, libe57 would end the process.
+def xml_of(path: Path) -> ElementTree.Element | None:
+    """The root of the XML that describes the file; None where Python's parser refuses what libe57 could read.
 
-    path: a file that open_e57 opened: where its XML lies has been checked.
+    path: a file that open_e57 opened, so that the place of its XML has been checked.
     """
     with path.open("rb") as file:
         place, length = struct.unpack("<2Q", file.read(40)[24:])
-        file.seek(place // _PAGE * _PAGE)
-        pages = [file.read(_PAGE)[:-4] for _ in range((place % _PAGE + length) // (_PAGE - 4) + 1)]  # the rest is a checksum
+        file.seek(place // PAGE * PAGE)
+        pages = [file.read(PAGE)[:PAGE_DATA] for _ in range((place % PAGE + length) // PAGE_DATA + 1)]
     try:
-        tree = ElementTree.fromstring(b"".join(pages)[place % _PAGE :][:length])
+        return ElementTree.fromstring(b"".join(pages)[place % PAGE :][:length])
     except ElementTree.ParseError:
-        return  # libe57 could read it
-    for node in tree.iter():
+        return None
+
+
+def check_prototypes(path: Path, root: ElementTree.Element | None) -> None:
+    """Raises InputError where points have no prototype, which declares their fields: libe57 would end the process over that.
+
+    root: of the file's XML.
+    """
+    for node in root.iter() if root is not None else ():
         if node.get("type") == "CompressedVector" and node.find("{*}prototype") is None:
-            raise InputError(f"{path}: damaged: points without a prototype, which says what they are; copy or export it again")
+            raise InputError(f"{path}: damaged: points without a prototype, so without fields; copy or export it again")
 
 
 def child(node, name: str, kind: str) -> Any:

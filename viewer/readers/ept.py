@@ -129,14 +129,23 @@ class EptSource(OctreeSource):
 
     def _nodes(self) -> Iterator[tuple[int, Columns]]:
         for node, count in self._counts.items():
-            if self._data == "laszip":
-                yield from self._from_las(node, count)
-                continue
-            data = self._file(node).read_bytes() if self._data == "binary" else self._unpacked(node, count)
-            if len(data) != count * self._dtype.itemsize:
-                raise self._damaged(f"does not hold the {count:,} points that the hierarchy says", self._file(node))
-            for records in pieces(np.frombuffer(data, self._dtype)):
-                yield 0, self._columns(records)
+            yield from self._points_of(node, count)
+
+    def _levels(self) -> np.ndarray:
+        return np.array([(int(node.partition("-")[0]), count) for node, count in self._counts.items()], np.int64)
+
+    def _node(self, number: int) -> Iterator[tuple[int, Columns]]:
+        return self._points_of(*list(self._counts.items())[number])
+
+    def _points_of(self, node: str, count: int) -> Iterator[tuple[int, Columns]]:
+        if self._data == "laszip":
+            yield from self._from_las(node, count)
+            return
+        data = self._file(node).read_bytes() if self._data == "binary" else self._unpacked(node, count)
+        if len(data) != count * self._dtype.itemsize:
+            raise self._damaged(f"does not hold the {count:,} points that the hierarchy says", self._file(node))
+        for records in pieces(np.frombuffer(data, self._dtype)):
+            yield 0, self._columns(records)
 
     def _from_las(self, node: str, count: int) -> Iterator[tuple[int, Columns]]:
         from viewer.readers.las import LasSource

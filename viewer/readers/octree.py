@@ -13,6 +13,7 @@ import numpy as np
 from viewer.errors import InputError
 from viewer.readers import crs
 from viewer.readers.column_source import Columns, ColumnSource
+from viewer.readers.sampling import sampled_nodes
 from viewer.readers.source import CHUNK, Chunk, ScanInfo
 
 _LARGEST_JSON = 256 << 20  # bytes: a describing file or a part of a hierarchy is far smaller
@@ -35,6 +36,21 @@ class OctreeSource(ColumnSource):
     def _nodes(self) -> Iterator[tuple[int, Columns]]:
         """Yields (scan, all columns) of runs of points of any length up to CHUNK."""
         raise NotImplementedError
+
+    def _levels(self) -> np.ndarray:
+        """(n, 2) int64: level and points of each node, in the order of their numbers for ``_node``."""
+        raise NotImplementedError
+
+    def _node(self, number: int) -> Iterator[tuple[int, Columns]]:
+        """Yields (scan, all columns) of the points of one node."""
+        raise NotImplementedError
+
+    def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]]:
+        """The upper levels: each is itself a sample of the scan, spread evenly in space."""
+        levels = self._levels()
+        for number, step in sampled_nodes(levels[:, 0], levels[:, 1], points):
+            for scan, columns in self._node(number):
+                yield scan, {name: values[::step] for name, values in columns.items() if name in wanted}
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
         """Gathers small nodes: what is done a chunk costs more than many points."""

@@ -6,7 +6,7 @@ was never written, and of damaged numbers their beginning; of binary files it ho
 coordinates of unlike types.  Frame and units: as stored; a VIEWPOINT is told but not applied.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,8 +14,10 @@ import numpy as np
 from viewer.errors import InputError
 from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.pcd_header import Header, read_header
+from viewer.readers.sampling import run_starts
 from viewer.readers.source import CHUNK, told_beyond
 from viewer.readers.text_rows import ROWS, TextRows
+from viewer.readers.text_sample import TextRegion, sample_rows
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 _PACKED = ("rgb", "rgba")  # of four bytes: blue, green, red, and alpha or nothing
@@ -31,6 +33,7 @@ class PcdSource(ColumnSource):
         with path.open("rb") as file:
             self._header = header = read_header(path, file)
         self.count = header.points
+        self._columns: np.ndarray | None = None
         names = {field.name: field for field in header.fields}
         if missing := [axis for axis in "xyz" if axis not in names or names[axis].count != 1]:
             raise InputError(f"{path}: PCD without {', '.join(missing)} (its fields: {', '.join(names)}); nothing to show")
@@ -70,11 +73,23 @@ class PcdSource(ColumnSource):
             raise InputError(f"{self.path}: truncated: {what}; copy or export it again")
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
-        fields = {column: name for column, name in self._fields.items() if column in wanted}
-        packed = self._rgb if "r" in wanted else None
         form = self._header.data
         blocks = self._ascii if form == "ascii" else self._binary if form == "binary" else self._compressed
-        for found in blocks([*fields.values(), *([packed] if packed else [])]):
+        yield from self._named(wanted, blocks)
+
+    def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]]:
+        form = self._header.data
+        blocks = self._sampled_compressed
+        if form != "binary_compressed":
+            blocks = self._sampled_ascii if form == "ascii" else self._sampled_binary
+        yield from self._named(wanted, lambda names: blocks(names, points, run))
+
+    def _named(self, wanted: str, blocks: Callable[[list[str]], Iterator[Columns]]) -> Iterator[tuple[int, Columns]]:
+        """Turns blocks of fields into the wanted columns.  blocks: yields the named fields of some points."""
+        fields = {column: name for column, name in self._fields.items() if column in wanted}
+        packed = self._rgb if "r" in wanted else None
+        names = [*fields.values(), *([packed] if packed else [])]
+        for found in blocks(names) if names else ():
             columns = {column: found[name] for column, name in fields.items()}
             if packed is not None:
                 words = found[packed]
@@ -95,12 +110,20 @@ class PcdSource(ColumnSource):
                     raise self._truncated(done, header.points)
                 yield {name: self._word(name, records[name]) for name in names}
 
+    def _sampled_binary(self, names: list[str], points: int, run: int) -> Iterator[Columns]:
+        size = self._header.dtype.itemsize
+        with self.path.open("rb") as file:
+            for start in run_starts(self._header.points, points, run).tolist():
+                file.seek(self._header.offset + start * size)
+                data = file.read(min(run, self._header.points - start) * size)
+                records = np.frombuffer(data, self._header.dtype, count=len(data) // size)
+                yield {name: self._word(name, records[name]) for name in names}
+
     def _word(self, name: str, values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values).view("<u4") if name == self._rgb else values
 
     def _ascii(self, names: list[str]) -> Iterator[Columns]:
-        header, done = self._header, 0
-        target = [names.index(f.name) if f.name in names else -1 for f in header.fields for _ in range(f.count)]
+        header, done, target = self._header, 0, self._targets(names)
         with self.path.open("rb") as file:
             file.seek(header.offset)
             text = TextRows(self.path, file, lines=header.lines)
@@ -115,6 +138,15 @@ class PcdSource(ColumnSource):
                     raise self._truncated(done, header.points)
             if not text.at_end():
                 self._warn(told_beyond(self.path, self.count))
+
+    def _sampled_ascii(self, names: list[str], points: int, run: int) -> Iterator[Columns]:
+        region = TextRegion(self._header.offset, self.path.stat().st_size, self._targets(names))
+        for _, table in sample_rows(self.path, [region], points, run):
+            yield {name: self._plain(name, table[:, i]) for i, name in enumerate(names)}
+
+    def _targets(self, names: list[str]) -> list[int]:
+        """For each value of a line of text the place of its field in ``names``, -1 for other fields."""
+        return [names.index(f.name) if f.name in names else -1 for f in self._header.fields for _ in range(f.count)]
 
     def _plain(self, name: str, values: np.ndarray) -> np.ndarray:
         """Numbers read from text as what their field's type makes of them."""
@@ -145,6 +177,31 @@ class PcdSource(ColumnSource):
                 r, g, b = (found["colors"][rows, i].astype("<u4") for i in range(3))
                 columns |= {self._rgb or "rgb": r << 16 | g << 8 | b}
             yield {name: columns[name] if name in columns else found[name][rows].reshape(-1) for name in names}
+
+    def _sampled_compressed(self, names: list[str], points: int, run: int) -> Iterator[Columns]:
+        """Decompresses everything, since LZF cannot be read from the middle, and takes runs of it."""
+        header, data = self._header, self._decompressed()
+        columns, place = {}, 0
+        for field in header.fields:  # one column after the other
+            if field.name in names and field.name != "_":
+                values = np.frombuffer(data, f"<{field.type}", header.points, place)
+                columns[field.name] = self._word(field.name, values)
+            place += header.points * field.count * int(field.type[1])
+        for start in run_starts(header.points, points, run).tolist():
+            yield {name: values[start : start + run] for name, values in columns.items()}
+
+    def _decompressed(self) -> np.ndarray:
+        """All columns one after the other, uint8; kept for the second reading of a sample."""
+        if self._columns is None:
+            from viewer.readers.lzf import decompress
+
+            header = self._header
+            packed, size = np.fromfile(self.path, "<u4", 2, offset=header.offset).tolist()
+            columns = np.empty(size, np.uint8)
+            if decompress(np.fromfile(self.path, np.uint8, packed, offset=header.offset + 8), columns) != size:
+                raise InputError(f"{self.path}: damaged: its compressed points cannot be unpacked; copy or export it again")
+            self._columns = columns
+        return self._columns
 
 
 def _decoded(path: Path):

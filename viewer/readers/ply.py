@@ -4,15 +4,20 @@ Rows without lists are read as NumPy records; rows with lists are walked one by 
 PLY does not name.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from viewer.errors import InputError
+from viewer.readers.column_source import RANGE_RUNS, Columns, Ranges
 from viewer.readers.ply_header import Element, read_header
+from viewer.readers.sampling import run_starts
 from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, stretch, told_beyond
+from viewer.readers.text_rows import TextRows
+from viewer.readers.text_sample import TextRegion, sample_rows
 
 _COLOURS = (
     ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),
@@ -21,8 +26,6 @@ _COLOURS = (
 _INTENSITIES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
 _CLASSES = ("classification", "scalar_classification", "class", "scalar_class")
 _BLOCK = 1 << 24  # bytes of text read at a time
-
-Columns = dict[str, np.ndarray]
 
 
 class PlySource(Source):
@@ -51,44 +54,69 @@ class PlySource(Source):
         self._types = {name: p.type for name, p in plain.items()}
         if self._header.order and all(self._types[axis] == "f4" for axis in "xyz"):
             self.precision = 2.0**-24
-        self._largest: dict[str, tuple[float, float]] | None = None
+        self._ranges: Ranges | None = None
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint8, or uint16 where the fields are wider), intensity and class."""
         for columns in self._columns():
-            with np.errstate(invalid="ignore"):  # some NaN of damaged files
-                xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
-            rgb = None if self._rgb is None else np.stack([self._channel(columns, name) for name in self._rgb], axis=1)
-            level = None if self._intensity is None else self._level(columns[self._intensity])
-            classes = None if self._class is None else _whole(columns[self._class], np.uint8)
-            yield Chunk(xyz, rgb, level, classification=classes)
+            yield self._chunk(columns, self._file_ranges)
 
-    def _channel(self, columns: Columns, name: str) -> np.ndarray:
+    def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
+        """See Source; None where lists in or before the vertices, which have any length, keep their places unknown.  Ranges of
+        floating-point colours and intensities are those of the first RANGE_RUNS runs."""
+        if self._vertex.has_lists or any(element.has_lists for element in self._before):
+            return None
+        return self._sampled(points, run)
+
+    def _sampled(self, points: int, run: int) -> Iterator[Chunk]:
+        sampled = self._sampled_binary if self._header.order else self._sampled_text
+        ranges: Ranges = dict(self._ranges or {})
+
+        def sample_ranges() -> Ranges:
+            if not ranges:
+                ranges.update(self._ranges_of(islice(sampled(points, run), RANGE_RUNS)))
+            return ranges
+
+        for columns in sampled(points, run):
+            yield self._chunk(columns, sample_ranges)
+
+    def _chunk(self, columns: Columns, ranges: Callable[[], Ranges]) -> Chunk:
+        with np.errstate(invalid="ignore"):  # damaged files contain signalling NaN
+            xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
+        rgb = None if self._rgb is None else np.stack([self._channel(columns, name, ranges) for name in self._rgb], axis=1)
+        level = None if self._intensity is None else self._level(columns[self._intensity], ranges)
+        classes = None if self._class is None else _whole(columns[self._class], np.uint8)
+        return Chunk(xyz, rgb, level, classification=classes)
+
+    def _channel(self, columns: Columns, name: str, ranges: Callable[[], Ranges]) -> np.ndarray:
         kind, values = self._types[name], columns[name]
         if kind[0] != "f":
             return _whole(values, np.uint8 if kind == "u1" else np.uint16)
-        largest = max(self._ranges()[n][1] for n in self._rgb or ())
+        largest = max(ranges()[n][1] for n in self._rgb or ())
         full = 1.0 if largest <= 1 else 255.0 if largest <= 255 else 65535.0
         return (stretch(values, 0, full) / 257.0 + 0.5).astype(np.uint8)
 
-    def _level(self, values: np.ndarray) -> np.ndarray:
+    def _level(self, values: np.ndarray, ranges: Callable[[], Ranges]) -> np.ndarray:
         kind = self._types[self._intensity or ""]
         if kind in ("u1", "u2"):
             return _whole(values, np.uint16)
-        return stretch(values, *self._ranges()[self._intensity or ""])
+        return stretch(values, *ranges()[self._intensity or ""])
 
-    def _ranges(self) -> dict[str, tuple[float, float]]:
-        """Lowest and highest finite value of colour and intensity; one reading of the file, where types do not say."""
-        if self._largest is None:
-            names = [*(self._rgb or ()), *((self._intensity,) if self._intensity else ())]
-            found = dict.fromkeys(names, (np.inf, -np.inf))
-            for columns in self._columns():
-                for name, (low, high) in found.items():
-                    finite = columns[name][np.isfinite(columns[name])]
-                    if len(finite):
-                        found[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
-            self._largest = found
-        return self._largest
+    def _file_ranges(self) -> Ranges:
+        """Ranges of colour and intensity over the whole file, read at first need."""
+        if self._ranges is None:
+            self._ranges = self._ranges_of(self._columns())
+        return self._ranges
+
+    def _ranges_of(self, blocks: Iterable[Columns]) -> Ranges:
+        names = [*(self._rgb or ()), *((self._intensity,) if self._intensity else ())]
+        found: Ranges = dict.fromkeys(names, (np.inf, -np.inf))
+        for columns in blocks:
+            for name, (low, high) in found.items():
+                finite = columns[name][np.isfinite(columns[name])]
+                if len(finite):
+                    found[name] = (min(low, float(finite.min())), max(high, float(finite.max())))
+        return found
 
     def _columns(self) -> Iterator[Columns]:
         """Yields the vertices' plain properties by lower-case name, up to CHUNK rows at a time."""
@@ -131,6 +159,18 @@ class PlySource(Source):
                 raise self._truncated(done)
             yield {name: records[f"{i}"] for i, name in enumerate(names)}
         self._end(size - file.tell() >= dtype.itemsize)
+
+    def _sampled_binary(self, points: int, run: int) -> Iterator[Columns]:
+        dtype, count = self._dtype(self._vertex), self._vertex.count
+        begin = self._header.data + sum(element.count * self._dtype(element).itemsize for element in self._before)
+        if (readable := max(0, self.path.stat().st_size - begin) // dtype.itemsize) < count:
+            raise self._truncated(readable)
+        names = [p.name.lower() for p in self._vertex.properties]
+        with self.path.open("rb") as file:
+            for start in run_starts(count, points, run).tolist():
+                file.seek(begin + start * dtype.itemsize)
+                records = np.frombuffer(file.read(min(run, count - start) * dtype.itemsize), dtype)
+                yield {name: records[f"{i}"] for i, name in enumerate(names)}
 
     def _end(self, more: bool) -> None:
         """Takes note, once, of points behind those that were counted.  more: something is left that may be one."""
@@ -179,6 +219,20 @@ class PlySource(Source):
                 self._end(beyond or any(blocks))
                 return
         raise self._truncated(done)
+
+    def _sampled_text(self, points: int, run: int) -> Iterator[Columns]:
+        with self.path.open("rb") as file:
+            file.seek(self._header.data)
+            text = TextRows(self.path, file)
+            text.skip(sum(element.count for element in self._before))
+            begin, end = text.position, self.path.stat().st_size
+            if not self._last:  # rows of other elements follow
+                if (found := text.skip(self._vertex.count)) < self._vertex.count:
+                    raise self._truncated(found)
+                end = text.position
+        names = [p.name.lower() for p in self._vertex.properties]
+        for _, table in sample_rows(self.path, [TextRegion(begin, end, list(range(len(names))))], points, run):
+            yield {name: table[:, i] for i, name in enumerate(names)}
 
     def _unreadable(self, rows: list[str], columns: int, done: int) -> InputError:
         """Which row it was: the last one of a file that ends too early, or one that does not hold numbers."""

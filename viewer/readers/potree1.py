@@ -27,6 +27,8 @@ _SIZES = {"POSITION_CARTESIAN": ("i4", 3), "COLOR_PACKED": ("u1", 4), "RGBA_PACK
 """Attributes that older versions only name: type and elements."""
 _MOST_ELEMENTS = 64
 _DEEPEST = 64  # levels; doubles end before
+_LEAST_LAS_RECORD = 20
+"""Bytes of a point in LAS point format 0, the shortest (LAS 1.4 specification, table 7)."""
 _COLOURS, _COLUMNS = ("COLOR_PACKED", "RGBA_PACKED", "RGB_PACKED", "RGBA", "RGB"), {"INTENSITY": "i", "CLASSIFICATION": "c"}
 
 
@@ -52,7 +54,7 @@ class Potree1Source(OctreeSource):
         said = meta.get("pointAttributes")
         self._suffix = "bin" if isinstance(said, list) else "laz" if str(said).upper() == "LAZ" else "las"
         self._dtype = self._records(said) if isinstance(said, list) else None
-        self._check_nodes(meta)
+        self._counts = self._checked_nodes(meta)
         if self._dtype is not None:
             self.count = sum(file.stat().st_size // self._dtype.itemsize for _, file in self._points())
             for _, file in self._points():
@@ -100,8 +102,9 @@ class Potree1Source(OctreeSource):
             raise self._damaged("has no attribute POSITION_CARTESIAN of three numbers")
         return dtype
 
-    def _check_nodes(self, meta: dict) -> None:
-        """Raises InputError where a node that the hierarchy tells of has no file: a part of the copy is missing."""
+    def _checked_nodes(self, meta: dict) -> dict[str, int]:
+        """Points of the nodes by name, as far as the hierarchy lists them.  Raises InputError where a listed node has no file:
+        a part of the folder was not copied."""
         said = meta.get("hierarchy")
         if isinstance(said, list):
             pairs = (entry for entry in said if isinstance(entry, list) and len(entry) == 2)
@@ -112,6 +115,7 @@ class Potree1Source(OctreeSource):
         if missing:
             raise InputError(f"{self.path}: truncated: {len(missing):,} of {len(nodes):,} nodes have no file, the first is "
                              f"{missing[0][:40]!a}; copy the whole folder again")  # fmt: skip
+        return nodes
 
     def _from_hrc(self) -> dict[str, int]:
         """Points of each node by the .hrc files."""
@@ -133,7 +137,18 @@ class Potree1Source(OctreeSource):
 
     def _nodes(self) -> Iterator[tuple[int, Columns]]:
         for name, file in self._points():
-            yield from self._from_las(file) if self._dtype is None else self._from_records(name, file)
+            yield from self._points_of(name, file)
+
+    def _levels(self) -> np.ndarray:
+        size = _LEAST_LAS_RECORD if self._dtype is None else self._dtype.itemsize
+        counts = {name: self._counts.get(name) or -(-file.stat().st_size // size) for name, file in self._points()}
+        return np.array([(len(name) - 1, count) for name, count in counts.items()], np.int64)
+
+    def _node(self, number: int) -> Iterator[tuple[int, Columns]]:
+        return self._points_of(*list(self._points())[number])
+
+    def _points_of(self, name: str, file: Path) -> Iterator[tuple[int, Columns]]:
+        return self._from_las(file) if self._dtype is None else self._from_records(name, file)
 
     def _from_las(self, file: Path) -> Iterator[tuple[int, Columns]]:
         from viewer.readers.las import LasSource

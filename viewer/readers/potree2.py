@@ -41,7 +41,7 @@ class Potree2Source(OctreeSource):
         self._attributes = self._attributes_of(meta.get("attributes"))
         self._dtype = np.dtype([(f"{i}", *kind) for i, (_, *kind) in enumerate(self._attributes)])
         self._octree = path.parent / "octree.bin"
-        self._places = self._hierarchy(path.parent / "hierarchy.bin", meta.get("hierarchy"))
+        self._places, self._depths = self._hierarchy(path.parent / "hierarchy.bin", meta.get("hierarchy"))
         self.count = int(self._places["points"].sum(dtype=np.int64))
         if self.count == 0:
             raise InputError(f"{path}: holds no points; convert the scan again")
@@ -69,26 +69,30 @@ class Potree2Source(OctreeSource):
             raise self._damaged("its attribute rgb is not three uint8 or uint16")
         return found
 
-    def _hierarchy(self, path: Path, said: object) -> np.ndarray:
-        """The nodes that hold points, each once, in the order of octree.bin."""
+    def _hierarchy(self, path: Path, said: object) -> tuple[np.ndarray, np.ndarray]:
+        """The nodes that hold points, each once, in the order of octree.bin, and their levels, (n,) int64, 0 at the root."""
         first = whole(said.get("firstChunkSize")) if isinstance(said, dict) else None
         try:
             data, size = path.read_bytes(), self._octree.stat().st_size
         except OSError as error:
             name = error.filename or path
             raise InputError(f"{name}: cannot be read: {error.strerror}; copy the whole folder again") from None
-        runs, seen, found = [(0, first or 0)], set(), []
+        runs, seen, found, levels = [(0, first or 0, 0)], set(), [], []
         while runs:
-            place, length = runs.pop()
+            place, length, top = runs.pop()
             if length <= 0 or length % _NODE.itemsize or not 0 <= place <= len(data) - length or place in seen:
                 raise self._damaged(f"its run of {length:,} bytes at {place:,} cannot be in {len(data):,} bytes", path)
             seen.add(place)
             nodes = np.frombuffer(data, _NODE, length // _NODE.itemsize, place)
             proxies = nodes["type"] == _PROXY
-            runs += zip(nodes["place"][proxies].tolist(), nodes["bytes"][proxies].tolist())
-            found.append(nodes[~proxies & (nodes["bytes"] != 0) & (nodes["points"] != 0)])
-        nodes = np.concatenate(found)
-        nodes = nodes[np.argsort(nodes["place"], kind="stable")]
+            depths = top + _levels_of(np.where(proxies, 0, nodes["children"]))
+            runs += zip(nodes["place"][proxies].tolist(), nodes["bytes"][proxies].tolist(), depths[proxies].tolist())
+            held = ~proxies & (nodes["bytes"] != 0) & (nodes["points"] != 0)
+            found.append(nodes[held])
+            levels.append(depths[held])
+        nodes, depths = np.concatenate(found), np.concatenate(levels)
+        order = np.argsort(nodes["place"], kind="stable")
+        nodes, depths = nodes[order], depths[order]
         ends = nodes["place"] + nodes["bytes"]
         if len(nodes) and (nodes["place"].min() < 0 or nodes["bytes"].min() < 0 or ends.min() < 0 or ends.max() > size):
             lost = int(nodes["points"][(ends > size) | (ends < 0)].sum(dtype=np.int64))
@@ -104,7 +108,7 @@ class Potree2Source(OctreeSource):
             node = nodes[wrong][0]
             what = f"{node['points']:,} points of {self._dtype.itemsize} bytes"
             raise self._damaged(f"a node of {what} cannot have {node['bytes']:,} bytes", path)
-        return nodes
+        return nodes, depths
 
     def _widths(self) -> list[tuple[str, int]]:
         """Name and bytes a point of the attributes as BROTLI holds them."""
@@ -114,13 +118,24 @@ class Potree2Source(OctreeSource):
     def _nodes(self) -> Iterator[tuple[int, Columns]]:
         with self._octree.open("rb") as file:
             for node in self._places:
-                data, count = self._read(file, int(node["place"]), int(node["bytes"])), int(node["points"])
-                if self._encoding == "BROTLI":
-                    yield 0, self._interleaved(self._unpacked(data, count), count)
-                else:
-                    for records in pieces(np.frombuffer(data, self._dtype)):
-                        named = {name: records[f"{i}"] for i, (name, *_) in enumerate(self._attributes)}
-                        yield 0, self._columns(named)
+                yield from self._points_of(file, node)
+
+    def _levels(self) -> np.ndarray:
+        return np.stack([self._depths, self._places["points"]], axis=1).astype(np.int64)
+
+    def _node(self, number: int) -> Iterator[tuple[int, Columns]]:
+        with self._octree.open("rb") as file:
+            yield from self._points_of(file, self._places[number])
+
+    def _points_of(self, file: BinaryIO, node: np.ndarray) -> Iterator[tuple[int, Columns]]:
+        """node: of type _NODE."""
+        data, count = self._read(file, int(node["place"]), int(node["bytes"])), int(node["points"])
+        if self._encoding == "BROTLI":
+            yield 0, self._interleaved(self._unpacked(data, count), count)
+            return
+        for records in pieces(np.frombuffer(data, self._dtype)):
+            named = {name: records[f"{i}"] for i, (name, *_) in enumerate(self._attributes)}
+            yield 0, self._columns(named)
 
     def _read(self, file: BinaryIO, place: int, length: int) -> bytes:
         file.seek(place)
@@ -173,6 +188,16 @@ class Potree2Source(OctreeSource):
         if "rgb" in named:
             columns |= {channel: named["rgb"][:, i] for i, channel in enumerate("rgb")}
         return columns | {_COLUMNS[name]: named[name] for name in named if name in _COLUMNS and named[name].ndim == 1}
+
+
+def _levels_of(children: np.ndarray) -> np.ndarray:
+    """(n,) int64: level of each node below the first of a run.  children: (n,) uint8 masks, nodes in breadth-first order."""
+    ends = 1 + np.unpackbits(children[:, None], axis=1).sum(axis=1).cumsum().astype(np.int64)  # of the children of each node
+    levels, begin, end, level = np.empty(len(children), np.int64), 0, 1, 0
+    while begin < len(children):
+        levels[begin:end] = level
+        begin, end, level = end, max(int(ends[min(end, len(ends)) - 1]), end + 1), level + 1  # nodes without a parent: damaged
+    return levels
 
 
 def _third_bits(values: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.source import ScanInfo, told_beyond
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
 from viewer.readers.text_rows import ROWS, TextRows, quoted
+from viewer.readers.text_sample import TextRegion, sample_rows
 from viewer.text import counted, whole_number
 
 
@@ -22,6 +23,7 @@ class PtsSource(ColumnSource):
         super().__init__(path, "PTS")
         self._columns = "" if columns is None else named_columns(path, columns)
         self._counts: list[int] = []
+        self._extents: list[tuple[int, int]] = []  # bytes of the rows of each part
         with path.open("rb") as file:
             text, left = TextRows(path, file), path.stat().st_size
             while (line := text.peek()) is not None:
@@ -30,9 +32,11 @@ class PtsSource(ColumnSource):
                     break
                 text.line()
                 self._look_at(text.peek() if count else None)
+                begin = text.position
                 if (done := text.skip(count)) < count:
                     raise self._truncated(done, count)
                 self._counts.append(count)
+                self._extents.append((begin, text.position))
             more = line is not None
         if not self._counts:
             raise InputError(f"{path}: begins with {quoted(line or '')} where a PTS has the number of its points; where that "
@@ -82,3 +86,10 @@ class PtsSource(ColumnSource):
                         raise text.unreadable(fields=(other, len(self._columns)))
                     if not len(table):
                         raise self._truncated(done, count)
+
+    def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]]:
+        wanted = "".join(name for name in wanted if name in self._columns)
+        target = Layout(self._columns).target(wanted)
+        regions = [TextRegion(begin, end, target, scan) for scan, (begin, end) in enumerate(self._extents)]
+        for scan, table in sample_rows(self.path, regions if wanted else [], points, run):
+            yield scan, {name: table[:, i] for i, name in enumerate(wanted)}

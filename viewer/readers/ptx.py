@@ -15,6 +15,7 @@ from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.source import ScanInfo
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS
 from viewer.readers.text_rows import ROWS, TextRows, quoted
+from viewer.readers.text_sample import TextRegion, sample_rows
 from viewer.text import whole_number
 
 _VECTORS = (3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines of a header that follow columns and rows
@@ -23,10 +24,13 @@ _ORTHOGONAL = 1e-3  # largest error of a rotation's columns: poses are written w
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """columns: of its rows.  rotation: (3, 3), translation: (3,), scanner -> file: ``p @ rotation + translation``."""
+    """columns: of its rows.  begin, end: the bytes of its rows.  rotation: (3, 3), translation: (3,), scanner to file:
+    ``p @ rotation + translation``."""
 
     count: int
     columns: str
+    begin: int
+    end: int
     rotation: np.ndarray
     translation: np.ndarray
 
@@ -47,6 +51,7 @@ class PtxSource(ColumnSource):
                 fields = len(first.split()) if first is not None else 0
                 if count and fields not in LEICA_COLUMNS:
                     raise self._truncated(0, count) if first is None else text.unreadable()
+                begin = text.position
                 if (done := text.skip(count)) < count:
                     raise self._truncated(done, count, f" of scan {len(self._scans) + 1}")
                 name = f"{path.stem} {len(infos) + 1}"
@@ -54,7 +59,8 @@ class PtxSource(ColumnSource):
                 if not placed:
                     self._warn(f"{path.name}: pose of {name!r} is not usable, its points stay where they are")
                     matrix = np.eye(4)
-                self._scans.append(_Scan(count, LEICA_COLUMNS.get(fields, "xyz"), matrix[:3, :3], matrix[3, :3]))
+                columns = LEICA_COLUMNS.get(fields, "xyz")
+                self._scans.append(_Scan(count, columns, begin, text.position, matrix[:3, :3], matrix[3, :3]))
                 infos.append(ScanInfo(name, tuple(matrix[3, :3].tolist()) if placed else None))
         self.scans = infos if len(infos) > 1 else [ScanInfo(path.stem, info.position) for info in infos]
         self.count = sum(scan.count for scan in self._scans)
@@ -124,3 +130,13 @@ class PtxSource(ColumnSource):
                         raise text.unreadable(fields=(other, len(scan.columns)))
                     if not len(table):
                         raise self._truncated(done, scan.count, f" of scan {number + 1}")
+
+    def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]]:
+        names = ["".join(name for name in wanted if name in scan.columns) for scan in self._scans]
+        regions = [
+            TextRegion(scan.begin, scan.end, [names[number].find(name) for name in scan.columns], number)
+            for number, scan in enumerate(self._scans)
+            if names[number]
+        ]
+        for number, table in sample_rows(self.path, regions, points, run):
+            yield number, {name: table[:, i] for i, name in enumerate(names[number])}

@@ -12,8 +12,6 @@ import numpy as np
 
 CHUNK = 1 << 20
 """Most points in one chunk."""
-FEWEST_ALIGNED = 16
-"""Compressed chunks of a file from which on a sample takes only their beginnings: fewer would leave wide gaps."""
 
 
 @dataclass(frozen=True)
@@ -75,27 +73,6 @@ class Source:
         """Yields runs of ``run`` points spread over the file, about ``points`` in all, without reading the rest; None where the
         format has no way to do so.  Raises InputError where the file is damaged."""
         return None
-
-
-def spread(count: int, points: int, run: int, align: int = 1) -> np.ndarray:
-    """First points of runs of ``run`` points that sample ``count`` points evenly, about ``points`` in all, in an order in which
-    every beginning of the list is spread over the file, too.  align: runs begin at multiples of this, where the file has at
-    least FEWEST_ALIGNED of them.
-
-    Returns (k,) int64, each once.
-    """
-    runs = max(1, min(points // run, -(-count // run)))
-    starts = np.linspace(0, max(count - run, 0), runs).astype(np.int64)
-    if align > 1 and count >= FEWEST_ALIGNED * align:
-        starts = starts // align * align
-        starts = np.unique(starts)
-    # in the order of bits reversed every beginning is spread evenly
-    bits = max(1, (len(starts) - 1).bit_length())
-    places = np.arange(1 << bits)
-    reverse = np.zeros_like(places)
-    for bit in range(bits):
-        reverse |= (places >> bit & 1) << bits - 1 - bit
-    return starts[reverse[reverse < len(starts)]]
 
 
 def told_beyond(path: Path, count: int | None) -> str:

@@ -160,3 +160,22 @@ def skip_rows(text, start, stop, most):
         i += 1
         lines += 1
     return rows, i, lines
+
+
+@compiled(nogil=True)
+def count_lines(text, start, stop):
+    """Lines of ``text[start:stop]``, uint8, which begins with a line and ends with a newline.
+
+    Returns (lines, lines among them that may be no rows: they begin with a blank, a comment mark or their end).  One loop
+    without branches, which compiles to vector instructions, for the many files where every line is a row.
+    """
+    lines, others = 0, 0
+    first = text[start]
+    if first <= 32 or first == 35 or first == 47:
+        others += 1
+    for i in range(start, stop - 1):
+        ends = text[i] == 10
+        after = text[i + 1]
+        lines += ends
+        others += ends & ((after <= 32) | (after == 35) | (after == 47))
+    return lines + 1, others

@@ -25,11 +25,15 @@ BLANKS = ""
 
 
 class TextRows:
-    """An open text file as rows of numbers and, in between, lines.  lines: those before the place that it is at."""
+    """An open text file as rows of numbers and, in between, lines.
 
-    def __init__(self, path: Path, file: BinaryIO, lines: int = 0):
-        self.path, self._file = path, file
+    lines: the number of lines before the file's position.  block: bytes read at a time.
+    """
+
+    def __init__(self, path: Path, file: BinaryIO, lines: int = 0, block: int = _BLOCK):
+        self.path, self._file, self._block = path, file, block
         self._text, self._rest, self._at, self._ended = b"", b"", 0, False
+        self._added = 0  # newlines that the file does not have
         self.line_number = lines
         """Lines that were passed."""
 
@@ -76,6 +80,11 @@ class TextRows:
             other = fields if why == OTHER_WIDTH else None
         return table[:done], other
 
+    @property
+    def position(self) -> int:
+        """The byte of the file that the next line begins at."""
+        return self._file.tell() - len(self._rest) - (len(self._text) - self._added - self._at)
+
     def at_end(self) -> bool:
         """Whether nothing but blank lines is left."""
         return self.peek() is None
@@ -104,12 +113,16 @@ class TextRows:
 
     def skip(self, most: int) -> int:
         """Passes up to ``most`` rows, whatever they hold, and returns how many there were."""
-        from viewer.readers.text_kernels import skip_rows
+        from viewer.readers.text_kernels import count_lines, skip_rows
 
         passed = 0
         while passed < most and self._fill():
             text = np.frombuffer(self._text, np.uint8)
-            n, self._at, lines = skip_rows(text, self._at, len(text), most - passed)
+            lines, others = count_lines(text, self._at, len(text))
+            if lines <= most - passed and not others:  # every line is a row
+                n, self._at = lines, len(self._text)
+            else:
+                n, self._at, lines = skip_rows(text, self._at, len(text), most - passed)
             passed, self.line_number = passed + n, self.line_number + lines
         return passed
 
@@ -119,11 +132,12 @@ class TextRows:
             if self._ended:
                 return False
             first = self._file.tell() == 0
-            block = self._file.read(_BLOCK)
+            block = self._file.read(self._block)
             self._ended = not block
             if first:
                 block = block.removeprefix(_BYTE_ORDER_MARK)
-            text = self._rest + block + (b"\n" if self._ended and self._rest else b"")
+            self._added = 1 if self._ended and self._rest else 0
+            text = self._rest + block + b"\n" * self._added
             end = text.rfind(b"\n") + 1
             self._text, self._rest, self._at = text[:end], text[end:], 0
             if len(self._rest) > _LONGEST_LINE:

@@ -1,6 +1,6 @@
-"""XYZ, TXT, CSV and ASC: a row of text a point, in columns that the file or a person names, or that are recognised.
+"""XYZ, TXT, CSV and ASC: one row of text per point.  The columns are named by the file or by a person, or recognised.
 
-Separated by blanks, tabs, commas or semicolons; comments begin with # or //.  Frame and units: the file's, unknown.
+Fields are separated by blanks, tabs, commas or semicolons; comments begin with # or //.  Frame and units: the file's, unknown.
 """
 
 from collections.abc import Iterator
@@ -9,12 +9,15 @@ from pathlib import Path
 from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.text_columns import named_columns, recognise
 from viewer.readers.text_rows import ROWS, TextRows
+from viewer.readers.text_sample import TextRegion, sample_rows
+
+_HEADER_BLOCK = 1 << 16  # bytes read at a time to pass the lines before the rows; chosen by hand
 
 
 class XyzSource(ColumnSource):
-    """One text file of points.  columns: what a person said of them (``--columns``).
+    """One text file of points.  columns: the columns that a person named (``--columns``).
 
-    Raises InputError where its columns cannot be told, naming the option that tells them.
+    Raises InputError where the columns cannot be recognised; the message names that option.
     """
 
     def __init__(self, path: Path, columns: str | None = None):
@@ -36,3 +39,15 @@ class XyzSource(ColumnSource):
                     raise text.unreadable(fields=(other, len(self._layout.columns)))
                 if not len(table):
                     return
+
+    def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]]:
+        wanted = "".join(name for name in wanted if name in self._layout.columns)
+        if not wanted:
+            return
+        with self.path.open("rb") as file:
+            text = TextRows(self.path, file, block=_HEADER_BLOCK)
+            text.skip_lines(self._layout.headers)
+            begin = text.position
+        region = TextRegion(begin, self.path.stat().st_size, self._layout.target(wanted))
+        for scan, table in sample_rows(self.path, [region], points, run, self._layout.delimiter):
+            yield scan, {name: table[:, i] for i, name in enumerate(wanted)}
