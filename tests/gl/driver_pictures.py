@@ -21,7 +21,7 @@ from viewer.camera import from_fov, look_at
 from viewer.render import shader
 from viewer.render.develop import Developer, read_picture
 from viewer.render.edits import Edits
-from viewer.render.occlusion import Occlusion
+from viewer.render.occlusion import LAG, Occlusion
 from viewer.render.renderer import RASTERISERS, Renderer
 from viewer.settings import FILTERS, Settings
 from viewer.tools.clip import box_around
@@ -106,13 +106,15 @@ def sources(context, monkeypatch) -> dict[str, str]:
 
 
 def look_like_a_gpu(monkeypatch) -> None:
-    """Renderers made from now on choose what they would on a GPU."""
+    """Renderers made from now on choose what they would on a GPU, but for the age of the visibility that frames with a history
+    use, which sways pictures a little."""
     from dataclasses import replace
 
     from viewer.render import renderer
 
     known = renderer.describe_device
     monkeypatch.setattr(renderer, "describe_device", lambda context: replace(known(context), software=False))
+    monkeypatch.setitem(LAG, False, LAG[True])
 
 
 def write(path: str, *, as_gpu: bool) -> None:

@@ -286,7 +286,7 @@ def test_where_nothing_is_known_the_nearest_cells_are_drawn_first(floor):
     draw = Culler(floor.scene).select(camera)
     points = np.bincount(draw.slot, draw.count, len(draw.cells))
     distance = np.linalg.norm(draw.cell_view[:, :3], axis=1)
-    nobody = SimpleNamespace(begin=lambda: 1, flags_of=lambda *_: None)
+    nobody = SimpleNamespace(lag=1, begin=lambda: 1, flags_of=lambda *_: None)
     known = Occlusion().recall(floor.scene, draw, nobody).astype(bool)
     assert distance[known].max() <= distance[~known].min()
     assert NEAREST * draw.points <= points[known].sum() <= NEAREST * draw.points + points.max()
@@ -297,7 +297,7 @@ def test_where_nothing_is_known_the_nearest_cells_are_drawn_first(floor):
         told[told_of] = 1
         memory = Occlusion()
         memory.recall(floor.scene, draw, nobody)
-        got = memory.recall(floor.scene, draw, SimpleNamespace(begin=lambda: 2, flags_of=lambda *_, told=told: told))
+        got = memory.recall(floor.scene, draw, SimpleNamespace(lag=1, begin=lambda: 2, flags_of=lambda *_, told=told: told))
         assert np.array_equal(got, told | added)
 
 

@@ -194,6 +194,9 @@ class Refusing:
         self._made: list = []
         self.error = "GL_NO_ERROR"
 
+    def __getattr__(self, name):
+        return getattr(self._context, name)
+
     def buffer(self, *, reserve: int, **options):
         held = sum(buffer.size for buffer in self._made if not isinstance(buffer.mglo, moderngl.InvalidObject))
         refused = held + reserve > self._memory

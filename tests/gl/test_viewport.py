@@ -9,7 +9,7 @@ import pytest
 from viewer.bench.procedural_scan import EYE, ProceduralScan, procedural_scene
 from viewer.camera import from_fov, look_at
 from viewer.render import renderer as module
-from viewer.render.occlusion import HiddenCells
+from viewer.render.occlusion import LAG, HiddenCells
 from viewer.settings import Memory, Settings
 from viewer.tools.background import COLOURS, composite
 from viewer.window.picture_plan import Plan
@@ -69,6 +69,7 @@ def flown(context, floor, monkeypatch, *, software: bool) -> list[tuple]:
     known = module.describe_device
     with monkeypatch.context() as patch:
         patch.setattr(module, "describe_device", lambda c: replace(known(c), software=software))
+        patch.setitem(LAG, False, LAG[True])  # so that both skip the same cells
         told = Told(floor[0])
         viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
         try:

@@ -19,6 +19,7 @@ import numpy as np
 from viewer.errors import DeviceError, InputError, is_opengl_error
 from viewer.grid.scene import CHUNK
 from viewer.render.context import describe_device
+from viewer.render.gpu_buffers import Uploads
 from viewer.render.gpu_memory import point_budget
 from viewer.render.shader import BATCH
 from viewer.stream.chunk_reader import READ_AHEAD, ChunkReader
@@ -86,6 +87,7 @@ class PointPages:
         wanted = self._slots_for(total)
         self._context = context
         self.buffers: list[moderngl.Buffer] = []
+        self._uploads = Uploads(context, staged=not software)
         self._upload_limit = max(1, upload // chunk_bytes)
         self.missing = self.left_out = self.lost = 0
         self.problem: str | None = None
@@ -294,9 +296,9 @@ class PointPages:
     def _put(self, chunk: int, slot: int, points: np.ndarray) -> None:
         self._grow(slot + 1)
         page, place = divmod(slot, self.slots_per_page)
-        self.buffers[page].write(points, offset=place * self.chunk_points * POINT_BYTES)
+        self._uploads.write(self.buffers[page], points, place * self.chunk_points * POINT_BYTES)
         if page > 0 and place == 0 and self.residency.holds_all:
-            self.buffers[page - 1].write(points[:BATCH], offset=self.size * POINT_BYTES)
+            self._uploads.write(self.buffers[page - 1], points[:BATCH], self.size * POINT_BYTES)
         self.residency.place(chunk, slot)
 
     @property
@@ -309,6 +311,7 @@ class PointPages:
         for buffer in self.buffers:
             buffer.release()
         self.buffers.clear()
+        self._uploads.release()
 
 
 def _share(part: float) -> str:

@@ -22,6 +22,7 @@ from viewer.render.batches import BatchTable, PageMap
 from viewer.render.cull import DrawList
 from viewer.render.edits import BLOCK as EDITS_BLOCK
 from viewer.render.edits import DEFINES as EDITED
+from viewer.render.gpu_buffers import Grown
 from viewer.render.occlusion import HiddenCells, History, worthwhile
 from viewer.render.shader import BINDINGS
 from viewer.render.stations import MOST_STATIONS
@@ -76,8 +77,8 @@ class Rasteriser:
         self._clean = False  # whether the carries are zero, as resolve.comp leaves them
         self._clear = None if device.software else programs.compute("clear.comp", CLEAR_LANES=_CLEAR_LANES)
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
-        self.cells = shader.Grown(context)
-        self.upload = shader.Grown(context)
+        self.cells = Grown(context, orphans=not device.software)
+        self.upload = Grown(context, orphans=not device.software)
         self._loaded: Round | None = None
         self.light = context.buffer(_light_tables())
         self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)

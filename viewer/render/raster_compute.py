@@ -13,7 +13,7 @@ from viewer.render import shader
 from viewer.render.batches import BatchTable
 from viewer.render.cull import DrawList
 from viewer.render.device_class import Workgroup, workgroups
-from viewer.render.occlusion import MAX_GROUPS, HiddenCells, History
+from viewer.render.occlusion import LAG, MAX_GROUPS, HiddenCells, History
 from viewer.render.raster import Rasteriser
 from viewer.render.shader import BATCH, BINDINGS, STRETCH
 
@@ -35,7 +35,7 @@ class ComputeRasteriser(Rasteriser):
         self.workgroup = workgroup = workgroup or workgroups(device.kind)[0]
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
         self.table = BatchTable(4, (0, 1, 2), BATCH)
-        self._rows = workgroup.rows
+        self._rows, self._lag = workgroup.rows, LAG[device.software]
         self._shared = {"LANES": workgroup.lanes, "ROWS": self._rows, "STRETCH": STRETCH,
                         "THREADS": usable_processors() if device.software else None}
         self._steps: dict[tuple[bool, bool, int | None], list[moderngl.ComputeShader]] = {}
@@ -81,7 +81,7 @@ class ComputeRasteriser(Rasteriser):
 
     def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
         if self.hider is None:
-            self.hider = HiddenCells(self.programs, self.size, self._rows)
+            self.hider = HiddenCells(self.programs, self.size, self._rows, self._lag)
         hider, count = self.hider, len(pages.buffers)
         known = history.memory.recall(history.scene, draw, hider)
         np.subtract(1, known, out=known)  # group 0: drawn first; group 1: to be tested
@@ -105,6 +105,7 @@ class ComputeRasteriser(Rasteriser):
                 if bounds[2 * page + 2] > bounds[2 * page + 1]:
                     hider.draw(appended, buffer, page, int(bounds[2 * page + 1]))
             self.context.memory_barrier()
+        hider.end()
 
     def release(self) -> None:
         super().release()

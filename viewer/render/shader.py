@@ -14,7 +14,6 @@ from viewer.paths import shaders_dir
 
 if TYPE_CHECKING:
     import moderngl
-    import numpy as np
 
 TILE = (16, 8)
 """Pixels a workgroup of an image pass covers."""
@@ -110,26 +109,6 @@ class Programs:
         for made in self._made.values():
             made.release()
         self._made.clear()
-
-
-class Grown:
-    """A buffer that only ever grows, so that a steady frame allocates nothing."""
-
-    def __init__(self, context: "moderngl.Context"):
-        self.buffer = context.buffer(reserve=4096, dynamic=True)
-
-    def reserve(self, size: int) -> "moderngl.Buffer":
-        """Makes room for so many bytes; what was in it may be lost."""
-        if size > self.buffer.size:
-            self.buffer.orphan(1 << (size - 1).bit_length())
-        return self.buffer
-
-    def write(self, data: "np.ndarray") -> "moderngl.Buffer":
-        """Writes C-contiguous data to the beginning."""
-        self.reserve(data.nbytes)
-        if data.nbytes:
-            self.buffer.write(data)
-        return self.buffer
 
 
 def groups(width: int, height: int) -> tuple[int, int, int]:
