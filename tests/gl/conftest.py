@@ -4,6 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from viewer.render.context import describe_device
+from viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS, pictures_agree
+
 HERE = Path(__file__).parent
 
 
@@ -13,6 +16,21 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if HERE in item.path.parents:
             item.add_marker("gl")
+
+
+@pytest.fixture
+def agree(context):
+    """agree(made, expected): whether two lists of pictures of one scene and camera, by view, agree as far as the renderer here
+    promises: to the byte in software OpenGL, within the stated tolerance on a GPU.  A view ``raw`` or ``depth`` may differ in
+    DIFFERING_PIXELS of its pixels there, any other in FOLLOWING_PIXELS."""
+    software = describe_device(context).software
+
+    def agreeing(made: dict, expected: dict) -> bool:
+        assert made.keys() == expected.keys()
+        return all(pictures_agree(made[name], expected[name], software=software,
+                                  share=DIFFERING_PIXELS if name in ("raw", "depth") else FOLLOWING_PIXELS) for name in made)
+
+    return agreeing
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,12 @@ Classes: ``software`` (OpenGL on the processor), ``nvidia``, ``amd``, ``intel``,
 import os
 import re
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from viewer.errors import InputError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 WORKGROUP_VARIABLE = "POINTGLASS_WORKGROUP"
 """Environment variable LANESxROWS that replaces the workgroup shape of the device's class, for measurements."""
@@ -17,6 +21,10 @@ DIFFERING_PIXELS = 5e-4
 float64 reference.  Division need not be rounded there as IEEE 754 says (OpenGL 4.6, 4.7.1: 2.5 units in the last place), and
 a point on the border of two pixels may fall into either.  0.05 % is what a reading of the shaders proposed; no GPU has measured
 it yet.  Software OpenGL repeats every byte: there nothing may differ."""
+
+FOLLOWING_PIXELS = 1e-2
+"""The same for what is made from the raw picture, filtered and filled: a pixel that differs changes what the filter keeps and
+the fill makes around it.  A choice, not measured yet."""
 
 _VENDORS = {"nvidia": "nvidia", "amd": "amd", "ati technologies": "amd", "radeon": "amd", "intel": "intel"}
 
@@ -71,3 +79,15 @@ def workgroups(kind: str) -> tuple[Workgroup, ...]:
     if match is None or not (1 <= int(match[1]) <= 1024 and 1 <= int(match[2]) <= 1024):
         raise InputError(f"{WORKGROUP_VARIABLE}={given}: expected LANESxROWS, each from 1 to 1024, for example 128x8")
     return (Workgroup(int(match[1]), int(match[2])),)
+
+
+def pictures_agree(made: "np.ndarray", expected: "np.ndarray", *, software: bool, share: float = DIFFERING_PIXELS) -> bool:
+    """Whether two pictures of one scene and camera are as equal as this project promises: in software OpenGL to the byte, on a
+    GPU but for ``share`` of the pixels (two pixels at least).
+
+    made, expected: (H, W) or (H, W, channels), of any one type.
+    """
+    differing = made != expected
+    if differing.ndim == 3:
+        differing = differing.any(axis=2)
+    return int(differing.sum()) <= (0 if software else max(2, share * differing.size))
