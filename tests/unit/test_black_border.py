@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from viewer.grid.info import facts, format_text
 from viewer.grid.open_scene import open_scene
 from viewer.grid.scene import unpack
-from viewer.preprocess.black_border import DARK, rim_share
+from viewer.preprocess.black_border import DARK, black_border_share
 
 
 def floor(seed: int, hole: float = 0.6, count: int = 60_000) -> tuple[np.ndarray, np.ndarray]:
@@ -32,7 +32,7 @@ def test_a_dark_rim_around_a_hole_is_known_at_any_scale_and_from_any_side(scale)
     for seed in range(4):
         xyz, rgb, rim = ring(seed)
         turn = Rotation.from_euler("xyz", np.random.default_rng(seed).uniform(0, 360, 3), degrees=True)
-        assert rim_share(scale * (turn.apply(xyz) + [30.0, -7.0, 2.0]), rgb) == rim.mean() > 0.0
+        assert black_border_share(scale * (turn.apply(xyz) + [30.0, -7.0, 2.0]), rgb) == rim.mean() > 0.0
 
 
 def test_what_is_merely_dark_stays_a_colour():
@@ -40,20 +40,20 @@ def test_what_is_merely_dark_stays_a_colour():
     xyz, rgb = floor(3)
     shadow = rgb.copy()
     shadow[np.hypot(xyz[:, 0] - 1.2, xyz[:, 1]) < 0.15] //= 40
-    assert (shadow.max(axis=1) < DARK).sum() > 100 and rim_share(xyz, shadow) == 0.0, "bright floor goes on to all sides of it"
+    assert (shadow.max(axis=1) < DARK).sum() > 100 and black_border_share(xyz, shadow) == 0.0, "the bright floor surrounds it"
 
     cable = np.column_stack([random.uniform(-2, 2, 400), random.normal(1, 0.003, 400), random.normal(0.08, 0.003, 400)])
     both = np.concatenate([xyz, cable]), np.concatenate([rgb, random.integers(0, DARK, (400, 3), dtype=np.uint8)])
-    assert rim_share(*both) == 0.0, "a cable stands off the wall"
+    assert black_border_share(*both) == 0.0, "a cable stands off the wall"
 
     dim = (rgb // 5).astype(np.uint8)
     dim[np.hypot(xyz[:, 0], xyz[:, 1]) < 0.615] = 3
-    assert rim_share(xyz, dim) == 0.0, "where all is dim, so is the edge"
+    assert black_border_share(xyz, dim) == 0.0, "where all is dim, so is the edge"
 
     wide = rgb.copy()
     wide[np.hypot(xyz[:, 0], xyz[:, 1]) < 0.75] = 3
-    assert rim_share(xyz, wide) == 0.0, "a rim is thin"
-    assert rim_share(xyz, rgb) == 0.0 and rim_share(xyz[:50], rgb[:50]) == 0.0
+    assert black_border_share(xyz, wide) == 0.0, "a rim is thin"
+    assert black_border_share(xyz, rgb) == 0.0 and black_border_share(xyz[:50], rgb[:50]) == 0.0
 
 
 def test_the_rim_is_filled_in_from_around_in_the_file_that_has_one(tmp_path):

@@ -3,7 +3,6 @@
 import itertools
 import threading
 import time
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,8 +18,9 @@ from viewer.grid import scatter as scatter_module
 from viewer.grid import two_passes as grid_module
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.grid.scene import unpack
+from viewer.preprocess.scan_table import ScanTable
 from viewer.readers import arrays as arrays_module
-from viewer.readers.source import Chunk
+from viewer.readers.source import Chunk, ScanInfo
 
 PARTS = [int(f"{number:06b}"[::-1], 2) for number in range(64)]
 """Of each 64 points of a layer and cell, the one that goes into the first part, the second, ..."""
@@ -352,13 +352,13 @@ def test_unpack_takes_any_index():
 
 
 def test_scans_are_numbered_through_all_files_and_share_the_last_number():
-    files = [SimpleNamespace(scans=[None] * count, turns=np.zeros(0, np.int64)) for count in (200, 100)]
-    numbers = [scatter_module._scan_numbers(files, file, Chunk(np.zeros((3, 3)), scan=scan), 7).tolist()  # type: ignore[arg-type]
+    scans = ScanTable(tuple((ScanInfo("a scan"),) * count for count in (200, 100)))
+    numbers = [scans.numbers(file, 7, Chunk(np.zeros((3, 3)), scan=scan)).tolist()
                for file, scan in ((0, 0), (0, 199), (1, 0), (1, 54), (1, 55), (1, 99))]  # fmt: skip
     assert numbers == [[n] * 3 for n in (0, 199, 200, 254, 255, 255)]
-    files[1] = SimpleNamespace(scans=[None] * 3, turns=np.array([2, 5]))  # stations told by the order of points
-    turned = scatter_module._scan_numbers(files, 1, Chunk(np.zeros((6, 3))), 1)  # type: ignore[arg-type]
-    assert turned.tolist() == [200, 201, 201, 201, 202, 202]
+    scans = ScanTable((scans.scans[0], (ScanInfo("a station"),) * 3), turns={1: np.array([1002, 1005])})
+    split = scans.numbers(1, 1001, Chunk(np.zeros((6, 3))))
+    assert split.tolist() == [200, 201, 201, 201, 202, 202]
 
 
 def test_arrays_that_do_not_fit_are_named():

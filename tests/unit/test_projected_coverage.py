@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.projected_coverage import ENOUGH, LEAST, SQUARES, UNKNOWN, cover_of_faces
+from viewer.grid.projected_coverage import ENOUGH, LEAST, SQUARES, UNKNOWN, projected_coverage
 from viewer.grid.scene import unpack
 
 
@@ -33,7 +33,7 @@ def test_shares_are_those_of_a_plain_count(seed, count):
     assert np.array_equal(scene.faces, plain(scene))
     for jobs in (1, 3, 1000):
         with ThreadPoolExecutor(2) as pool:
-            assert np.array_equal(cover_of_faces(scene.points, scene.offsets, scene.layers, pool, jobs), scene.faces)
+            assert np.array_equal(projected_coverage(scene.points, scene.offsets, scene.layers, pool, jobs), scene.faces)
 
 
 def test_a_wall_covers_its_own_face_and_the_others_by_its_edge():

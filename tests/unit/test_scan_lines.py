@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swept_room import PLACES, pictures, sweep
 
-from viewer.preprocess.scan_lines import WINDOW, find_stands
+from viewer.preprocess.scan_lines import WINDOW, find_stations
 
 
 def windows(xyz: np.ndarray, most: int = 4096) -> np.ndarray:
@@ -21,9 +21,9 @@ def stations(parts: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 def assert_found(xyz: np.ndarray, begins: np.ndarray, places: np.ndarray, within: float) -> None:
     stretches = windows(xyz)
-    found = find_stands(stretches)
+    found = find_stations(stretches)
     assert len(found) == len(places)
-    assert np.abs(np.array([stand.place for stand in found]) - places).max() < within
+    assert np.abs(np.array([station.position for station in found]) - places).max() < within
     for before, after, edge in zip(found, found[1:], begins[1:] * len(stretches), strict=False):
         assert 0 <= after.first - before.last <= 1 and abs(after.first - edge) <= 1.5
 
@@ -52,18 +52,18 @@ def test_rows_of_pictures_tell_to_the_millimetre():
 def test_other_orders_tell_nothing():
     random = np.random.default_rng(4)
     xyz, _ = stations([sweep(place, 4) for place in PLACES])
-    assert not find_stands(windows(random.permutation(xyz))), "at random"
+    assert not find_stations(windows(random.permutation(xyz))), "at random"
     cell = np.floor(xyz / 0.25).astype(int)
-    assert not find_stands(windows(xyz[np.lexsort(cell.T)])), "by place: planes are walls, and meet in corners"
-    assert not find_stands(windows(xyz[np.argsort(xyz[:, 2], kind="stable")])), "by height: level planes, that meet nowhere"
-    assert not find_stands(windows(random.normal(size=(100_000, 3))))
-    assert not find_stands(np.zeros((100, WINDOW, 3))) and not find_stands(windows(xyz[: 40 * WINDOW]))
+    assert not find_stations(windows(xyz[np.lexsort(cell.T)])), "by place: planes are walls, and meet in corners"
+    assert not find_stations(windows(xyz[np.argsort(xyz[:, 2], kind="stable")])), "by height: level planes, that meet nowhere"
+    assert not find_stations(windows(random.normal(size=(100_000, 3))))
+    assert not find_stations(np.zeros((100, WINDOW, 3))) and not find_stations(windows(xyz[: 40 * WINDOW]))
 
 
 def test_stations_that_take_turns_are_left_alone():
     """In files of blocks each holds a piece of every station: who measured what is told for some of the points only."""
     one, other = (sweep(place, 5)[: 174 * WINDOW].reshape(29, -1, 3) for place in PLACES[:2])
-    assert not find_stands(windows(np.stack([one, other], axis=1).reshape(-1, 3)))
+    assert not find_stations(windows(np.stack([one, other], axis=1).reshape(-1, 3)))
 
 
 @pytest.mark.parametrize("room", ["living-room-2", "kitchen", "staircase2"])

@@ -9,9 +9,9 @@ from swept_room import PLACES, sweep
 from viewer.grid.info import facts, format_text
 from viewer.grid.open_scene import open_scene
 from viewer.grid.scene import unpack
-from viewer.preprocess import scanner_positions as standpoints
+from viewer.preprocess import scanner_positions
 from viewer.preprocess.scan_lines import WINDOW
-from viewer.preprocess.scanner_positions import Standpoints
+from viewer.preprocess.scanner_positions import StationInference
 from viewer.readers.source import Chunk, ScanInfo, Source
 
 
@@ -90,9 +90,9 @@ def test_what_the_order_does_not_tell_or_the_file_does_is_left(tmp_path):
 
 def test_stretches_are_points_in_a_row_however_a_file_is_read_and_few(monkeypatch):
     xyz, _, _ = swept(2)
-    monkeypatch.setattr(standpoints, "MOST", 20)
+    monkeypatch.setattr(scanner_positions, "MOST_STRETCHES", 20)
     for size in (1000, 4096, 7777):
-        watcher = Standpoints([Source("room.ply", "PLY", scans=[ScanInfo("room")])])  # pyright: ignore[reportArgumentType]
+        watcher = StationInference([Source("room.ply", "PLY", scans=[ScanInfo("room")])])  # pyright: ignore[reportArgumentType]
         for first in range(0, len(xyz), size):
             watcher.add(0, first, Chunk(xyz[first : first + size]))
         kept = watcher._kept
@@ -103,10 +103,10 @@ def test_stretches_are_points_in_a_row_however_a_file_is_read_and_few(monkeypatc
 
 def test_of_many_files_only_one_is_held_at_a_time():
     xyz, _, _ = swept(1)
-    watcher = Standpoints([Source(f"{n}.ply", "PLY", scans=[ScanInfo(str(n))]) for n in range(3)])  # pyright: ignore[reportArgumentType]
+    watcher = StationInference([Source(f"{n}.ply", "PLY", scans=[ScanInfo(str(n))]) for n in range(3)])  # pyright: ignore[reportArgumentType]
     for source in range(3):
         watcher.add(source, source * len(xyz), Chunk(xyz + (0.1 * source, 0.0, 0.0)))
         assert len(watcher._kept) == len(xyz) // WINDOW
-    counts = {(source, 0): len(xyz) for source in range(3)}
-    turns = watcher.solve(counts)
-    assert not watcher._kept and sorted(turns) == [0, 1, 2] and all(len(xyz) == count for count in counts.values())
+    found = watcher.solve()
+    assert not watcher._kept and sorted(found.turns) == [0, 1, 2]
+    assert found.counts == {(source, 0): len(xyz) for source in range(3)}

@@ -16,8 +16,8 @@ import numpy as np
 
 from model.common.jit import compiled
 from viewer.errors import InputError
+from viewer.grid.processors import processors
 from viewer.grid.scene import Scene
-from viewer.grid.two_passes import processors
 from viewer.readers.source import Chunk, ScanInfo, Source
 from viewer.text import counted
 
@@ -123,12 +123,12 @@ def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
     from viewer.grid.two_passes import build_grid
 
     def build(_files, allocate) -> Scene:
-        meta = {
+        facts = {
             "sources": [scan.label], "format": scan.format, "units": scan.units, "metres_per_unit": scan.metres_per_unit,
             "crs": None, "colour": {"source": "rgb", "bits": 8, "note": "made up"}, "warnings": [],
             "procedural": {"points": scan.count, "rooms": scan.rooms, "seed": scan.seed},
         }
-        return build_grid([scan], colours=None, allocate=allocate, meta=meta)
+        return build_grid([scan], colours=None, allocate=allocate, facts=facts)
 
     return build([], in_memory) if folder is None else cache.build_into(folder, [], build, keep_old=True)
 

@@ -2,7 +2,7 @@
 
 Atomic write: a grid is written into a sibling folder, which is then renamed.  A torn, stale or foreign folder is never read: in
 the cache the grid is built again, and the log says why; a folder that a person named is refused.  The checksums of the points
-are checked chunk by chunk as they are read (viewer.stream.chunk_source); the other arrays, tens of bytes a cell, are read and
+are checked chunk by chunk as they are read (viewer.stream.chunk_source); the other arrays, tens of bytes per cell, are read and
 checked on opening.
 """
 
@@ -11,6 +11,7 @@ import hashlib
 import json
 import logging
 import os
+import tokenize
 import zlib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -23,6 +24,7 @@ from model.noise import MOST_VOXELS, NoiseModel
 from viewer.errors import InputError
 from viewer.grid.checksum import checksum
 from viewer.grid.grid_header import VERSION, DamagedGrid, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
+from viewer.grid.processors import processors
 from viewer.grid.scene import CHUNK, Scene
 from viewer.grid.scratch_folder import move, reserve, scratch
 from viewer.grid_folder import MAGIC, is_grid
@@ -31,19 +33,22 @@ from viewer.paths import cache_dir
 from viewer.progress import progress
 from viewer.readers.formats import KNOWN
 
-# Versions of how colours are decided, points ordered and their spacing measured, noise estimated, attributes packed.  They are
-# part of the cache key: a change rebuilds cached grids.  Folders made by convert stay as they are.
+# Versions of: the decision on colours, the order of points and the measure of their spacing, the estimate of noise, the packing
+# of attributes.  They are part of the cache key: a change rebuilds cached grids.  Folders made by convert stay as they are.
 COLOURS, ORDER, NOISE, ATTRIBUTES = 3, 5, 1, 1
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
            "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4")}
 _log = logging.getLogger(__name__)
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
-"""What file managers leave in folders, and nobody's loss."""
-_LATER = {"faces": 3, "boxes": 6}  # what folders of earlier versions do without: columns, a row a cell
+"""Files that file managers leave in folders, which may be deleted with the folder."""
+_LATER = {"faces": 3, "boxes": 6}  # columns of arrays with a row per cell, which folders of earlier versions do not have
 _OPTIONAL = {*_LATER, "noise"}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
-_JOB = 16  # chunks a thread sums at a time
+_NPY_ERRORS = (OSError, ValueError, TypeError, SyntaxError, EOFError, OverflowError, MemoryError, RecursionError, KeyError,
+               tokenize.TokenError)  # fmt: skip
+"""What a damaged .npy header raises: NumPy evaluates it as a Python literal and makes a type of it."""
+_JOB = 16  # chunks whose checksums a thread computes at a time (12 MiB); chosen by hand
 
 
 class CacheError(InputError):
@@ -51,8 +56,8 @@ class CacheError(InputError):
 
 
 def folder_of(files: list[Path], match: bool = True, columns: str | None = None) -> Path:
-    """Where the grid of these files belongs in the cache; another place once a file has changed.  match: exposures.
-    columns: of text files."""
+    """The cache folder for the grid of these files; another folder once a file has changed.  match, columns: as for
+    viewer.grid.open_scene."""
     versions = [VERSION, COLOURS, ORDER, NOISE, ATTRIBUTES]
     key = json.dumps([*versions, _identity(files), match, *([columns] if columns else [])]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
@@ -66,8 +71,16 @@ def _identity(files: list[Path]) -> list:
     return facts
 
 
+def load_or_build(files: list[Path], build: Callable[..., Scene], *, match: bool, columns: str | None) -> Scene:
+    """The grid of ``files`` from the cache, where it is built first if it is not there.  build, match, columns: as for
+    build_into and folder_of.  Raises CacheError where the cache cannot be written."""
+    folder = folder_of(files, match, columns)
+    scene = load(folder, files)
+    return build_into(folder, files, build, keep_old=False) if scene is None else scene
+
+
 def load(folder: Path, files: list[Path]) -> Scene | None:
-    """The grid of ``files`` stored in ``folder``, or None where there is none that can be used; the log says why."""
+    """The grid of ``files`` stored in ``folder``; None where there is no usable one, for which the log has the reason."""
     if not folder.exists():
         return None
     try:
@@ -80,14 +93,14 @@ def load(folder: Path, files: list[Path]) -> Scene | None:
 
 
 def stranger(folder: Path) -> str | None:
-    """The name of something in ``folder`` that is no part of a grid, None where it could be replaced by one."""
+    """The name of a file in ``folder`` that does not belong to a grid; None where a grid may replace the folder."""
     names = sorted(path.name for path in folder.iterdir())
     ours = {_META, *(f"{name}.npy" for name in _ARRAYS)} if is_grid(folder) else set()
     return next((name for name in names if name not in ours | _CLUTTER), None)
 
 
 def load_folder(folder: Path) -> Scene:
-    """The grid in a folder made by ``convert``.  Raises InputError where it is not one, or torn."""
+    """The grid in a folder made by ``convert``.  Raises InputError where the folder is another, or damaged."""
     if not is_grid(folder):
         raise InputError(f"{folder}: is a folder, but not one made by convert; give a {KNOWN}")
     try:
@@ -97,7 +110,7 @@ def load_folder(folder: Path) -> Scene:
 
 
 def _read(folder: Path, identity: list | None) -> Scene:
-    """The grid in a folder.  identity: of the files that it must have been made from.  Raises DamagedGrid."""
+    """The grid in a folder.  identity: of the files that it must have been made from, None for any.  Raises DamagedGrid."""
     header = read_header(folder, identity)
     arrays = {}
     for name, dtype in _ARRAYS.items():
@@ -107,7 +120,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
         if array.dtype != dtype or array.shape != header.shapes.get(name):
             raise DamagedGrid(f"{name}.npy is not what meta.json says")
         if name != "points":
-            array = np.array(array)  # a copy: what is checked is what is used, whatever becomes of the file
+            array = np.array(array)  # a copy, so that what was checked is used even if the file changes
             if header.sums is not None and zlib.crc32(array.data) != header.sums.get(name):
                 raise DamagedGrid(f"{name}.npy does not match its checksum")
         arrays[name] = array
@@ -126,7 +139,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
 
 
 def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel | None:
-    """The noise stored with the points, None where an earlier version stored none.  Raises DamagedGrid."""
+    """The noise stored with the points; None where an earlier version stored none.  Raises DamagedGrid."""
     if sigma is None:
         return None
     if header is None or sigma.ndim != 3 or min(sigma.shape) == 0 or max(sigma.shape) > MOST_VOXELS:
@@ -137,12 +150,12 @@ def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel |
 
 
 def _mapped(path: Path) -> np.ndarray:
-    """The array in an .npy file, memory-mapped, in C order.  Raises DamagedGrid naming the file where it holds none."""
-    if not path.is_file():  # of a pipe, opening would wait
+    """The array in an .npy file, memory-mapped, in C order.  Raises DamagedGrid naming the file where there is none."""
+    if not path.is_file():  # opening a pipe would block
         raise DamagedGrid(f"{path.name} is no file")
     try:
-        array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load takes no zip and no pickle for an array
-    except Exception as error:  # NumPy evaluates the header as a Python literal: a torn one raises anything
+        array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load, it does not accept zip files and pickles
+    except _NPY_ERRORS as error:
         raise DamagedGrid(f"{path.name}: {first_line(error)}") from None
     if not array.flags.c_contiguous:
         raise DamagedGrid(f"{path.name}: its rows lie in another order")
@@ -150,11 +163,13 @@ def _mapped(path: Path) -> np.ndarray:
 
 
 def distrust(folder: Path) -> str:
-    """The points of a grid turned out damaged: one in the cache is not used again.  Returns what a person is to do."""
+    """Called where the points of a grid are damaged: marks a grid in the cache so that it is not used again.  Returns the
+    remedy for the error message."""
     if folder.parent.absolute() != cache_dir().absolute():
         return "convert the scan again"
     try:
         (folder / _META).unlink(missing_ok=True)
+        _log.warning("%s: damaged points; the grid is built again when the scan is opened", folder)
     except OSError:
         return f"delete {folder} and open the scan again"
     return "open the scan again, which builds it anew"
@@ -163,13 +178,13 @@ def distrust(folder: Path) -> str:
 def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, keep_old: bool) -> Scene:
     """Builds the grid of ``files`` into ``folder`` and opens it from there.
 
-    build: called with the files and a function that gives room for n packed points (see grid.Allocate).
-    keep_old: refuse to replace a folder that is there.  Raises CacheError where the folder cannot be written.
-    Nothing is left behind on failure or cancellation.
+    build: called with the files and a function that gives the array of n packed points (viewer.grid.two_passes.Allocate).
+    keep_old: refuse to replace a folder that holds anything else than a grid.  Raises CacheError where the folder cannot be
+    written.  Nothing is left behind on failure or cancellation.
     """
     identity = _identity(files)
     with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY) as work:
-        # the points go straight to their file: pages are written back as the system sees fit, memory stays bounded
+        # the points are written to their file directly: the system writes the pages back, and memory stays bounded
         scene = build(files, lambda count: _points_file(work, count))
         _write(work, scene, identity)
         if identity != _identity(files):
@@ -223,9 +238,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
 
 
 def checksums(points: np.ndarray) -> np.ndarray:
-    """(ceil(N / CHUNK),) uint32: the checksum of each chunk of points (N, 3) uint32, by as many threads as build grids."""
-    from viewer.grid.two_passes import processors
-
+    """(ceil(N / CHUNK),) uint32: the checksum of each chunk of points (N, 3) uint32, computed on all processors."""
     sums = np.zeros(-(-len(points) // CHUNK), np.uint32)
 
     def run(start: int) -> int:
@@ -251,7 +264,7 @@ def _release(points: np.ndarray) -> None:
 
 @contextmanager
 def _written(folder: Path, remedy: str) -> Iterator[Path]:
-    """A fresh folder beside ``folder``, removed at the end whatever happens; failures to write become CacheError."""
+    """A new folder beside ``folder``, removed at the end in any case; failures to write become CacheError."""
     try:
         with scratch(folder) as work:
             yield work

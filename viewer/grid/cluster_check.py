@@ -1,44 +1,46 @@
-"""Files opened as one scene that are no one place: told which lies where, for in a picture of both neither would be seen.
+"""Warns where files opened as one scene lie in different places: a picture of all of them would show none.
 
 Frame: the files' own coordinates, taken to be shared; lengths in their units.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from viewer.preprocess.positions import is_position
+from viewer.preprocess.valid_positions import is_position
 from viewer.readers.source import Chunk, Source
 
-_EVERY = 64  # points, of which one is looked at
-_STRAY = (2.0, 98.0)  # percentiles of a file's points between which it lies
-_FAR = 20.0  # times the larger extent of two files: a campus, or tiles of a town, are neighbours from file to file
+_EVERY = 64  # one of so many points is examined; chosen by hand
+_BULK = (2.0, 98.0)  # percentiles of a chunk's points between which it lies, so that outlier points do not count
+_FAR = 20.0  # times the larger extent of two files; chosen by hand: buildings of a campus and tiles of a town are neighbours
 
 
-class Apart:
-    """Takes note of chunks (``add``), then says which files lie far from the others (``said``)."""
+class ClusterCheck:
+    """Observes the chunks of pass 1 (``add``), then finds files that lie far from the others (``warnings``)."""
 
-    def __init__(self, sources: list[Source]):
+    def __init__(self, sources: Sequence[Source]):
         self._names = [source.path.name for source in sources]
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
-        """Begins pass 1 anew."""
+    def reset(self) -> None:
+        """Forgets all chunks: pass 1 begins again."""
         self._parts: list[list[np.ndarray]] = [[] for _ in self._names]
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
-        """Keeps some of a chunk's points."""
+        """Keeps the extent of some of a chunk's points."""
         some = np.array(chunk.xyz[-first % _EVERY :: _EVERY] if len(chunk.xyz) >= _EVERY else chunk.xyz, np.float64)
         some = some[is_position(some)]
         if len(some):
-            self._parts[source].append(np.percentile(some, _STRAY, axis=0))
+            self._parts[source].append(np.percentile(some, _BULK, axis=0))
 
-    def said(self) -> list[str]:
-        """The warning, or none."""
+    def warnings(self) -> list[str]:
+        """One warning where the files form several clusters, else none."""
         boxes = {number: (np.min([low for low, _ in parts], axis=0), np.max([high for _, high in parts], axis=0))
                  for number, parts in enumerate(self._parts) if parts}
         left, groups = list(boxes), []
         while left:
             group = [left.pop(0)]
-            for one in group:  # which grows meanwhile
+            for one in group:  # the group grows during the loop
                 near = [other for other in left if _gap(boxes[one], boxes[other]) <= _FAR * _extent(boxes[one], boxes[other])]
                 group += near
                 left = [other for other in left if other not in near]
@@ -52,10 +54,10 @@ class Apart:
 
 
 def _gap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:
-    """Between two boxes (low, high), 0 where they meet."""
+    """Distance between two boxes (low, high), 0 where they meet."""
     return float(np.linalg.norm(np.maximum(0.0, np.maximum(a[0] - b[1], b[0] - a[1]))))
 
 
 def _extent(*boxes: tuple[np.ndarray, np.ndarray]) -> float:
-    """Of the largest of boxes along an axis."""
+    """The longest side of any of the boxes."""
     return max(float((high - low).max()) for low, high in boxes)

@@ -1,6 +1,6 @@
-"""Pass 1 over all sources: a survey of where the points lie, and the walk over chunks that both passes share.
+"""Pass 1 over all sources: how many points lie in which cells, and the walk over chunks that both passes share.
 
-Frame: file coordinates.  Memory: three chunks (two worked on, one being read) and the histogram.
+Frame: file coordinates.  Memory: three chunks (two being worked on, one being read) and the histogram.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,10 +17,15 @@ from viewer.progress import progress
 from viewer.readers.source import Chunk, Source
 
 
-@dataclass
-class Survey:
-    """What pass 1 found.  cells (C, 3) int32 relative to ``base`` (3,) whole numbers; counts (C, GEOMETRIC) int64.
-    kept: points by (source, scan).  dropped: not finite, out of reach, marked invalid by the file."""
+@dataclass(frozen=True, eq=False)
+class CellCounts:
+    """The result of pass 1.
+
+    cells: (C, 3) int32 relative to ``base``, (3,) whole numbers.  counts: (C, GEOMETRIC) int64 points by geometric value.
+    reach: (2, 3) box outside which points are dropped.  bounds: (2, 3) of the points that are kept.
+    kept: points by (source, scan), empty where chunks have a scan number per point.
+    dropped: points not finite, out of reach, marked invalid by the file.
+    """
 
     cells: np.ndarray
     counts: np.ndarray
@@ -33,34 +38,35 @@ class Survey:
 
     @property
     def count(self) -> int:
+        """Points that are kept."""
         return int(self.counts.sum())
 
 
-class Watcher(Protocol):
-    """Takes note of every chunk of pass 1."""
+class Observer(Protocol):
+    """Is given every chunk of pass 1."""
 
-    def forget(self) -> None:
-        """Pass 1 begins anew."""
+    def reset(self) -> None:
+        """Forgets all chunks: pass 1 begins again."""
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
-        """A chunk of source number ``source``.  first: the running number of its first point, over all sources."""
+        """A chunk of source number ``source``.  first: running number of its first point, over all sources."""
 
 
-def survey_points(sources: list[Source], watchers: Sequence[Watcher] = (), cell_size: float | None = None) -> Survey:
-    """Counts all points; each watcher sees every chunk.  cell_size: to begin with; None looks at the first chunk.
+def count_cells(sources: Sequence[Source], observers: Sequence[Observer] = (), cell_size: float | None = None) -> CellCounts:
+    """Counts all points by cell; each observer is given every chunk.  cell_size: to begin with; None: by the first chunk.
 
-    Starts again with larger cells where the scan turns out far wider than its beginning.
+    Begins again with larger cells where the scan turns out far wider than its beginning.
     """
     while True:
-        for watcher in watchers:
-            watcher.forget()
+        for observer in observers:
+            observer.reset()
         try:
-            return _survey(sources, watchers, cell_size)
+            return _count(sources, observers, cell_size)
         except OutOfReach as wider:
             cell_size = wider.cell_size
 
 
-def _survey(sources: list[Source], watchers: Sequence[Watcher], cell_size: float | None) -> Survey:
+def _count(sources: Sequence[Source], observers: Sequence[Observer], cell_size: float | None) -> CellCounts:
     expected = sum(source.count or 0 for source in sources)
     invalid, first = 0, 0
     with ExitStack() as opened:
@@ -73,31 +79,31 @@ def _survey(sources: list[Source], watchers: Sequence[Watcher], cell_size: float
                 histogram = opened.enter_context(Histogram(chunk.xyz, expected, cell_size))
             key = None if isinstance(chunk.scan, np.ndarray) else (number, chunk.scan)
             histogram.add(np.ascontiguousarray(chunk.xyz, np.float64), key)
-            for watcher in watchers:
-                watcher.add(number, first, chunk)
+            for observer in observers:
+                observer.add(number, first, chunk)
             first += len(chunk.xyz)
         if histogram is None:
             histogram = opened.enter_context(Histogram(np.zeros((1, 3)), 0))
         cells, counts = histogram.result()
-        nan, stray = histogram.dropped.tolist()
-        return Survey(
+        nan, outside = histogram.dropped.tolist()
+        return CellCounts(
             cells, counts, histogram.base, histogram.cell_size, histogram.reach, histogram.bounds, histogram.kept,
-            (nan, stray, invalid),
+            (nan, outside, invalid),
         )  # fmt: skip
 
 
-def numbered_chunks(sources: list[Source], label: str) -> Iterator[tuple[int, Chunk]]:
-    """(number of the source, chunk) over all sources, with progress under ``label``."""
+def numbered_chunks(sources: Sequence[Source], label: str) -> Iterator[tuple[int, Chunk]]:
+    """Yields (number of the source, chunk) over all sources and shows progress under ``label``."""
     counts = [source.count for source in sources]
     total = sum(c for c in counts if c is not None) if None not in counts else 0
     with progress(total, label, unit=" points") as meter:
         for number, source in enumerate(sources):
-            for chunk in _ahead(source):
+            for chunk in _prefetched(source):
                 yield number, chunk
                 meter.update(len(chunk.xyz) + chunk.invalid)
 
 
-def _ahead(source: Source) -> Iterator[Chunk]:
+def _prefetched(source: Source) -> Iterator[Chunk]:
     """The source's chunks, each read on a thread while the one before it is worked on."""
     chunks = source.chunks()
     with ThreadPoolExecutor(1, "read") as reader:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from viewer.grid import kernels
-from viewer.preprocess.positions import FARTHEST, is_position
+from viewer.preprocess.valid_positions import FARTHEST, is_position
 
 SLICES = 2
 """Tables filled side by side, each on a thread of its own.  Fixed, not the number of processors, so that every machine builds

@@ -9,7 +9,7 @@ by point count as noise: nothing can tell them apart.  Frame: file coordinates. 
 import numpy as np
 
 from model.noise import NoiseModel, Sampler, no_noise
-from viewer.grid.count_points import Survey
+from viewer.grid.count_points import CellCounts
 from viewer.readers.source import Chunk, Source
 
 RUN_SHARE, LEAST_RUN = 0.01, 4096
@@ -24,15 +24,15 @@ _LEAST_POINTS = 12  # of a neighbourhood that tells whether a file is ordered
 class NoiseSample:
     """Takes the points of pass 2 (``add``), then tells their noise (``solve``)."""
 
-    def __init__(self, sources: list[Source], survey: Survey, seed: int = 0):
-        self._survey, self._seed, self._sources = survey, seed, len(sources)
-        self.forget()
+    def __init__(self, sources: list[Source], counts: CellCounts, seed: int = 0):
+        self._counts, self._seed, self._sources = counts, seed, len(sources)
+        self.reset()
 
-    def forget(self) -> None:
-        """Begins pass 2 anew."""
-        survey = self._survey
-        places = (survey.cells + survey.base + 0.5) * survey.cell_size
-        self._sampler = Sampler(places, survey.counts.sum(axis=1).astype(np.float64), self._seed)
+    def reset(self) -> None:
+        """Forgets all chunks: the pass begins again."""
+        counted = self._counts
+        places = (counted.cells + counted.base + 0.5) * counted.cell_size
+        self._sampler = Sampler(places, counted.counts.sum(axis=1).astype(np.float64), self._seed)
         self._parts: list[tuple[np.ndarray, ...]] = []
         self._held = 0
         self._points = np.zeros(self._sources, np.int64)

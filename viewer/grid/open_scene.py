@@ -1,4 +1,4 @@
-"""Opening scans: cache first, else read, build and keep.  The two ways a Scene comes to be.
+"""Opens scans: from a folder that ``convert`` made, from the cache, or by reading the files and building the grid.
 
 Frame: file coordinates throughout; several files are taken to share one frame.
 """
@@ -17,7 +17,7 @@ from viewer.grid.scene import Scene
 if TYPE_CHECKING:
     from viewer.readers.source import Source
 
-_IN_MEMORY = 32_000_000  # points; larger scans are built in a file
+_IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file; chosen by hand
 
 
 def open_scene(
@@ -25,17 +25,18 @@ def open_scene(
 ) -> Scene:
     """One scene from one or several scan files, or from a folder made by ``convert``.
 
-    cache: keep the built grid in ``viewer.paths.cache_dir()`` and use one kept earlier.
-    match: give scans of one place the same exposure (see viewer.preprocess.exposure_matching), and take black that is no colour
-    for none; a folder is as it was built, and refused where colours as scanned are asked for and it has others.
-    columns: what the columns of text files are (viewer.readers.text_columns); None: as they are recognised.
-    Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled if progress says so.
+    cache: store the grid in ``viewer.paths.cache_dir()``, and use the one stored there earlier.
+    match: give scans of one place the same exposure (viewer.preprocess.exposure_compensation), and treat implausibly frequent
+    black as missing colour.  A folder made by ``convert`` has the colours it was built with; it is refused where colours as
+    scanned are asked for and it has others.
+    columns: what the columns of text files are (viewer.readers.text_columns); None: they are recognised.
+    Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled where progress is cancelled.
     """
-    from viewer.grid import cache as store
+    from viewer.grid import cache as stored
 
     files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
-        scene = store.load_folder(files[0])
+        scene = stored.load_folder(files[0])
         if not match and scene.matched:
             raise InputError(f"{files[0]}: was built with matched exposures, colours as scanned are not in it; "
                              "give the scan itself, or convert it again with --exposures as-scanned")
@@ -46,36 +47,34 @@ def open_scene(
         check_file(file)
     if not cache:
         return build_scene(files, in_memory, match=match, columns=columns)
-    folder = store.folder_of(files, match, columns)
-    if (scene := store.load(folder, files)) is not None:
-        return scene
-    return store.build_into(folder, files, partial(build_scene, match=match, columns=columns), keep_old=False)
+    return stored.load_or_build(files, partial(build_scene, match=match, columns=columns), match=match, columns=columns)
 
 
 def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None) -> Scene:
-    """Reads the files and builds their grid; ``allocate`` gives room for the packed points (see grid.Allocate)."""
+    """Reads the files and builds their grid.  allocate: gives the array of packed points (viewer.grid.two_passes.Allocate)."""
     from viewer.grid.two_passes import build_grid
     from viewer.preprocess.point_colour import Colours
     from viewer.readers.formats import open_sources
 
     sources = open_sources(files, columns)
-    meta = facts_of(files, sources) | {"match": match, "warnings": []}
+    facts = facts_of(files, sources) | {"match": match, "warnings": _differences(sources)}
+    return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, facts=facts)
+
+
+def _differences(sources: "Sequence[Source]") -> list[str]:
+    """A warning where files that are shown in one frame differ in units or reference system, else none."""
     units = {source.metres_per_unit for source in sources}
     if len(units - {None}) > 1:
-        meta["warnings"].append("the files differ in their units of length; they are shown as if they agreed")
-    elif len(units) > 1:
-        meta["warnings"].append("not all of the files tell their unit of length; they are shown as if it were the same")
-    elif len({source.crs for source in sources}) > 1:
-        meta["warnings"].append(
-            "the files differ in their coordinate reference system; they are shown as if they agreed"
-        )
-    scene = build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, meta=meta)
-    meta["warnings"][:0] = [warning for source in sources for warning in source.warnings]
-    return scene
+        return ["the files differ in their units of length; they are shown as if they agreed"]
+    if len(units) > 1:
+        return ["not all of the files tell their unit of length; they are shown as if it were the same"]
+    if len({source.crs for source in sources}) > 1:
+        return ["the files differ in their coordinate reference system; they are shown as if they agreed"]
+    return []
 
 
 def facts_of(files: Sequence[Path], sources: "Sequence[Source]") -> dict:
-    """What the readers say of the files, for ``Scene.meta``."""
+    """What the readers found in the files, for ``Scene.meta``."""
     return {
         "sources": [str(file.absolute()) for file in files],
         "format": ", ".join(dict.fromkeys(source.format for source in sources)),
@@ -97,9 +96,9 @@ def scene_from_arrays(
 ) -> Scene:
     """A scene in memory from points in memory.
 
-    xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.  meta: copied
-    over what is known.  stages: if given, receives the seconds each stage took.  noise: estimate the noise of the colours.
-    Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
+    xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.  meta: entries of
+    ``Scene.meta`` that replace the defaults.  stages: if given, receives the seconds each stage took.  noise: estimate the
+    noise of the colours.  Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
     """
     from viewer.grid.two_passes import build_grid
     from viewer.readers.arrays import ArraySource
@@ -109,12 +108,11 @@ def scene_from_arrays(
         "sources": [], "format": "arrays", "units": "unknown", "metres_per_unit": None, "crs": None,
         "colour": {"source": "rgb", "bits": 8, "note": "8-bit colour"}, "warnings": [],
     } | (meta or {})  # fmt: skip
-    known["warnings"] = list(known["warnings"])
-    return build_grid([source], colours=None, allocate=in_memory, meta=known, stages=stages, noise=noise)
+    return build_grid([source], colours=None, allocate=in_memory, facts=known, stages=stages, noise=noise)
 
 
 def in_memory(count: int) -> np.ndarray:
-    """Room for packed points that vanishes with the scene: memory, or for large scans a nameless file."""
+    """An array for packed points that is freed with the scene: memory, or for large scans a file without a name."""
     if count <= _IN_MEMORY:
         return np.empty((count, 3), np.uint32)
     import tempfile
@@ -133,7 +131,7 @@ def in_memory(count: int) -> np.ndarray:
 
 
 def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
-    """The given path or paths as a list, each once, however it is spelt.  Raises InputError where there is none."""
+    """The given path or paths as a list, each file once, however its path is spelt.  Raises InputError for an empty list."""
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
         raise InputError("no scan given; name at least one file")
@@ -143,7 +141,7 @@ def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
 
 
 def each_once(paths: Iterable[Path]) -> list[Path]:
-    """The paths without those that lead to the same file or folder as one before."""
+    """The paths without those that lead to the same file or folder as an earlier one."""
     places: dict[str, Path] = {}
     for path in paths:
         places.setdefault(os.path.realpath(path), path)

@@ -51,7 +51,7 @@ def _cover(points, offsets, layers, cells, first, last, faces):
             faces[cell, 0], faces[cell, 1], faces[cell, 2] = _bits(x), _bits(y), _bits(z)
 
 
-def cover_of_faces(points, offsets, layers: int, pool: Executor, jobs: int = 8) -> np.ndarray:
+def projected_coverage(points, offsets, layers: int, pool: Executor, jobs: int = 8) -> np.ndarray:
     """(C, 3) uint8 shares of the cells' faces across x, y and z, 0..SQUARES or UNKNOWN.
 
     points: (N, 3) uint32 packed points; offsets: (layers * C + 1,) int64, as in Scene.

@@ -1,11 +1,12 @@
-"""Pass 2 of a grid: every point packed, and put in its place.
+"""Pass 2 of a grid: packs every point and writes it to its place.
 
-Blocks of points are packed on all processors, then placed, one half of the runs beside the other.  While a block is placed
-the next one is packed, so that a processor that is done sooner has something to do.  Neither order nor result depends on the
-number of processors.
+Blocks of points are packed on all processors and then placed, by two threads, one for each half of the runs.  While a block is
+placed, the next one is packed, so that a processor that finishes sooner has something to do.  Neither order nor result depends
+on the number of processors.
 """
 
 import itertools
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 
 import numpy as np
@@ -14,36 +15,38 @@ from viewer.errors import InputError
 from viewer.grid import kernels
 from viewer.grid.cell_boxes import boxes_of
 from viewer.grid.cell_layout import Layout
-from viewer.grid.count_points import Survey, numbered_chunks
+from viewer.grid.count_points import CellCounts, numbered_chunks
 from viewer.grid.histogram import dense_table_of, table_of
 from viewer.grid.noise_sample import NoiseSample
 from viewer.preprocess.point_attributes import AttributeLayout
 from viewer.preprocess.point_colour import Colours
-from viewer.readers.source import Chunk, Source
+from viewer.preprocess.scan_table import ScanTable
+from viewer.readers.source import Source
 
 BLOCK = 1 << 18
-"""Points packed before they are placed: packed words and bucket numbers of two blocks stay in the processor's cache."""
+"""Points packed before they are placed; chosen so that the packed words and bucket numbers of two blocks (8 MB) stay in the
+processor's last-level cache."""
 
 
-def scatter(sources: list[Source], colours: Colours | None, survey: Survey, layout: Layout, points: np.ndarray, pool: Executor,
-            processors: int, attributes: AttributeLayout, sample: NoiseSample | None = None) -> np.ndarray:
+def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable, counts: CellCounts, layout: Layout,
+            points: np.ndarray, pool: Executor, processors: int, attributes: AttributeLayout,
+            sample: NoiseSample | None = None) -> np.ndarray:  # fmt: skip
     """Reads the sources again and fills ``points`` (N, 3) uint32 as in Scene.  Returns the cells' boxes, (C, 6) uint8.
 
-    colours: as in build_grid, having decided.  processors: pieces of a block that are packed side by side.
-    attributes: how class and intensity are packed.
-    sample: is given all points anew, for their noise.
-    Raises InputError where a file is no longer what the survey saw.
+    colours: as in build_grid, after pass 1.  scans: which scan each point is of.  counts, layout: the cells.
+    processors: pieces of a block that are packed at the same time.  attributes: how class and intensity are packed.
+    sample: is given all points, to estimate their noise.
+    Raises InputError where a file is no longer as pass 1 read it.
     """
-    blocks = _Blocks(survey, layout, points, pool, processors)
-    first, begun = 0, dict[int, int]()
+    blocks = _Blocks(counts, layout, points, pool, processors)
+    first = 0
     if sample is not None:
-        sample.forget()
+        sample.reset()
     for number, chunk in numbered_chunks(sources, "building the grid"):
         xyz = np.ascontiguousarray(chunk.xyz, np.float64)
         rgb = np.ascontiguousarray(chunk.rgb if colours is None else colours.apply(number, first, chunk), np.uint8)
         bits = np.ascontiguousarray(attributes.pack(chunk.classification, chunk.intensity, len(xyz)), np.uint16)
-        begun.setdefault(number, first)
-        scan = _scan_numbers(sources, number, chunk, first - begun[number])
+        scan = scans.numbers(number, first, chunk)
         if sample is not None:
             sample.add(number, chunk, xyz, rgb, scan, first)
         for start in range(0, len(xyz), BLOCK):
@@ -59,23 +62,23 @@ def scatter(sources: list[Source], colours: Colours | None, survey: Survey, layo
 class _Blocks:
     """Two blocks in turn: one being packed, the one before it being placed."""
 
-    def __init__(self, survey: Survey, layout: Layout, points: np.ndarray, pool: Executor, processors: int):
+    def __init__(self, counts: CellCounts, layout: Layout, points: np.ndarray, pool: Executor, processors: int):
         cells = layout.cells
         self._pool, self._points, self._parts = pool, points, processors
         self._runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
         dense = dense_table_of(cells)
         table = table_of(cells[:1] if dense.size else cells)
-        self._grid = 1 / layout.cell_size, layout.base, survey.reach, dense, table, len(cells), layout.layers
-        # Two blocks are on their way at a time: nothing that packing writes may be the other's.
+        self._grid = 1 / layout.cell_size, layout.base, counts.reach, dense, table, len(cells), layout.layers
+        # two blocks are in flight at a time: each has its own arrays
         self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 3), np.uint32), np.zeros((processors, len(cells)), np.int64))
                       for _ in range(2)]
         self._packing: tuple[list[Future], list[int], np.ndarray, np.ndarray] | None = None
         self._placing: list[Future] = []
 
     def add(self, xyz: np.ndarray, rgb: np.ndarray, bits: np.ndarray, scan: np.ndarray, first: int) -> None:
-        """Has a block packed, at most BLOCK points, and the one before it placed.  bits: (n,) uint16 attributes.
+        """Packs a block of at most BLOCK points and places the one before it.  bits: (n,) uint16 attributes.
         first: running number of its first point."""
-        self._wait()  # for the block that was packed into the same room
+        self._wait()  # for the block that was packed into the same arrays
         edges = [len(xyz) * i // self._parts for i in range(self._parts + 1)]
         self._room.reverse()
         buckets, words, marks = self._room[0]
@@ -88,7 +91,7 @@ class _Blocks:
         self._packing = jobs, edges, buckets, words
 
     def finish(self) -> tuple[np.ndarray, np.ndarray]:
-        """(buckets + 1, 2) int64, where each run begins and how many points it was given; the cells' boxes."""
+        """Returns (buckets + 1, 2) int64, where each run begins and how many points it was given, and the cells' boxes."""
         self._wait()
         self._place_packed()
         self._wait()
@@ -112,14 +115,3 @@ class _Blocks:
         for job in self._placing:
             job.result()
         self._placing = []
-
-
-def _scan_numbers(sources: list[Source], number: int, chunk: Chunk, first: int) -> np.ndarray:
-    """(n,) uint8 scan numbers of a chunk's points.  first: the running number in the source of its first."""
-    if isinstance(chunk.scan, np.ndarray):
-        return chunk.scan
-    before = sum(len(source.scans) for source in sources[:number])
-    if len(turns := sources[number].turns) == 0:
-        return np.full(len(chunk.xyz), min(before + chunk.scan, 255), np.uint8)
-    station = np.searchsorted(turns, np.arange(first, first + len(chunk.xyz)), side="right")
-    return np.minimum(before + station, 255).astype(np.uint8)

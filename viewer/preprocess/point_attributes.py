@@ -95,10 +95,10 @@ class AttributeCounts:
     """Pass 1: counts classes and finds the range of intensity of every chunk (``add``); ``layout`` is the result."""
 
     def __init__(self) -> None:
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
-        """Begins pass 1 anew."""
+    def reset(self) -> None:
+        """Forgets all chunks: the pass begins again."""
         self._classes, self._missing = np.zeros(CODES, np.int64), 0
         self._low, self._high = 65536, -1
 

@@ -1,10 +1,10 @@
-"""The colour a point is shown in: decided over whole files in pass 1, applied to each chunk in pass 2.
+"""The colour in which a point is shown: decided over whole files in pass 1, applied to each chunk in pass 2.
 
-Colour fields 16 bits wide hold 8-bit values in many files: a file whose largest value is at most 255 is read as 8-bit.
-A scan without colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; both are said in the
-notes.  Points that no photograph covered are black in many files, among coloured ones: where black is far too common to be
-a colour, it is taken for none, and such points hide what is behind them but show nothing; so do those at the dark rim of what a
-scanner did not see (viewer.preprocess.black_border).  Frame: height is the file's third axis.
+Many files hold 8-bit colours in 16-bit fields: a file whose largest value is at most 255 is read as 8-bit.  A scan without
+colour is shown by its intensity (grey, 1st to 99th percentile), or else by height; the colour's note says so.  Points without
+RGB are often stored as black.  Where black is implausibly frequent it is treated as missing colour: such points occlude, and
+their pixels are filled from neighbours.  The same holds for points at a photograph's black border
+(viewer.preprocess.black_border).  Frame: height is the file's third axis.
 """
 
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from viewer.preprocess.black_border import DARK
-from viewer.preprocess.exposure_matching import Matching
+from viewer.preprocess.exposure_compensation import ExposureCompensation
 from viewer.progress import progress
 from viewer.readers.source import Chunk, Source
 
@@ -21,11 +21,11 @@ _RAMP = np.array([
     (31, 158, 137), (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
 ], np.float64)  # fmt: skip
 """Even steps of the perceptually uniform ramp viridis (van der Walt and Smith, CC0)."""
-
-
-_EVERY = 16  # points, of which one is looked at for black ones
+_EVERY = 16  # one of so many points is examined for black; chosen by hand
+_DARK_LEVEL = 4  # 8-bit levels 1 to 4 are compared with black; chosen by hand
 _LEAST_BLACK, _BLACK_TO_DARK = 0.01, 8.0
-"""Black is no colour in a file where it is a hundredth of the points, and eight times as common as the next levels each."""
+"""Black is treated as missing colour in a file where it has at least this share of the points, and so many times the points of
+each of the next levels; chosen by hand."""
 
 
 @dataclass
@@ -46,7 +46,7 @@ class _File:
     looked: int = 0
     black: int = 0
     dark: np.ndarray = field(default_factory=lambda: np.zeros(2, np.int64))
-    """Points with no channel above level 4, if 8 bits (0) or 16 (1) are used; black ones are not counted."""
+    """Points with no channel above _DARK_LEVEL, read as 8 bits (0) or 16 bits (1), black ones not counted."""
     intensity: np.ndarray = field(default_factory=lambda: np.zeros(65536, np.int64))
     mode: str = "height"
     grey: np.ndarray | None = None
@@ -58,17 +58,18 @@ class _File:
 
     @property
     def uncoloured(self) -> float:
-        """Share of the points of this file that are black because nobody photographed them."""
-        dark = self.dark[1 if self.shift else 0] / 4
+        """Share of the points of this file that are black because their colour is missing."""
+        dark = self.dark[1 if self.shift else 0] / _DARK_LEVEL
         return self.black / self.looked if self.black > max(_LEAST_BLACK * self.looked, _BLACK_TO_DARK * dark) else 0.0
 
     def look(self, rgb: np.ndarray) -> None:
         """Counts black and dark points of (n, 3) colours."""
-        some = rgb[self.random.integers(len(rgb), size=-(-len(rgb) // _EVERY))]  # scan lines are regular: a stride is not fair
-        highest = some[:, 0] | some[:, 1] | some[:, 2]  # between the highest channel and twice it: near enough for darkness
+        some = rgb[self.random.integers(len(rgb), size=-(-len(rgb) // _EVERY))]  # at random: scan lines repeat at a stride
+        highest = some[:, 0] | some[:, 1] | some[:, 2]  # at least the highest channel, and less than twice it
         self.looked += len(some)
         self.black += int(np.count_nonzero(highest == 0))
-        self.dark += [np.count_nonzero((highest > 0) & (highest <= limit)) for limit in (4, 4 << 8 | 0xFF)]
+        limits = (_DARK_LEVEL, _DARK_LEVEL << 8 | 0xFF)
+        self.dark += [np.count_nonzero((highest > 0) & (highest <= limit)) for limit in limits]
 
     @property
     def colourless(self) -> list[int]:
@@ -76,22 +77,21 @@ class _File:
 
 
 class Colours:
-    """Learns from every chunk (``add``), decides (``decide``), then gives each chunk its 8-bit colours (``apply``)."""
+    """Observes the chunks of pass 1 (``add``), decides (``decide``), and gives each chunk of pass 2 its colours (``apply``)."""
 
     def __init__(self, sources: list[Source], *, match: bool = True):
         self._names = [source.path.name for source in sources]
         self._match = match
-        self.matched: dict[str, dict | None] = {"exposures": None, "passes": None}
-        self.forget()
+        self.reset()
 
-    def forget(self) -> None:
-        """Begins pass 1 anew."""
+    def reset(self) -> None:
+        """Forgets all chunks: the pass begins again."""
         self._files = [_File(name) for name in self._names]
-        self._matching = Matching()
+        self._compensation = ExposureCompensation()
         self._unlit: set[int] = set()
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
-        """Takes note of a chunk of source number ``source``.  first: the running number of its first point."""
+        """Counts the colours of a chunk of source number ``source``.  first: running number of its first point."""
         if len(chunk.xyz) == 0:
             return
         file = self._files[source]
@@ -104,21 +104,22 @@ class Colours:
             file.wide |= chunk.rgb.dtype == np.uint16
             file.look(chunk.rgb)
             if self._match:
-                self._matching.add(source, first, chunk)
+                self._compensation.add(source, first, chunk)
         elif chunk.intensity is not None:
             file.intensity += np.bincount(chunk.intensity, minlength=65536)
 
     def decide(self, heights: tuple[float, float], turns: dict[int, np.ndarray]) -> tuple[dict, list[str]]:
-        """Ends pass 1.  heights: the range of the third axis a height ramp should span.  turns: as in Matching.solve.
+        """Ends pass 1.  heights: range of the third axis that a height ramp spans.  turns: as in ScanTable.
 
-        Returns meta["colour"] and the warnings a person should see.
+        Returns entries of ``Scene.meta`` (colour, exposures, passes) and the warnings for a person.
         """
         warnings, kinds, bits = [], set(), 8
-        lost = 0.0  # points without a colour, of those that were looked at
+        compensated: dict[str, dict | None] = {"exposures": None, "passes": None}
+        lost = 0.0  # points without a colour, of those that were examined
         if self._match:
             with progress(0, "matching the brightness") as meter:  # up to half of the time that a small scan takes
                 meter.update(0)
-                self.matched = self._matching.solve([file.shift for file in self._files], turns)
+                compensated = self._compensation.solve([file.shift for file in self._files], turns)
                 meter.update(0)
         for number, file in enumerate(self._files):
             if len(file.colourless) < len(file.scans):
@@ -128,7 +129,7 @@ class Colours:
                     f"{file.name}: 8-bit colour in 16-bit fields (largest value {file.largest}), read as 8-bit"
                 )
             bits = max(bits, 16 if file.shift else 8)
-            if self._match and (share := file.uncoloured or self._matching.rims.get(number, 0.0)):
+            if self._match and (share := file.uncoloured or self._compensation.black_borders.get(number, 0.0)):
                 self._unlit.add(number)
                 lost += share * file.looked
                 those = "" if file.uncoloured else ", at the dark rim of what the scanner did not see,"
@@ -157,18 +158,19 @@ class Colours:
         if len(kinds) > 1:
             note += f"; parts without colour shown by {' and '.join(sorted(kinds - {'rgb'}))}"
         looked = sum(file.looked for file in self._files)
-        return {"source": source, "bits": bits, "note": note, "uncoloured": lost / max(looked, 1)}, warnings
+        colour = {"source": source, "bits": bits, "note": note, "uncoloured": lost / max(looked, 1)}
+        return {"colour": colour} | compensated, warnings
 
     def apply(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
         """(n, 3) uint8 colours of a chunk.  first: as in ``add``."""
         file = self._files[source]
         scan = file.scans.get(int(np.max(chunk.scan)), _Scan()) if len(chunk.xyz) else _Scan()
         if scan.has_rgb and chunk.rgb is not None:
-            colours = self._matching.apply(source, first, chunk, file.shift)
+            colours = self._compensation.apply(source, first, chunk, file.shift)
             if self._unlit:
                 highest = colours[:, 0] | colours[:, 1] | colours[:, 2]
                 if source in self._unlit:
-                    colours[highest < DARK] = 0  # black, and its rim: the black, blended in
+                    colours[highest < DARK] = 0  # missing colour, and the border into which it is blended
                 else:
                     colours[highest == 0] = 1  # black here is a colour
             return colours
@@ -178,7 +180,7 @@ class Colours:
 
 
 def height_colours(z: np.ndarray, low: float, high: float) -> np.ndarray:
-    """(n, 3) uint8: the ramp's colour for heights (n,) between ``low`` and ``high``, its ends outside."""
+    """(n, 3) uint8: the ramp's colour for heights (n,) between ``low`` and ``high``; its end colours outside."""
     with np.errstate(invalid="ignore", over="ignore"):  # not finite: dropped later
         place = np.nan_to_num((z - low) / (high - low) if high > low else np.full(len(z), 0.5))
     place = np.clip(place, 0, 1) * (len(_RAMP) - 1)

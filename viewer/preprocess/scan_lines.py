@@ -34,15 +34,15 @@ _LINES, _SHORT, _HEIGHTS = 3000, 32, 41
 
 
 @dataclass(frozen=True)
-class Stand:
-    """A scanner's place, and the windows (first to last) that are its sweeps."""
+class Station:
+    """position: (3,) of the scanner.  first, last: the windows that are its sweeps."""
 
-    place: np.ndarray
+    position: np.ndarray
     first: int
     last: int
 
 
-def find_stands(windows: np.ndarray) -> list[Stand]:
+def find_stations(windows: np.ndarray) -> list[Station]:
     """The stations in file order, none where the order does not tell.  windows: (N, WINDOW, 3) float64, stretches of
     points in file order, evenly from the whole file."""
     if len(windows) < 2 * _LEAST:
@@ -66,7 +66,7 @@ def find_stands(windows: np.ndarray) -> list[Stand]:
     for station, (before, after) in enumerate(pairwise(place for _, place in found)):
         first[station + 1] = _turn(every, before, after, last[station], first[station + 1])
         last[station] = first[station + 1] - 1
-    return [Stand(place, int(window[a]), int(window[b])) for (_, place), a, b in zip(found, first, last, strict=True)]
+    return [Station(place, int(window[a]), int(window[b])) for (_, place), a, b in zip(found, first, last, strict=True)]
 
 
 def _turn(lines: np.ndarray, before: np.ndarray, after: np.ndarray, last: int, first: int) -> int:

@@ -23,7 +23,7 @@ from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
 _AT_ONCE = 1 << 30  # bytes of a chunk's points that lazrs may hold whole, as it does to use several processors
 
 _MOST_DECODED = 1_000_000
-"""Points decoded for a sample of a file with few chunks; chosen by hand: 0.5 s on one core."""
+"""Points decoded for a sample of a file with few chunks; chosen by hand."""
 
 
 class LasSource(Source):

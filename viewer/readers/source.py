@@ -1,7 +1,7 @@
-"""What every reader offers: facts about a scan file, and its points in chunks, as often as asked.
+"""The interface of every reader: facts about a scan file, and its points in chunks, as often as needed.
 
-Coordinates are float64 in the file's own frame and units.  A reader never holds more than one chunk.  It leaves out
-points the file itself marks as invalid and counts them in the chunk; values that are not finite are left to the grid.
+Coordinates are float64 in the file's own frame and units.  A reader never holds more than one chunk.  It leaves out points
+that the file marks as invalid and counts them in the chunk; values that are not finite are passed on, and dropped by the grid.
 """
 
 from collections.abc import Iterator
@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 CHUNK = 1 << 20
-"""Most points in one chunk."""
+"""Points of the largest chunk; chosen by hand: 24 MB of coordinates."""
 
 
 @dataclass(frozen=True)
 class ScanInfo:
-    """One scanner station (or one file that does not say).  position: (x, y, z) of the scanner, file coordinates.
-    inferred: the file does not say, the order of its points does."""
+    """One scanner station, or one file that does not state its stations.  position: (x, y, z) of the scanner, file coordinates.
+    inferred: the position is not stated by the file but inferred from the order of its points."""
 
     name: str
     position: tuple[float, float, float] | None = None
@@ -29,9 +29,9 @@ class Chunk:
     """Up to CHUNK points of one scan.
 
     xyz: (n, 3) float64.  rgb: (n, 3) uint8, or uint16 where the file's fields are 16 bits wide, or None.
-    intensity: (n,) uint16 or None.  scan: index into the source's ``scans`` (or (n,) uint8, one for each point).
-    invalid: points left out of this chunk because the file marks them so.
-    station: (n,) ids of the scanner positions or flight lines within the scan, where the file tells them apart.
+    intensity: (n,) uint16 or None.  scan: index into the source's ``scans``, or (n,) uint8, one for each point.
+    invalid: points left out of this chunk because the file marks them as invalid.
+    station: (n,) ids of the scanner positions or flight lines within the scan, where the file has them.
     classification: (n,) uint8 codes of the ASPRS LAS specification (2 ground, 6 building, ...) or the file's own; or None.
     """
 
@@ -48,10 +48,8 @@ class Chunk:
 class Source:
     """A readable scan.  Subclasses fill the facts on construction and implement ``chunks``.
 
-    count: points in the file as its header has it (None: unknown).  precision: relative resolution of the stored
-    coordinates (2**-24 for float32).  metres_per_unit: None where the file does not say.
-    turns: (len(scans) - 1,) ascending running numbers of points in the source from which on they are the next scan's, where
-    chunks do not say.
+    count: points in the file by its header, None where it does not state them.  precision: relative resolution of the stored
+    coordinates (2**-24 for float32).  metres_per_unit: None where the file does not state it.
     """
 
     path: Path
@@ -63,25 +61,24 @@ class Source:
     precision: float = 2.0**-53
     scans: list[ScanInfo] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
-    turns: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields the points from the beginning.  Raises InputError where the file is damaged."""
         raise NotImplementedError
 
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
-        """Yields runs of ``run`` points spread over the file, about ``points`` in all, without reading the rest; None where the
-        format has no way to do so.  Raises InputError where the file is damaged."""
+        """Yields runs of ``run`` points spread over the file, about ``points`` in all, without reading the rest.  Returns None
+        where that is impossible.  Raises InputError where the file is damaged."""
         return None
 
 
 def told_beyond(path: Path, count: int | None) -> str:
-    """The warning about a file that holds more points than its header says."""
+    """The warning about a file that holds more points than its header states."""
     return f"{path.name}: its header counts {count:,} points, but more follow; they are left out, it may be damaged"
 
 
 def stretch(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Maps ``low..high`` linearly to the whole of uint16, clipped; what is not a number becomes 0."""
+    """Maps ``low..high`` linearly to 0..65535, uint16, and clips; NaN becomes 0."""
     with np.errstate(over="ignore", invalid="ignore"):
         scaled = (np.asarray(values, np.float64) - low) * (65535.0 / (high - low) if high > low else 0.0)
         return np.clip(np.nan_to_num(scaled, nan=0.0) + 0.5, 0, 65535).astype(np.uint16)

@@ -24,7 +24,7 @@ from model.noise_level import seen_noise
 from model.projection import network_input
 from viewer.errors import InputError
 from viewer.preprocess.point_colour import Colours
-from viewer.preprocess.positions import is_position
+from viewer.preprocess.valid_positions import is_position
 from viewer.progress import progress
 from viewer.readers.e57_images import Photo, read_photographs
 from viewer.readers.formats import open_source

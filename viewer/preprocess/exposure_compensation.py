@@ -1,26 +1,29 @@
-"""Scans of one place agree in brightness: their exposures are matched once, as the grid is built.
+"""Exposure compensation: gives scans of one place the same brightness, once, while the grid is built.
 
-Pass 1 keeps a thinned sample of the points; :mod:`model.exposure` finds a gain for every station and :mod:`model.scan_runs`,
-where runs of points still disagree, one for every run; pass 2 applies them.  A station is a scan of an E57, a point source of a
-LAS or LAZ file, or a file of several.  What was done is in ``meta["exposures"]`` and ``meta["passes"]`` and in ``pointglass
-info``; ``--exposures as-scanned`` leaves every colour as the file has it.
+Pass 1 keeps a thinned sample of the points.  :mod:`model.exposure` finds a gain for every station, and :mod:`model.scan_runs`
+one for every run of points where runs still differ; pass 2 applies them.  A station is a scan of an E57, a point source of a LAS or
+LAZ file, or one of several files.  The gains are described in ``meta["exposures"]`` and ``meta["passes"]`` and by ``pointglass
+info``; ``--exposures as-scanned`` leaves all colours as the file has them.
 """
 
 import numpy as np
 
 from model.exposure import exposures_of
 from model.scan_runs import Passes, solve_passes
-from viewer.preprocess.black_border import DARK, rim_share
-from viewer.preprocess.positions import is_position
+from viewer.preprocess.black_border import DARK, black_border_share
+from viewer.preprocess.valid_positions import is_position
 from viewer.readers.source import Chunk
 
 SAMPLE = 1_000_000
+"""Points kept, up to twice as many (80 MB); chosen by hand."""
 MOST_STATIONS = 256
-LEAST_CHANGE = 0.004  # gains nearer to one are left at one: below a level of 255
+"""Stations whose gains are solved for at most; chosen by hand."""
+LEAST_CHANGE = 0.004
+"""Gains that differ from one by less are not applied: about one level of 255."""
 
 
-class Matching:
-    """Takes note of chunks (``add``), solves (``solve``), then gives each chunk's points their gains (``apply``)."""
+class ExposureCompensation:
+    """Observes the chunks of pass 1 (``add``), finds the gains (``solve``), and multiplies colours by them (``apply``)."""
 
     def __init__(self) -> None:
         self._number: dict[tuple[int, int, int], int] = {}
@@ -30,12 +33,11 @@ class Matching:
         self._gains: np.ndarray | None = None
         self._passes: Passes | None = None
         self._turns: dict[int, np.ndarray] = {}
-        self.rims: dict[int, float] = {}
-        """After ``solve``, by source: the share of its points at the dark rim of what was photographed, if any."""
+        self.black_borders: dict[int, float] = {}
+        """After ``solve``, by source: the share of its points at a photograph's black border (preprocess.black_border)."""
 
     def add(self, source: int, first: int, chunk: Chunk) -> None:
-        """Keeps a share of the chunk's points, ``first`` being the running number of its first.  Chunks without colour count
-        for nothing."""
+        """Keeps a share of the chunk's points, unless it has no colour.  first: running number of its first point."""
         if chunk.rgb is None or isinstance(chunk.scan, np.ndarray) or len(chunk.xyz) == 0:
             return
         number = self._numbers(source, first, chunk)
@@ -53,7 +55,7 @@ class Matching:
         return tuple(a[order] for a in part)
 
     def _numbers(self, source: int, first: int, chunk: Chunk) -> np.ndarray:
-        """(n,) station number of each point, the same in both passes but where the order of points told more."""
+        """(n,) station number of each point; in pass 2 those of inferred stations where the source was split."""
         if source in self._turns:
             return self._turned(source, first + np.arange(len(chunk.xyz)))
         if chunk.station is None:
@@ -64,18 +66,17 @@ class Matching:
         return np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)[index]
 
     def _turned(self, source: int, at: np.ndarray) -> np.ndarray:
-        """(n,) station numbers of a source's points with the running numbers ``at``, by its turns."""
+        """(n,) station numbers of a split source's points with the running numbers ``at``."""
         turns = self._turns[source]
         keys = [(source, 0, -station) for station in range(len(turns) + 1)]
         numbers = np.array([self._number.setdefault(key, len(self._number)) for key in keys], np.int32)
         return numbers[np.searchsorted(turns, at, side="right")]
 
     def solve(self, shifts: list[int], turns: dict[int, np.ndarray]) -> dict[str, dict | None]:
-        """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.  turns: by source, the
-        ascending running numbers of points with which the next station begins, where the points' order told.
+        """Ends pass 1.  shifts: bits by which each source's colours are shifted right to 8 bits.  turns: as in ScanTable.
 
-        Returns meta["exposures"] - stations, matched and the smallest and largest gain; None for a single station - and
-        meta["passes"] - the variance left within voxels, and whether that was worth it; None without colours.
+        Returns meta["exposures"] (stations, matched, smallest and largest gain; None for a single station) and meta["passes"]
+        (the variance left within voxels, and whether gains of runs are applied; None without colours).
         """
         parts, self._parts = self._parts, []
         if not parts:
@@ -83,7 +84,7 @@ class Matching:
         xyz, rgb, number, at = (np.concatenate([part[k] for part in parts]) for k in range(4))
         del parts
         for file, where in turns.items():
-            if [key[0] for key in self._number].count(file) == 1:  # else the file tells its stations itself
+            if [key[0] for key in self._number].count(file) == 1:  # else the file itself distinguishes stations
                 mine = number == next(n for key, n in self._number.items() if key[0] == file)
                 self._turns[file] = where
                 number[mine] = self._turned(file, at[mine])
@@ -97,8 +98,8 @@ class Matching:
             rgb = _multiplied(rgb, self._gains[number])
         for file in np.unique(source):
             mine = source[number] == file
-            self.rims[int(file)] = rim_share(xyz[mine], rgb[mine])
-        lit = np.flatnonzero(rgb.max(axis=1) >= DARK)  # below: what was not photographed, its rim, and noise
+            self.black_borders[int(file)] = black_border_share(xyz[mine], rgb[mine])
+        lit = np.flatnonzero(rgb.max(axis=1) >= DARK)  # darker points: missing colour, black borders, noise
         passes = solve_passes(xyz[lit], rgb[lit], at[lit])
         self._passes = passes if passes.worth else None
         return {"exposures": exposures, "passes": {"variance_left": passes.left, "applied": passes.worth}}
@@ -115,7 +116,7 @@ class Matching:
         }  # fmt: skip
 
     def apply(self, source: int, first: int, chunk: Chunk, shift: int) -> np.ndarray:
-        """(n, 3) uint8 colours of a chunk, with the gains applied."""
+        """(n, 3) uint8 colours of a chunk, multiplied by the gains."""
         assert chunk.rgb is not None
         rgb = (chunk.rgb >> shift).astype(np.uint8)
         if self._gains is not None:
