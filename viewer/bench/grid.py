@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from viewer.grid.grid_threads import processors
 from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.processors import processors
 
 
 def random_surface(points: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from model.common.jit import compiled
 from viewer.errors import InputError
-from viewer.grid.processors import processors
+from viewer.grid.grid_threads import processors
 from viewer.grid.scene import Scene
 from viewer.readers.source import Chunk, ScanInfo, Source
 from viewer.text import counted

@@ -24,7 +24,7 @@ from model.noise import MOST_VOXELS, NoiseModel
 from viewer.errors import InputError
 from viewer.grid.checksum import checksum
 from viewer.grid.grid_header import VERSION, DamagedGrid, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
-from viewer.grid.processors import processors
+from viewer.grid.grid_threads import processors
 from viewer.grid.scene import CHUNK, Scene
 from viewer.grid.scratch_folder import move, reserve, scratch
 from viewer.grid_folder import MAGIC, is_grid

@@ -19,9 +19,9 @@ from viewer.grid.cluster_check import ClusterCheck
 from viewer.grid.count_checks import check_any_valid, drop_warnings, precision_warnings
 from viewer.grid.count_points import CellCounts, count_cells
 from viewer.grid.density_layers import PARTS
+from viewer.grid.grid_threads import processors
 from viewer.grid.histogram import power_of_two
 from viewer.grid.noise_sample import NoiseSample
-from viewer.grid.processors import processors
 from viewer.grid.projected_coverage import projected_coverage
 from viewer.grid.scatter import scatter
 from viewer.grid.scene import STEPS, Scene
