@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
-"""Everything that needs a CUDA GPU, in one go: the doctor, the GPU tests, those of pictures that a driver could make otherwise
-than software OpenGL, and the benches.  Under nine minutes.
+"""Everything that needs a CUDA GPU, in one go: the doctor, the GPU tests, the tests of pictures that may differ between
+drivers, and the benches.  Under nine minutes.
 
-    python3 tests/gpu/run.py --out FOLDER          where there is a GPU
-    python tests/gpu/run.py --dry --out FOLDER     the plumbing alone, on the CPU with a tiny scan
+    python3 tests/gpu/run.py --out FOLDER            where there is a GPU
+    python tests/gpu/run.py --small --out FOLDER     the plumbing alone, on the CPU with a tiny scan
 
-Leaves FOLDER/results.json (every part's figures; rewritten after each part, so that what was measured survives a loss),
-FOLDER/log.txt and two plots.  Each part is a process of its own with a time limit: one that fails or hangs does not end the
-rest.  The exit code is 1 where a part failed.  Needs no window, no open3d, no imgui; makes its scans itself.
+Writes FOLDER/PAGE.md (each promise, its figure, pass or fail: a minute's reading), results.json (every figure), log.txt and two
+plots.  PAGE.md and results.json are rewritten after each part, so that a loss of the machine costs one part.  Each part is a
+process of its own with a time limit: one that fails or hangs does not end the rest.  The exit code is 1 where a part failed or
+a promise is broken.  Needs no window, no open3d, no imgui; makes its scans itself.
 
 On a bare machine that has torch but cannot reach a registry, carry the wheels (Python 3.12, Linux) and OpenGL's loaders:
 
@@ -42,11 +43,13 @@ import subprocess
 import sys
 import tempfile
 import time
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from plan import DRY, Plan
+from page import FAIL, PROMISES, page, verdicts
+from plan import SMALL, Plan
 
 ROOT = Path(__file__).resolve().parents[2]
 TOTAL = 525.0
@@ -56,8 +59,9 @@ _LAST = 5.0  # seconds kept for writing the results
 
 @dataclass(frozen=True)
 class Part:
-    """One process.  seconds: its limit.  command: its arguments to Python, from the plan and a folder to work in.  json: a
-    file in that folder it leaves, or None: its last line is JSON; "" : it leaves none.  plot: a file it leaves."""
+    """One process.  seconds: its limit.  command: its arguments to Python, from the plan and a folder to work in.  json:
+    a file in that folder it leaves (JSON, or pytest's .xml), or None: its last line is JSON; "" : it leaves none.
+    plot: a file it leaves."""
 
     name: str
     seconds: float
@@ -81,35 +85,45 @@ def _frame(number: int) -> Part:
 
 def _worker(name: str) -> Callable[[Plan, Path], list[str]]:
     script = str(Path(__file__).with_name("workers.py"))
-    return lambda plan, work: [script, name, str(work), *(["--dry"] if plan is DRY else [])]
+    return lambda plan, work: [script, name, str(work), *(["--small"] if plan is SMALL else [])]
 
 
 def _versus(plan: Plan, work: Path) -> list[str]:
     return _bench("versus", plan, work, "versus", str(work / "scan"), "--size", ",".join(plan.sizes[:2]), "--device",
-                  plan.device, "--plot", str(work / "versus.png"), *(["--frames", "1"] if plan is DRY else []))
+                  plan.device, "--plot", str(work / "versus.png"), *(["--frames", "1"] if plan is SMALL else []))
 
 
-def _pytest(*which: str) -> list[str]:
+def _scale(plan: Plan, work: Path) -> list[str]:
+    return _bench("scale", plan, work, "scale", "--points", plan.scale, "--size", plan.sizes[0], "--repeats", "1",
+                  "--device", plan.device)
+
+
+def _pytest(work: Path, name: str, *which: str) -> list[str]:
     # without the project's own options: one of them is of pytest-timeout, which a bare machine has not.  Every test by name,
     # and where one hangs: what a driver keeps from returning is cut short, and the log is all there is of it.
     return ["-m", "pytest", *which, "-v", "--tb=short", "-rfEs", "-p", "no:cacheprovider", "-o", "addopts=",
-            "-o", "faulthandler_timeout=60", "--durations=5"]
+            "-o", "faulthandler_timeout=60", "--durations=5", f"--junitxml={work / name}.xml"]
 
 
-def _pictures(plan: Plan, _work: Path) -> list[str]:
+def _pictures(plan: Plan, work: Path) -> list[str]:
     # what fails is told at the end only: soon, where all does
     names = ("frame", "sums", "auto_raster", "occlusion", "stations")
-    return _pytest(*(f"tests/gl/test_{name}.py" for name in names), "--maxfail=10", *(["-k", "any_sum"] if plan is DRY else []))
+    return _pytest(work, "pictures", *(f"tests/gl/test_{name}.py" for name in names), "--maxfail=10",
+                   *(["-k", "any_sum"] if plan is SMALL else []))
 
 
 PARTS = (
     Part("doctor", 60, lambda *_: ["-m", "viewer", "doctor", "--json"], None),
-    Part("tests", 150, lambda *_: _pytest("tests/gpu")),
-    Part("pictures", 100, _pictures),
+    Part("tests", 150, lambda _plan, work: _pytest(work, "tests", "tests/gpu"), "tests.xml"),
+    Part("pictures", 100, _pictures, "pictures.xml"),
     Part("scan", 60, _worker("scan"), None),
     *(_frame(number) for number in range(len(Plan.sizes))),
-    Part("projected", 90, _worker("projected"), None),
+    Part("projected", 70, _worker("projected"), None),
     Part("versus", 120, _versus, "versus.json", "versus.png"),
+    Part("agreement", 40, _worker("agreement"), None),
+    Part("growth", 60, _worker("growth"), None),
+    Part("workgroups", 40, _worker("workgroups"), None),
+    Part("scale", 90, _scale, "scale.json"),
     Part("engines", 110, _worker("engines"), None),
     Part("grid", 45, lambda plan, work: _bench("grid", plan, work, "grid", "--points", str(plan.grid)), "grid.json"),
     Part("open", 30, lambda plan, work: _bench("open", plan, work, "open", str(work / "scan"), "--device", plan.device),
@@ -121,11 +135,11 @@ PARTS = (
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/gpu"))
-    parser.add_argument("--dry", action="store_true", help="on the CPU with a tiny scan: does the script itself work?")
+    parser.add_argument("--small", action="store_true", help="on the CPU with a tiny scan: does the script itself work?")
     parser.add_argument("--only", help="names of parts, comma-separated (default: all)")
     parser.add_argument("--seconds", type=float, default=TOTAL)
     options = parser.parse_args()
-    plan = DRY if options.dry else Plan()
+    plan = SMALL if options.small else Plan()
     names = [part.name for part in PARTS]
     wanted = options.only.split(",") if options.only else names
     if unknown := set(wanted) - set(names):
@@ -133,14 +147,14 @@ def main() -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="pointglass-gpu-") as folder, open(options.out / "log.txt", "w") as log:
         results = _all(plan, [part for part in PARTS if part.name in wanted], Path(folder), options.out, log, options.seconds)
-    for name, held in results["parts"].items():
-        print(f"{name:10} {held['seconds']:6.1f} s  {held['said']}")
-    return 0 if all(held["said"] == "done" for held in results["parts"].values()) else 1
+    print(page(results), end="")
+    broken = any(verdict.state == FAIL for _, verdict in verdicts(results))
+    return 1 if broken or any(held["said"] != "done" for held in results["parts"].values()) else 0
 
 
 def _all(plan: Plan, parts: list[Part], work: Path, out: Path, log, seconds: float) -> dict:
     begun = time.monotonic()
-    results: dict = {"machine": _machine(), "plan": vars(plan) | {"dry": plan is DRY}, "parts": {}}
+    results: dict = {"machine": _machine(), "plan": vars(plan) | {"small": plan is SMALL}, "parts": {}}
     for part in parts:
         left = seconds - _LAST - (time.monotonic() - begun)
         if part.name.startswith("frame-") and int(part.name[6:]) >= len(plan.sizes):
@@ -150,8 +164,9 @@ def _all(plan: Plan, parts: list[Part], work: Path, out: Path, log, seconds: flo
         else:
             results["parts"][part.name] = _run(part, plan, work, out, log, min(part.seconds, left))
         text = json.dumps(results, indent=1)
-        (out / "results.json.partial").write_text(text)
-        (out / "results.json.partial").replace(out / "results.json")
+        for name, written in (("results.json", text), ("PAGE.md", page(results))):
+            (out / f"{name}.partial").write_text(written)
+            (out / f"{name}.partial").replace(out / name)
     return results
 
 
@@ -162,7 +177,7 @@ def _run(part: Part, plan: Plan, work: Path, out: Path, log, limit: float) -> di
         "PYTHONPATH": os.pathsep.join(paths), "PYTHONUNBUFFERED": "1", "MPLBACKEND": "Agg",
         "POINTGLASS_CACHE": str(work / "cache"),
     }
-    if plan is not DRY:
+    if plan is not SMALL:
         environment["POINTGLASS_EXPECT_GPU"] = "1"
     log.write(f"\n== {part.name}, at most {limit:.0f} s\n")
     log.flush()
@@ -184,17 +199,29 @@ def _run(part: Part, plan: Plan, work: Path, out: Path, log, limit: float) -> di
         said = "done" if process.returncode == 0 else f"failed ({process.returncode})"
     result = None
     try:
-        if part.json:
+        if part.json and part.json.endswith(".xml"):
+            result = _cases(work / part.json)
+        elif part.json:
             result = json.loads((work / part.json).read_text())
         elif part.json is None:
             result = json.loads(output[output.index("{") :])
         elif output.strip():
             result = output.strip().splitlines()[-1]
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, ElementTree.ParseError) as error:
         said = f"{said}, no result ({error})"
     if part.plot and (work / part.plot).is_file():
         shutil.copyfile(work / part.plot, out / part.plot)
     return {"seconds": round(seconds, 1), "said": said, "result": result}
+
+
+def _cases(path: Path) -> dict:
+    """{"cases": {test: passed, failed or skipped}} of a report of pytest's."""
+    cases = {}
+    for case in ElementTree.parse(path).getroot().iter("testcase"):
+        kinds = {child.tag for child in case}
+        state = "failed" if kinds & {"failure", "error"} else "skipped" if "skipped" in kinds else "passed"
+        cases[f"{case.get('classname')}.{case.get('name')}"] = state
+    return {"cases": cases}
 
 
 def _machine() -> dict:
@@ -206,6 +233,8 @@ def _machine() -> dict:
         gpu = None
     return {"system": platform.platform(), "python": platform.python_version(), "cores": os.cpu_count(), "gpu": gpu}
 
+
+__all__ = ["PROMISES", "main"]
 
 if __name__ == "__main__":
     sys.exit(main())

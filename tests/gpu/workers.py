@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from plan import DRY, Plan
+from plan import SMALL, Plan
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -194,16 +194,139 @@ def _bridges(plan: Plan) -> list[dict]:
     return rows
 
 
-WORKERS = {"scan": make_scan, "projected": projected, "engines": engines}
+def workgroups(plan: Plan, work: Path) -> dict:
+    """The compute rasteriser's time by workgroup shape, in turn, over the benches' scan: the middle of the runs."""
+    from statistics import median
+
+    from viewer.grid.open_scene import open_scene
+    from viewer.render.choose_raster import make_rasteriser
+    from viewer.render.context import create_context
+    from viewer.render.device_class import WORKGROUPS
+    from viewer.render.renderer import Renderer
+    from viewer.settings import Settings
+    from viewer.tools.viewpoints import named_views
+
+    context, scene = create_context(), open_scene([work / "scan"])
+    renderer = Renderer(context, scene, raster="compute", device="cpu")
+    renderer.pages.load_all()
+    size = tuple(int(side) for side in plan.sizes[min(1, len(plan.sizes) - 1)].split("x"))
+    shapes = list(dict.fromkeys(shape for known in WORKGROUPS.values() for shape in known))
+    camera, settings = named_views(scene, (size[0], size[1]))[0], Settings(view="raw", raster="compute")
+    renderer.render(camera, settings)
+    made = {shape: make_rasteriser("compute", shape, renderer._programs, (size[0], size[1]), renderer.device)
+            for shape in shapes}
+    spent: dict = {shape: [] for shape in shapes}
+    own = renderer._rasterisers.pop("compute")
+    for _ in range(max(3, plan.repeats // 2)):
+        for shape, rasteriser in made.items():
+            renderer._rasterisers["compute"] = rasteriser
+            spent[shape].append(renderer.render(camera, settings).stats["stages"]["raster"])
+    renderer._rasterisers["compute"] = own
+    for rasteriser in made.values():
+        rasteriser.release()
+    rows = [{"workgroup": str(shape), "raster_ms": median(times[1:])} for shape, times in spent.items()]
+    facts = {"size": list(size), "class": renderer.device.kind, "opengl": renderer.device.renderer, "rows": rows}
+    renderer.release()
+    context.release()
+    return facts
+
+
+def growth(plan: Plan, work: Path) -> dict:
+    """Frames along a path with hidden cells left out, the network at the end: how much memory they leave behind.
+
+    As many as fit into 50 s.  main_bytes: growth of the process; gpu_bytes: of the device, by CUDA, None without.
+    """
+    import resource
+    import sys
+
+    import torch
+
+    from viewer.grid.open_scene import open_scene
+    from viewer.render.context import create_context
+    from viewer.render.occlusion import Occlusion
+    from viewer.render.renderer import Renderer
+    from viewer.settings import Settings
+    from viewer.tools.viewpoints import camera_path
+
+    context, scene = create_context(), open_scene([work / "scan"])
+    renderer = Renderer(context, scene, device=plan.device)
+    renderer.pages.load_all()
+    cameras, settings = camera_path(scene, (96, 64), 48), Settings(view="neural", quality="fast", lod=1.0)
+    history, on_gpu = Occlusion(), plan.device == "cuda"
+
+    def resident() -> int:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+    def draw(count: int, until: float) -> int:
+        for number in range(count):
+            renderer.render(cameras[number % len(cameras)], settings, ("neural",), history)
+            if time.perf_counter() > until:
+                return number + 1
+        return count
+
+    begun = time.perf_counter()
+    draw(min(200, plan.frames), begun + 20.0)
+    before, free = resident(), torch.cuda.mem_get_info()[0] if on_gpu else 0
+    frames = draw(plan.frames, begun + 50.0)
+    context.finish()
+    found = {"frames": frames, "seconds": time.perf_counter() - begun, "main_bytes": resident() - before,
+             "gpu_bytes": max(0, free - torch.cuda.mem_get_info()[0]) if on_gpu else None, "allowed_bytes": 32 << 20}
+    renderer.release()
+    context.release()
+    return found
+
+
+def agreement(plan: Plan, work: Path) -> dict:
+    """Share of pixels in which pictures of the first named view differ: raw pictures and depths of the two rasterisers;
+    keep-mask and filled picture of one and the float64 reference."""
+    import numpy as np
+
+    from viewer.bench.float64_reference import reference_frame
+    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+    from viewer.render.context import create_context
+    from viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
+    from viewer.render.renderer import Renderer
+    from viewer.settings import Settings
+    from viewer.tools.viewpoints import named_views
+
+    scene = procedural_scene(ProceduralScan(min(plan.points, 2_000_000)))
+    context = create_context()
+    renderer = Renderer(context, scene, device="cpu")
+    width, height = (int(side) for side in plan.sizes[0].split("x"))
+    camera = named_views(scene, (width, height))[0]
+    made = {}
+    for kind in ("compute", "points"):
+        frame = renderer.render(camera, Settings(raster=kind), ("raw", "filled"))
+        made[kind] = frame.image("raw").copy(), frame.depth().copy(), frame.mask().copy(), frame.image("filled").copy()
+    picture, mask = reference_frame(scene, camera, Settings(), renderer.metre)
+    opaque = made["compute"][3][..., 3] == 255
+    levels = np.abs(made["compute"][3][..., :3].astype(int) - picture)[opaque].max(-1)
+    shares = {
+        "raw, compute and points": float((made["compute"][0] != made["points"][0]).any(-1).mean()),
+        "depth, compute and points": float((made["compute"][1] != made["points"][1]).mean()),
+    }
+    following = {
+        "keep-mask, compute and float64": float((made["compute"][2] != mask).mean()),
+        "filled by more than 2 levels, compute and float64": float((levels > 2).mean()),
+    }
+    facts = {"shares": shares, "tolerance": DIFFERING_PIXELS, "following": following, "following_tolerance": FOLLOWING_PIXELS,
+             "opengl": renderer.device.renderer, "wide_sums": renderer._rasterisers["compute"].wide_sums}
+    renderer.release()
+    context.release()
+    return facts
+
+
+WORKERS = {"scan": make_scan, "projected": projected, "workgroups": workgroups, "growth": growth, "agreement": agreement,
+           "engines": engines}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("name", choices=list(WORKERS))
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--dry", action="store_true")
+    parser.add_argument("--small", action="store_true")
     options = parser.parse_args()
-    print(json.dumps(WORKERS[options.name](DRY if options.dry else Plan(), options.folder)))
+    print(json.dumps(WORKERS[options.name](SMALL if options.small else Plan(), options.folder)))
 
 
 if __name__ == "__main__":
