@@ -1,7 +1,7 @@
-"""Exposure between scanner stations: each took its photographs with its own gain, and where two saw one surface they tell.
+"""Exposure compensation between scanner stations: gains that make the stations agree on the surfaces that they share.
 
-Gains act on sRGB values: an exposure in linear light is nearly one there too (sRGB is nearly a power law), and the
-darks, where it is not, hardly weigh.  Nothing tells the true brightness: the stations' mean gain is held at one.
+Gains act on sRGB values: a factor in linear light is nearly a factor there too, because sRGB is nearly a power law, and dark
+colours, where it is not, have little weight.  The true brightness is unknown, so the stations' mean gain is held at 1.
 """
 
 from dataclasses import dataclass
@@ -10,19 +10,31 @@ import numpy as np
 
 from model.data.spacing import median_spacing
 
-DARKEST, BRIGHTEST = 20, 240  # sRGB values that neither noise nor clipping rules
+DARKEST, BRIGHTEST = 20, 240
+"""sRGB values between which neither noise nor clipping dominates.  Chosen by hand."""
 VOXEL_SPACINGS = 6.0
-SHARED_VOXELS = 300  # fewer than these seen by both of two stations tell nothing
+"""Side of a voxel in point spacings.  Chosen by hand."""
+SHARED_VOXELS = 300
+"""Fewest voxels shared by two stations for an estimate.  Chosen by hand."""
 _REACH = 1 << 17
-"""Voxels from the middle.  Beyond are stray points, and with more voxels their numbers would not fit 64 bits."""
-LARGEST_GAIN = 1.6  # beyond it two scans differ in more than exposure
-LARGEST_SPREAD = 0.35  # of a pair's log ratios (1.48 x median absolute deviation)
+"""Largest distance from the median position, in voxels.  Points beyond are outliers, and voxel numbers must fit 64 bits."""
+LARGEST_GAIN = 1.6
+"""Ratio beyond which two stations differ in more than exposure.  Chosen by hand."""
+LARGEST_SPREAD = 0.35
+"""Largest standard deviation of a pair's log ratios (1.48 x median absolute deviation).  Chosen by hand."""
+_MAX_PAIR_VOXELS = 20_000
+"""Shared voxels beyond which a pair's weight grows no further.  Chosen by hand."""
+_MIN_SPREAD = 0.01
+"""Smallest standard deviation in a pair's weight.  Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Exposures:
-    """gains (S, 3): what each scan's sRGB must be multiplied by.  shared (S, S): voxels two scans both saw.
-    matched (S,) bool: False where a scan shares too little with the others, or differs in more than exposure."""
+    """Solved gains.
+
+    gains: (S, 3), factors of each scan's sRGB values.  shared: (S, S), number of voxels that two scans share.  matched: (S,)
+    bool, False where a scan shares too little with the others or differs in more than exposure.
+    """
 
     gains: np.ndarray
     shared: np.ndarray
@@ -30,10 +42,10 @@ class Exposures:
 
 
 def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing: float) -> Exposures:
-    """Gains that make the scans agree where they overlap, in the least-squares sense over all pairs.
+    """Gains that make the scans agree where they overlap, by least squares over all pairs.
 
-    xyz: (N, 3) float64.  rgb: (N, 3) uint8.  scan: (N,) ints from 0.  spacing: between neighbours of these points, same unit.
-    Each pair gives the median log ratio of its shared voxels' mean colours; scans that are not linked keep gain 1.
+    xyz: (N, 3) float64.  rgb: (N, 3) uint8.  scan: (N,) ints from 0.  spacing: point spacing of these points, same unit.  Each
+    pair contributes the median log ratio of the mean colours in its shared voxels.  Scans without a usable pair keep gain 1.
     """
     scan = scan.astype(np.int64)
     count = int(scan.max(initial=-1)) + 1
@@ -64,7 +76,7 @@ def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing:
             row[a], row[b] = 1.0, -1.0
             rows.append(row)
             ratios.append(middle)
-            weights.append(np.sqrt(min(int(usable.sum()), 20000)) / max(spread, 0.01))
+            weights.append(np.sqrt(min(int(usable.sum()), _MAX_PAIR_VOXELS)) / max(spread, _MIN_SPREAD))
     matched = np.zeros(count, bool)
     if rows:
         weight = np.array(weights)[:, None]
@@ -74,12 +86,12 @@ def solve_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, spacing:
         matched = np.any(links != 0, axis=0)
         gains[matched] = np.exp(solved[matched])
         for group in _groups(links, matched):
-            gains[group] *= np.mean(1 / gains[group], axis=0)  # the stations' own gains, 1 / these, then have mean one
+            gains[group] *= np.mean(1 / gains[group], axis=0)  # the mean of the stations' own gains, 1 / gains, is then 1
     return Exposures(gains, shared, matched)
 
 
 def _groups(links: np.ndarray, matched: np.ndarray) -> list[np.ndarray]:
-    """The sets of scans that the links connect, as index arrays."""
+    """The connected sets of scans, as index arrays."""
     from scipy.sparse.csgraph import connected_components
 
     _, label = connected_components((links != 0).T.astype(int) @ (links != 0).astype(int), directed=False)
@@ -87,7 +99,7 @@ def _groups(links: np.ndarray, matched: np.ndarray) -> list[np.ndarray]:
 
 
 def _voxel_means(steps: np.ndarray, rgb: np.ndarray, scan: np.ndarray, count: int):
-    """Mean colour of every (voxel, scan): means (M, 3), voxel keys (M,), owners (M,)."""
+    """Mean colour of each scan in each voxel: means (M, 3), voxel numbers (M,), scans (M,)."""
     if not len(steps):
         return np.zeros((0, 3)), np.zeros(0, np.int64), np.zeros(0, int)
     spans = steps.max(0) + 1
@@ -104,6 +116,6 @@ def match_exposures(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: 
 
 
 def exposures_of(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, sample: int = 2_000_000) -> Exposures:
-    """:func:`solve_exposures` on a seeded sample of the points, at the sample's own spacing."""
+    """:func:`solve_exposures` on a seeded sample of the points, with the sample's point spacing."""
     pick = np.random.default_rng(0).choice(len(xyz), min(len(xyz), sample), replace=False)
     return solve_exposures(xyz[pick], rgb[pick], scan[pick], median_spacing(xyz[pick]))

@@ -1,14 +1,14 @@
-"""The noise of a scan's colours: the standard deviation of one point's luma around the true surface's, told from texture.
+"""Noise estimation: the standard deviation of one point's luma about the true surface's, separated from texture.
 
-Whole small neighbourhoods are sampled, since points thinned at random lie farther apart and texture between them looks
-like noise.  In each, every point is compared with a plane fitted to the luma of its nearest neighbours (a difference-based
-estimator: Hall, Kay and Titterington 1990) at two scales.  What grows from the near to the far one is texture, and is
-extrapolated to distance zero, as for the nugget of a variogram; of the neighbourhoods of a place the weakly textured ones
-count (Liu, Tanaka and Okutomi 2012).  Scales are robust, and where the evidence is weak the estimate is too low rather than
-too high: too high an estimate washes out clean texture.
+Complete small neighbourhoods are sampled, because randomly thinned points are farther apart and texture between them looks like
+noise.  In each neighbourhood the luma of a point is compared with a plane fitted to its nearest neighbours (a difference-based
+estimator: Hall, Kay and Titterington 1990) at two scales.  The growth of the residual from the near to the far scale is due to
+texture and is extrapolated to distance zero, as for the nugget of a variogram.  Weakly textured neighbourhoods have the most
+weight (Liu, Tanaka and Okutomi 2012).  Variances are robust, and with little evidence the estimate is too low rather than too
+high, because too high an estimate washes out clean texture.
 
-Only points of one group (run or station) are compared: otherwise the disagreement of stations would be measured.  Luma:
-sRGB values from 0 to 1 by the weights of LUMA.  Frame and unit of length: those of the points.
+Only points of one group (run or station) are compared; otherwise the disagreement of stations would be measured.  Luma is the
+mean of sRGB values, 0 to 1, with the weights LUMA.  Frame and unit of length are those of the points.
 """
 
 from dataclasses import dataclass
@@ -16,44 +16,59 @@ from dataclasses import dataclass
 import numpy as np
 
 LUMA = np.array([0.25, 0.6, 0.15])
-"""Those of model.unet, which imports torch."""
+"""Weights of red, green and blue; equal to model.unet.LUMA, which is not imported here because it needs torch."""
 KNOTS = 9
-"""Brightnesses at which the curve is told, 0 to 1."""
-MOST_VOXELS = 64
-"""Of the lattice, along its longest side."""
+"""Brightnesses, evenly spaced from 0 to 1, at which the noise curve is estimated.  Chosen by hand."""
+MAX_VOXELS = 64
+"""Voxels of the lattice along its longest side, a power of two.  Chosen by hand."""
 BOX_POINTS = 144
-"""Points of a neighbourhood on a smooth surface, 12 x 12: enough for a variance within 12 %, few enough to need no tree."""
+"""Points of a neighbourhood on a smooth surface, 12 x 12: enough for a variance within 12 %, few enough for a search without a
+tree."""
 BUDGET = 250_000
-"""Points looked at, in some 2,000 neighbourhoods; chosen so that building plant_room.laz takes at most 5 % longer."""
-_MOST_IN_BOX = 512  # points of one group in one neighbourhood; more (many surfaces, coinciding points) are cut off
-_LEAST_IN_BOX = 24  # points of one group that tell a neighbourhood's noise
-_OUTER = 0.005  # share of the points beyond each side of the robust bounds
-_CUT = 3.0  # robust standard deviations at which residuals are limited: heavy tails count, edges of texture count less
-_CUT_VARIANCE = 0.9950  # of a normal distribution limited there
-_ROUGH = 1.45
-"""r / (1 - r) for r = sqrt(NEAR / FAR): from what texture adds between NEAR and FAR neighbours to what it adds at NEAR, for
-texture whose variogram rises linearly.  A smoother texture adds less there, and less noise is then told than there is."""
-_TEXTURED = 0.25  # relative growth of the variance from NEAR to FAR at which a neighbourhood counts half
-_QUANTILE = 0.4  # of a voxel's neighbourhoods
-_PRIOR = 3.0  # neighbourhoods by which a voxel is held at the value of the coarser one around it
-_CURVE_PRIOR = 30.0  # neighbourhoods by which the curve is held at 1
-_CURVE_RANGE = (0.25, 4.0)  # of the curve
+"""Points sampled, in some 2,000 neighbourhoods; chosen so that building plant_room.laz takes at most 5 % longer."""
+_MAX_IN_BOX = 512
+"""Most points of one group in a neighbourhood; more (several surfaces, coinciding points) are cut off.  Chosen by hand."""
+_MIN_IN_BOX = 24
+"""Fewest points of one group in a neighbourhood for an estimate.  Chosen by hand."""
+_OUTER = 0.005
+"""Share of the points outside the robust bounds, at each end of an axis.  Chosen by hand."""
+_CUT = 3.0
+"""Robust standard deviations at which residuals are clipped: heavy tails count, edges of texture count less.  Chosen by
+hand."""
+_CUT_VARIANCE = 0.9950
+"""Variance of a standard normal distribution clipped at _CUT."""
+_TEXTURE_RATIO = 1.45
+"""r / (1 - r) for r = sqrt(NEAR / FAR): converts the growth of the variance from NEAR to FAR neighbours to the texture's
+variance at NEAR, for texture whose variogram rises linearly.  A smoother texture adds less at NEAR, and noise is then
+underestimated."""
+_TEXTURED = 0.25
+"""Relative growth of the variance from NEAR to FAR at which a neighbourhood has half weight.  Chosen by hand."""
+_QUANTILE = 0.4
+"""Quantile of the neighbourhoods of a voxel.  Chosen by hand; below the median, so that texture biases it less."""
+_PRIOR = 3.0
+"""Weight, in neighbourhoods, of the coarser voxel's value in a voxel's estimate.  Chosen by hand."""
+_CURVE_PRIOR = 30.0
+"""Weight, in neighbourhoods, of the value 1 in the curve's estimate.  Chosen by hand."""
+_CURVE_RANGE = (0.25, 4.0)
+"""Limits of the curve.  Chosen by hand."""
 _CURVE_LEVEL, _BACKFITS = 2, 3
-"""The curve is told within voxels of a quarter of the scan, in so many turns; finer ones are of one brightness."""
-_MOST_SIGMA = 0.5  # no luma between 0 and 1 has more
+"""The curve is estimated within voxels of a quarter of the scan's longest side (2**-2), in three alternations with the lattice;
+finer voxels would mostly have one brightness each."""
+_MAX_SIGMA = 0.5
+"""The largest standard deviation of values between 0 and 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """Noise by place and brightness.
+    """Noise by position and brightness.
 
     origin: (3,) float64, corner of voxel (0, 0, 0), in the frame of the points it was estimated from.
-    voxel: side of a voxel, in the unit of the points; at most MOST_VOXELS along the longest side of the robust bounds.
+    voxel: side of a voxel, in the unit of the points; at most MAX_VOXELS along the longest side of the robust bounds.
     sigma: (Z, Y, X) float32, standard deviation of one point's luma where the curve is 1; finite and smooth everywhere: a
-        voxel with little evidence is held at the value of the coarser voxel around it, and far from evidence at the scan's.
+        voxel with little evidence is drawn to the value of the coarser voxel around it, and without any to the scan's.
     curve: (KNOTS,) float32, factor by luma at 0, 1/8, ..., 1, linear in between; its mean over the evidence is 1.
-    overall: the scan's standard deviation, a median over the voxels with evidence, weighted by points.
-    neighbourhoods: from how many it was told; 0: nothing was, and all is 0.
+    overall: the scan's standard deviation, the median over the voxels with evidence, weighted by evidence.
+    neighbourhoods: number of neighbourhoods of the estimate; 0: there is none, and all values are 0.
     """
 
     origin: np.ndarray
@@ -64,7 +79,7 @@ class NoiseModel:
     neighbourhoods: int = 0
 
     def at(self, xyz: np.ndarray, luma: np.ndarray) -> np.ndarray:
-        """(N,) float32: the standard deviation at places xyz (N, 3), of the nearest voxel, for points of luma (N,) 0..1."""
+        """(N,) float32: the standard deviation at positions xyz (N, 3), of the nearest voxel, for points of luma (N,) 0..1."""
         shape = np.array(self.sigma.shape[::-1])
         with np.errstate(invalid="ignore"):
             steps = np.nan_to_num(np.clip((np.asarray(xyz, np.float64) - self.origin) / self.voxel, 0, shape - 1))
@@ -74,11 +89,11 @@ class NoiseModel:
 
 
 def estimate_noise(xyz: np.ndarray, rgb: np.ndarray, group: np.ndarray | None = None, *, seed: int = 0) -> NoiseModel:
-    """The noise of a scan's points.
+    """Estimates the noise of a scan's points.
 
-    xyz: (N, 3) float64; points that are not finite, and outliers, are left out.  rgb: (N, 3) uint8 sRGB after exposure
-    compensation; black points are taken to have no colour.  group: (N,) ints, the run or station of each point; None where
-    nothing tells: what two exposures mixed point by point disagree in is then noise.  seed: of the neighbourhoods' choice.
+    xyz: (N, 3) float64; non-finite points and outliers are ignored.  rgb: (N, 3) uint8 sRGB after exposure compensation; black
+    points have no colour and are ignored.  group: (N,) ints, the run or station of each point; None where it is unknown: the
+    difference of two exposures that are mixed point by point then counts as noise.  seed: of the sampling.
     """
     xyz = np.asarray(xyz, np.float64)
     stride = max(1, len(xyz) // 200_000)
@@ -92,17 +107,17 @@ def estimate_noise(xyz: np.ndarray, rgb: np.ndarray, group: np.ndarray | None = 
 
 
 def no_noise() -> NoiseModel:
-    """Of a scan that tells nothing."""
+    """The model of a scan without enough points for an estimate: 0 everywhere."""
     return NoiseModel(np.zeros(3), 1.0, np.zeros((1, 1, 1), np.float32), np.ones(KNOTS, np.float32), 0.0)
 
 
 class Sampler:
-    """Chooses neighbourhoods from where points lie, then picks their points.
+    """Chooses random neighbourhoods from the distribution of the points, then selects their points.
 
-    places: (M, 3) float64, finite.  counts: (M,) how many points each place stands for.
+    places: (M, 3) float64, finite positions.  counts: (M,) number of points that each position represents.
 
-    A lattice over the robust bounds is made so coarse that its cells hold several neighbourhoods; a cell is cut into boxes
-    of about BOX_POINTS points of a surface, and boxes are taken at random, so many that they hold about BUDGET points.
+    A lattice over the robust bounds is so coarse that its cells hold several neighbourhoods.  Each cell is divided into boxes
+    of about BOX_POINTS points of a surface, and boxes are drawn at random until they hold about ``budget`` points.
     """
 
     def __init__(self, places: np.ndarray, counts: np.ndarray, seed: int = 0, budget: int = BUDGET):
@@ -124,10 +139,10 @@ class Sampler:
         share = min(1.0, budget / max(float(held.sum()), 1.0))
         self._limit = min(int(share * 2.0**64), 2**64 - 1)
         self.most = 2 * budget
-        """Points beyond which a caller takes fewer boxes."""
+        """Number of selected points at which a caller should halve the boxes with :meth:`fewer`."""
 
     def pick(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """rows (n,) of the points of xyz (N, 3) float64 that lie in sampled boxes, and boxes (n,) uint64 that name these."""
+        """Rows (n,) of the points of xyz (N, 3) float64 that lie in sampled boxes, and the boxes' identifiers (n,) uint64."""
         from model.noise_kernels import pick_points
 
         rows, boxes = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.uint64)
@@ -136,18 +151,18 @@ class Sampler:
         return rows[:used].copy(), boxes[:used].copy()
 
     def fewer(self) -> int:
-        """Takes half of the boxes from now on; the names of those still taken are below the returned number."""
+        """Samples half of the boxes from now on; those still sampled have identifiers below the returned number."""
         self._limit //= 2
         return self._limit
 
     def noise(self, xyz: np.ndarray, rgb: np.ndarray, boxes: np.ndarray, group: np.ndarray | None) -> NoiseModel:
-        """The noise told by the picked points: xyz (n, 3), rgb (n, 3) uint8, boxes (n,) as picked, group (n,) or None."""
+        """The noise of the selected points: xyz (n, 3), rgb (n, 3) uint8, boxes (n,) of :meth:`pick`, group (n,) or None."""
         found = _neighbourhoods(xyz, rgb, boxes, group)
         return _model(self.low, self.high, *found) if len(found[0]) else no_noise()
 
 
 def _robust_bounds(places: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (3,) between which all but few points lie along each axis; never without extent."""
+    """Corners (3,) of a box of positive size that holds all but a share _OUTER of the points at each end of each axis."""
     low, high = np.empty(3), np.empty(3)
     for axis in range(3):
         order = np.argsort(places[:, axis])
@@ -160,8 +175,8 @@ def _robust_bounds(places: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _neighbourhoods(xyz, rgb, boxes, group):
-    """centre (K, 3) float64, luma (K,), variance (K,) of a point's luma, and weight (K,) of the neighbourhoods that tell."""
-    from model.noise_kernels import EVERY, residuals
+    """Of each usable neighbourhood: centre (K, 3) float64, luma (K,), variance (K,) of a point's luma, and weight (K,)."""
+    from model.noise_kernels import STRIDE, residuals
 
     coloured = np.flatnonzero(rgb.any(axis=1))
     group = np.zeros(len(xyz), np.int64) if group is None else group
@@ -172,10 +187,10 @@ def _neighbourhoods(xyz, rgb, boxes, group):
     new[1:] = (boxes[1:] != boxes[:-1]) | (group[1:] != group[:-1])
     starts = np.flatnonzero(new)
     number = np.cumsum(new) - 1
-    kept = np.arange(len(xyz)) - starts[number] < _MOST_IN_BOX  # the lowest in x: still all of a smaller place
+    kept = np.arange(len(xyz)) - starts[number] < _MAX_IN_BOX  # the lowest in x: all of a smaller box
     sizes = np.bincount(number[kept], minlength=len(starts))
-    kept &= (sizes >= _LEAST_IN_BOX)[number]
-    starts = np.append(0, np.cumsum(sizes[sizes >= _LEAST_IN_BOX]))
+    kept &= (sizes >= _MIN_IN_BOX)[number]
+    starts = np.append(0, np.cumsum(sizes[sizes >= _MIN_IN_BOX]))
     xyz, luma, first = xyz[kept], luma[kept], starts[:-1]
     if len(first) == 0:
         return np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0)
@@ -184,17 +199,17 @@ def _neighbourhoods(xyz, rgb, boxes, group):
     local = (xyz - np.repeat(centre, sizes, axis=0)).astype(np.float32)
     near, far = np.zeros(len(xyz), np.float32), np.zeros(len(xyz), np.float32)
     residuals(local, luma, starts, near, far)
-    looked = (np.arange(len(xyz)) - np.repeat(first, sizes)) % EVERY == 0
-    edges = np.append(0, np.cumsum(-(-sizes // EVERY)))
+    looked = (np.arange(len(xyz)) - np.repeat(first, sizes)) % STRIDE == 0
+    edges = np.append(0, np.cumsum(-(-sizes // STRIDE)))
     near, far = (_robust_variances(np.nan_to_num(r[looked]), edges) for r in (near, far))
     grows = np.maximum(far - near, 0)
-    variance = np.maximum(near - _ROUGH * grows, 0)
+    variance = np.maximum(near - _TEXTURE_RATIO * grows, 0)
     weight = np.minimum(sizes / BOX_POINTS, 2.0) / (1 + (grows / np.maximum(_TEXTURED * near, 1e-12)) ** 2)
     return centre, np.add.reduceat(luma, first) / sizes, variance, weight
 
 
 def _robust_variances(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    """(S,) of the segments of values: a variance in which a value counts for no more than _CUT robust standard deviations."""
+    """(S,) variances of the segments of values, with values clipped at _CUT robust standard deviations."""
     sizes = np.diff(starts)
     number = np.repeat(np.arange(len(sizes)), sizes)
     square = values.astype(np.float64) ** 2
@@ -205,27 +220,27 @@ def _robust_variances(values: np.ndarray, starts: np.ndarray) -> np.ndarray:
 
 
 def _model(low, high, centre, luma, variance, weight) -> NoiseModel:
-    """The lattice, the curve and the scan's value from neighbourhoods: coarse place and brightness in turn, then fine place."""
+    """Fits lattice and curve to neighbourhoods: a coarse lattice and the curve alternately, then the fine lattice."""
     sigma, knots = np.sqrt(variance), np.linspace(0, 1, KNOTS)
-    # as fine as the evidence: a few neighbourhoods in a voxel of a surface
-    finest = int(np.clip(np.ceil(np.log2(max(np.sqrt(len(sigma) / 4), 1))), 0, np.log2(MOST_VOXELS)))
+    # as fine as the evidence allows: about four neighbourhoods per voxel of a surface
+    finest = int(np.clip(np.ceil(np.log2(max(np.sqrt(len(sigma) / 4), 1))), 0, np.log2(MAX_VOXELS)))
     curve = np.ones(KNOTS)
     for _ in range(_BACKFITS):
         around = _Lattice(low, high, centre, sigma / np.interp(luma, knots, curve), weight, min(finest, _CURVE_LEVEL))
         curve = _curve(luma, sigma / np.maximum(around.values.reshape(-1)[around.voxels], 1e-9), weight)
     lattice = _Lattice(low, high, centre, sigma / np.interp(luma, knots, curve), weight, finest)
-    told = lattice.evidence > 0
-    overall = _quantile(lattice.values[told], lattice.evidence[told], 0.5)
-    values = np.clip(_smoothed(lattice.values, lattice.evidence + 0.25), 0, _MOST_SIGMA)
+    known = lattice.evidence > 0
+    overall = _quantile(lattice.values[known], lattice.evidence[known], 0.5)
+    values = np.clip(_smoothed(lattice.values, lattice.evidence + 0.25), 0, _MAX_SIGMA)
     values = np.ascontiguousarray(values.transpose(2, 1, 0), np.float32)
     return NoiseModel(low, lattice.voxel, values, curve.astype(np.float32), overall, len(sigma))
 
 
 class _Lattice:
-    """Noise by place, from coarse to fine: a voxel with few neighbourhoods is held at the value of the coarser one around it.
+    """Noise by position, estimated from coarse to fine: the coarser voxel's value is the prior of a finer one.
 
-    finest: 2**finest voxels along the longest side.  values, evidence: (X, Y, Z).  voxels: (K,) number of each
-    neighbourhood's voxel.
+    finest: 2**finest voxels along the longest side.  values, evidence: (X, Y, Z), evidence in weighted neighbourhoods.
+    voxels: (K,) voxel number of each neighbourhood.
     """
 
     def __init__(self, low, high, centre, sigma, weight, finest: int):
@@ -238,23 +253,24 @@ class _Lattice:
             values = self.values[coarse].reshape(-1)
             steps = np.clip(np.floor((centre - low) / self.voxel), 0, shape - 1).astype(int)
             self.voxels = np.asarray(np.ravel_multi_index(tuple(steps.T), tuple(shape)))
-            here, told, found = _quantiles(self.voxels, sigma, weight)
-            values[here] = (values[here] * _PRIOR + told * found) / (_PRIOR + found)
+            here, estimate, found = _quantiles(self.voxels, sigma, weight)
+            values[here] = (values[here] * _PRIOR + estimate * found) / (_PRIOR + found)
             evidence = np.zeros(len(values))
             evidence[here] = found
             self.values, self.evidence = values.reshape(shape), evidence.reshape(shape)
 
 
 def _curve(luma, ratio, weight) -> np.ndarray:
-    """(KNOTS,) factor by luma (K,) of the neighbourhoods' ratios (K,) to the noise of their place; mean 1 by evidence."""
+    """(KNOTS,) noise factor by luma, mean 1.  luma, ratio: (K,) of the neighbourhoods; ratio: noise over that of their
+    voxel."""
     place = np.clip(luma, 0, 1) * (KNOTS - 1)
     curve, evidence = np.ones(KNOTS), np.zeros(KNOTS)
     for knot in range(KNOTS):
         mine = weight * np.maximum(1 - np.abs(place - knot), 0)
         evidence[knot] = mine.sum()
         if evidence[knot] > 0:
-            told = np.clip(_quantile(ratio, mine), *_CURVE_RANGE)
-            curve[knot] = (told * evidence[knot] + _CURVE_PRIOR) / (evidence[knot] + _CURVE_PRIOR)
+            estimate = np.clip(_quantile(ratio, mine), *_CURVE_RANGE)
+            curve[knot] = (estimate * evidence[knot] + _CURVE_PRIOR) / (evidence[knot] + _CURVE_PRIOR)
     sure = np.pad(evidence + 1e-6, 1)
     curve = np.convolve(np.pad(curve, 1) * sure, [0.25, 0.5, 0.25], "valid") / np.convolve(sure, [0.25, 0.5, 0.25], "valid")
     return np.clip(curve / np.average(curve, weights=evidence + 1e-9), *_CURVE_RANGE)
@@ -267,7 +283,7 @@ def _quantile(values: np.ndarray, weights: np.ndarray, share: float = _QUANTILE)
 
 
 def _quantiles(key: np.ndarray, values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The keys that occur, and for each the _QUANTILE of its values by weight, and the sum of its weights."""
+    """The distinct keys, the weighted _QUANTILE of each key's values, and the sum of its weights."""
     order = np.lexsort((values, key))
     key, values, weights = key[order], values[order], weights[order]
     here, first, number = np.unique(key, return_index=True, return_inverse=True)
@@ -280,7 +296,7 @@ def _quantiles(key: np.ndarray, values: np.ndarray, weights: np.ndarray) -> tupl
 
 
 def _smoothed(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """values averaged over 3 x 3 x 3 voxels by a binomial kernel times weights."""
+    """Values averaged over 3 x 3 x 3 voxels with a binomial kernel and weights."""
     from scipy.ndimage import convolve1d
 
     sums, total = values * weights, weights

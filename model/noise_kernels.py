@@ -1,19 +1,21 @@
-"""The compiled loops of model.noise: which neighbourhoods are sampled, and what a point's neighbours say about its colour."""
+"""Compiled loops of model.noise: sampling of neighbourhoods, and residuals of points from their neighbours."""
 
 import numpy as np
 
 from model.common.jit import compiled
 
 NEAR, FAR = 7, 20
-"""Neighbours a point is predicted from, at two scales: texture makes the far prediction worse, noise does not."""
+"""Neighbours that predict a point, at two scales: texture makes the far prediction worse, noise does not.  Chosen by hand."""
 _RIDGE = 0.02
-"""Of the neighbours' mean squared distance: slopes along a direction in which a surface is thinner than this are not fitted."""
-EVERY = 2  # points, of which one is looked at
+"""Regularisation, as a share of the neighbours' mean squared distance: no slope is fitted along a direction in which the
+surface is thinner.  Chosen by hand."""
+STRIDE = 2
+"""One point in two is predicted; all points are neighbours."""
 
 
 @compiled(nogil=True, inline="always")
 def _mix(key):
-    """A uint64 whose bits all depend on all bits of the given one (the finaliser of MurmurHash3, Appleby 2011)."""
+    """Hash of a uint64: the finaliser of MurmurHash3 (Appleby 2011)."""
     key ^= key >> np.uint64(33)
     key *= np.uint64(0xFF51AFD7ED558CCD)
     key ^= key >> np.uint64(33)
@@ -23,12 +25,12 @@ def _mix(key):
 
 @compiled(nogil=True)
 def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
-    """The points of sampled neighbourhoods: a lattice cell is cut into side**3 boxes, and some of these are taken whole.
+    """Selects the points of sampled neighbourhoods: a lattice cell is divided into side**3 boxes, some of which are sampled.
 
     xyz: (n, 3) float64.  low: (3,) float64, the lattice's corner.  inverse: 1 / side of a lattice cell.  sides: (X, Y, Z)
-    int32, boxes along the side of each cell, 0 where there are none.  A box is taken where the hash of its place and ``salt``
-    is below ``limit`` (both uint64).  Writes rows (n,) int64 and boxes (n,) uint64, the hash that names the box; returns how
-    many.
+    int32, boxes along the side of each cell, 0 in empty cells.  A box is sampled where the hash of its position and ``salt`` is
+    below ``limit`` (both uint64).  Writes rows (n,) int64 and boxes (n,) uint64, the hash that identifies the box; returns
+    their number.
     """
     used, ny, nz = 0, sides.shape[1], sides.shape[2]
     last, of_cell, side = np.int64(-1), np.uint64(0), np.int64(0)
@@ -36,11 +38,11 @@ def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
         x = (xyz[i, 0] - low[0]) * inverse
         y = (xyz[i, 1] - low[1]) * inverse
         z = (xyz[i, 2] - low[2]) * inverse
-        if not (x >= 0 and y >= 0 and z >= 0 and x < sides.shape[0] and y < ny and z < nz):  # NaN is not
+        if not (x >= 0 and y >= 0 and z >= 0 and x < sides.shape[0] and y < ny and z < nz):  # false for NaN
             continue
         cx, cy, cz = np.int64(x), np.int64(y), np.int64(z)
         cell = (cx * ny + cy) * nz + cz
-        if cell != last:  # most points lie in the cell of the one before
+        if cell != last:  # most points are in the same cell as the previous one
             last, side, of_cell = cell, np.int64(sides[cx, cy, cz]), _mix(np.uint64(cell) + salt)
         if side == 0:
             continue
@@ -54,21 +56,21 @@ def pick_points(xyz, low, inverse, sides, salt, limit, rows, boxes):
 
 @compiled(nogil=True)
 def residuals(xyz, value, starts, near, far):
-    """Difference of points' values from the plane through their neighbours' values, scaled to the variance of one point.
+    """Residuals of points' values from the plane fitted to their neighbours' values, scaled to the variance of one point.
 
-    xyz: (n, 3) float32, small numbers.  value: (n,) float32.  starts: (S + 1,) int64, where each segment (the points of one
-    group in one neighbourhood) begins; neighbours are sought within a segment, by distance, and the points of a segment ascend
-    in x, so that the search ends early.  One point in EVERY is looked at, all are neighbours.  Writes near and far (n,)
-    float32 of those looked at, from NEAR and FAR neighbours (fewer where a segment is smaller; at least two are needed).
+    xyz: (n, 3) float32, near the origin.  value: (n,) float32.  starts: (S + 1,) int64, start of each segment (the points of
+    one group in one neighbourhood).  Neighbours are the nearest points of the same segment, whose points ascend in x, so that
+    the search ends early.  Writes near and far (n,) float32 for one point in STRIDE, from NEAR and FAR neighbours (fewer in
+    smaller segments, which must have at least three points).
     """
     index, square = np.empty(FAR, np.int64), np.empty(FAR, np.float32)
     for s in range(len(starts) - 1):
         begin, end = starts[s], starts[s + 1]
-        for i in range(begin, end, EVERY):
+        for i in range(begin, end, STRIDE):
             found, worst = 0, np.float32(np.inf)
             x, y, z = xyz[i, 0], xyz[i, 1], xyz[i, 2]
             before, after = i - 1, i + 1
-            while True:  # outwards on both sides, the nearer in x first
+            while True:  # search outwards on both sides, the nearer in x first
                 below = x - xyz[before, 0] if before >= begin else np.float32(np.inf)
                 above = xyz[after, 0] - x if after < end else np.float32(np.inf)
                 if below <= above:
@@ -97,7 +99,8 @@ def residuals(xyz, value, starts, near, far):
 
 @compiled(nogil=True)
 def _residual(xyz, value, i, index, square, count):
-    """Value i less what a plane fitted to ``count`` neighbours predicts there, over its standard deviation for noise of 1."""
+    """Value i minus the prediction of a plane fitted to ``count`` neighbours, over that difference's standard deviation for
+    noise of 1."""
     mean_x = mean_y = mean_z = mean = size = 0.0
     for k in range(count):
         j = index[k]
@@ -116,7 +119,7 @@ def _residual(xyz, value, i, index, square, count):
         x, y, z, v = xyz[j, 0] - mean_x, xyz[j, 1] - mean_y, xyz[j, 2] - mean_z, value[j] - mean
         a, b, c, d, e, f = a + x * x, b + x * y, c + x * z, d + y * y, e + y * z, f + z * z
         gx, gy, gz = gx + x * v, gy + y * v, gz + z * v
-    # the inverse of the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)), applied to the point's place
+    # the inverse of the symmetric matrix ((a, b, c), (b, d, e), (c, e, f)), applied to the point's position
     x, y, z = xyz[i, 0] - mean_x, xyz[i, 1] - mean_y, xyz[i, 2] - mean_z
     m00, m01, m02 = d * f - e * e, c * e - b * f, b * e - c * d
     m11, m12, m22 = a * f - c * c, b * c - a * e, a * d - b * b

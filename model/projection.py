@@ -16,7 +16,7 @@ from model.common.linear_light import TO_LINEAR, TO_SRGB
 from model.depth_filter import keep_mask
 from model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE, TYPICAL_WEIGHT
 from model.pull_push import pull_push
-from model.soft_z import MOST_AVERAGED, SoftZ
+from model.soft_z import MAX_AVERAGED, SoftZ
 from model.station_weights import confidence_of, match_tone
 
 MEASURED_CHANNELS = 6
@@ -125,7 +125,7 @@ def averaging(count: Tensor, *, weighted: bool) -> Tensor:
 
     count: (H, W) int64, number of points or sum of their weights (``weighted``); 0, an empty pixel, gives 1.
     """
-    points = count.clamp_max(MOST_AVERAGED).to(torch.float32)
+    points = count.clamp_max(MAX_AVERAGED).to(torch.float32)
     return (points / TYPICAL_WEIGHT if weighted else points).clamp_min(1.0).rsqrt()
 
 

@@ -1,15 +1,14 @@
-"""Passes: a scanner goes over a place in runs, and a surface met by two runs should have one colour.
+"""Exposure compensation between the runs of a merged scan whose runs are not named in the file.
 
-Many scans are merged from sweeps that were photographed apart - under another exposure, with a lamp's gloss seen from
-another side - and nothing in the file says which point is whose.  Side by side in a wall they are salt and pepper.  But
-points are still written in the order they were measured: a block of consecutive points belongs to one run, and points of
-several blocks in one small voxel say how the blocks differ.  Every block gets a gain for each channel, found by alternating
-least squares with Huber's weights over voxels and blocks, and between the middles of blocks gains are interpolated.
+Many scans are merged from sweeps that were photographed separately, under different exposures or with gloss seen from another
+side, and the file does not store which point belongs to which sweep.  Side by side on a wall they look like salt and pepper
+noise.  Points are still written in the order of measurement, however: a block of consecutive points belongs to one run, and the
+points of several blocks in a small voxel show how the blocks differ.  Each block gets a gain for each channel, solved by
+alternating least squares with Huber weights over voxels and blocks; between the centres of blocks gains are interpolated.
 
-Blocks are as long as the runs allow, since short ones begin to follow what is printed on the walls: whole stations merged
-without a name take thousands of points, single sweeps a few dozen.  Nothing is done where blocks explain little of what is
-seen within voxels: a scan of one run, a file without order; nor where they differ in hue as exposures do not: a file
-written material by material.
+Blocks are as long as the runs allow, because short blocks begin to fit the texture of the surfaces: stations merged without a
+name take thousands of points, single sweeps a few dozen.  Nothing is changed where blocks explain little of the variance within
+voxels (a scan of one run, a file without order), or where they differ in hue as exposures do not (a file written by material).
 """
 
 from dataclasses import dataclass
@@ -19,95 +18,112 @@ import numpy as np
 from model.common.jit import compiled
 from model.data.spacing import median_spacing
 
-BLOCKS = (8192, 2048, 512, 128, 32)  # points of the sample in a block, to choose from
-FINER = 1.15  # shorter blocks are taken where each step leaves so much less of the variance
-VOXEL_SPACINGS = 3.0  # edge of a voxel: what is not told apart is hardly larger than a point
-LIFT = 8.0  # added to values before their logarithm: noise in the darks counts for little
-TOLERANCE = 0.1  # of log values: beyond it a point is an outlier to its voxel, an edge or a mixed pixel
-STAY = 4.0  # points that hold a block's gain at one
-SETTLE, LOOK_ITERATIONS, ITERATIONS = 3, 5, 10
-LOOK, LOOK_LEAST, LOOK_CELLS = 8, 100_000, 64
-"""One region in LOOK is looked at first, regions LOOK_CELLS to the longest side; a sample below LOOK_LEAST wholly."""
-WORTH = 0.7  # done where the variance within voxels falls to less than this: scans of one run end above 0.8
-TINT = 0.35
-"""Log of a channel's gain against the mean of the three, that 95 % of the blocks stay below where runs were photographed apart:
-0.07 in a merged scan of a studio, 0.5 and more where leaves and bark, or squares of a colour chart, were written one by one."""
-LEAST = 1000  # points that tell anything
-_AXIS_BITS = 21  # of a voxel's number; a scan so wide against its spacing wraps around, which does no harm
+BLOCKS = (8192, 2048, 512, 128, 32)
+"""Block lengths to choose from, in points of the sample."""
+FINER_GAIN = 1.15
+"""Factor by which each shorter block length must reduce the variance to be chosen.  Chosen by hand."""
+VOXEL_SPACINGS = 3.0
+"""Side of a voxel in point spacings: its points are at about the same place.  Chosen by hand."""
+LOG_OFFSET = 8.0
+"""Added to sRGB values before their logarithm, so that noise in dark colours has little influence.  Chosen by hand."""
+HUBER_LIMIT = 0.1
+"""Difference of log values beyond which a point counts as an outlier of its voxel, an edge or a mixed pixel.  Chosen by
+hand."""
+PRIOR_POINTS = 4.0
+"""Weight, in points, of the prior that holds a block's gain at 1.  Chosen by hand."""
+SETTLE_ITERATIONS, PREVIEW_ITERATIONS, ITERATIONS = 3, 5, 10
+"""Iterations before gains change, of the preview that chooses a block length, and of the final solution.  Chosen by hand."""
+PREVIEW_SHARE, PREVIEW_ALL_BELOW, PREVIEW_CELLS = 8, 100_000, 64
+"""The preview uses one region in PREVIEW_SHARE, with PREVIEW_CELLS regions along the longest side; samples of fewer than
+PREVIEW_ALL_BELOW points are used completely."""
+MAX_REMAINING = 0.7
+"""Gains are applied where the variance within voxels falls below this share: scans of one run stay above 0.8."""
+MAX_TINT = 0.35
+"""Limit of the log of a channel's gain relative to the mean of the three, for 95 % of the blocks where runs differ in exposure:
+0.07 in a merged scan of a studio, 0.5 and more where leaves and bark, or squares of a colour chart, were written separately."""
+MIN_POINTS = 1000
+"""Fewest points for an estimate.  Chosen by hand."""
+_AXIS_BITS = 21
+"""Bits of a voxel's coordinate.  A scan wider than 2**21 voxels wraps around, which only merges distant voxels."""
 
 
 @dataclass(frozen=True)
-class Passes:
-    """Gains of a scan's runs.  at (K,) float64: places in the file, rising.  factors (K, 3) float64: of lifted colours there.
-    left: variance within voxels after, as a share of before; 1.0 where nothing could be told."""
+class RunGains:
+    """Gains of a scan's runs.
+
+    at: (K,) float64, positions in the file (point numbers), ascending.  factors: (K, 3) float64, gains there, of colours plus
+    LOG_OFFSET.  remaining: variance within voxels after compensation as a share of before; 1.0 without an estimate.
+    """
 
     at: np.ndarray
     factors: np.ndarray
-    left: float
+    remaining: float
 
     @property
-    def worth(self) -> bool:
-        """Whether the gains take away enough to be applied."""
-        return self.left < WORTH
+    def worthwhile(self) -> bool:
+        """Whether the gains reduce the variance enough to be applied."""
+        return self.remaining < MAX_REMAINING
 
     def apply(self, rgb: np.ndarray, first: int) -> np.ndarray:
-        """(n, 3) uint8: colours rgb (n, 3) uint8 of n consecutive points from place ``first`` on.  Black stays black."""
+        """(n, 3) uint8: compensated colours of rgb (n, 3) uint8, n consecutive points from number ``first`` on.  Black stays
+        black."""
         changed = np.empty_like(rgb)
         _apply(np.ascontiguousarray(rgb), first, self.at, self.factors, changed)
         return changed
 
 
-def solve_passes(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> Passes:
-    """Gains of a sample of coloured points.
+def solve_run_gains(xyz: np.ndarray, rgb: np.ndarray, at: np.ndarray) -> RunGains:
+    """Gains solved on a sample of coloured points.
 
-    xyz: (N, 3) float64.  rgb: (N, 3) uint8, none black.  at: (N,) places in the file, in any order.
+    xyz: (N, 3) float64.  rgb: (N, 3) uint8, none black.  at: (N,) positions in the file, in any order.
     """
     order = np.argsort(at, kind="stable")
     xyz, rgb, at = xyz[order], rgb[order], at[order].astype(np.float64)
     nothing = np.zeros(1), np.ones((1, 3))
-    if len(at) < LEAST:
-        return Passes(*nothing, 1.0)
+    if len(at) < MIN_POINTS:
+        return RunGains(*nothing, 1.0)
     some = _regions(xyz)
     edge = VOXEL_SPACINGS * median_spacing(xyz[some])
     place = np.flatnonzero(some)
     look = _Sample(xyz[some], rgb[some], edge)
-    left, _ = look.solve(place // BLOCKS[-1], LOOK_ITERATIONS)
-    if left >= WORTH:  # no longer blocks explain more
-        return Passes(*nothing, left)
-    left = [look.solve(place // block, LOOK_ITERATIONS)[0] for block in BLOCKS[:-1]] + [left]
-    block = BLOCKS[int(np.argmin(np.array(left) * FINER ** np.arange(len(BLOCKS))))]
+    left, _ = look.solve(place // BLOCKS[-1], PREVIEW_ITERATIONS)
+    if left >= MAX_REMAINING:  # longer blocks explain no more
+        return RunGains(*nothing, left)
+    left = [look.solve(place // block, PREVIEW_ITERATIONS)[0] for block in BLOCKS[:-1]] + [left]
+    block = BLOCKS[int(np.argmin(np.array(left) * FINER_GAIN ** np.arange(len(BLOCKS))))]
     share, gains = _Sample(xyz, rgb, edge).solve(np.arange(len(at)) // block, ITERATIONS)
-    if np.percentile(np.abs(gains - gains.mean(axis=1, keepdims=True)).max(axis=1), 95) > TINT:
-        return Passes(*nothing, 1.0)
+    if np.percentile(np.abs(gains - gains.mean(axis=1, keepdims=True)).max(axis=1), 95) > MAX_TINT:
+        return RunGains(*nothing, 1.0)
     starts = np.arange(0, len(at), block)
-    return Passes(np.add.reduceat(at, starts) / np.diff(starts, append=len(at)), np.exp(-gains), share)
+    return RunGains(np.add.reduceat(at, starts) / np.diff(starts, append=len(at)), np.exp(-gains), share)
 
 
 class _Sample:
-    """Points with their voxels, to be explained by blocks of one length or another."""
+    """Points with their voxels, for solutions with different block lengths."""
 
     def __init__(self, xyz: np.ndarray, rgb: np.ndarray, edge: float):
         _, self._voxel = np.unique(_voxels(xyz, edge), return_inverse=True)
-        self._log = np.log(rgb.astype(np.float32) + np.float32(LIFT))
+        self._log = np.log(rgb.astype(np.float32) + np.float32(LOG_OFFSET))
 
     def solve(self, block: np.ndarray, iterations: int) -> tuple[float, np.ndarray]:
-        """The variance left within voxels, as a share, and log gains (K, 3) of blocks (N,) numbered 0..K-1."""
+        """Share of the variance within voxels that remains, and log gains (K, 3).  block: (N,) block numbers 0..K-1."""
         gains = np.zeros((int(block.max(initial=0)) + 1, 3))
         before, after = _alternate(self._log, self._voxel, block, int(self._voxel.max(initial=0)) + 1, gains, iterations)
         return float(after / before) if before > 0 else 1.0, gains
 
 
 def _regions(xyz: np.ndarray) -> np.ndarray:
-    """(N,) bool: the points of some regions, spread over the whole."""
-    if len(xyz) < LOOK_LEAST:
+    """(N,) bool: the points of random regions of the scan, for the preview."""
+    if len(xyz) < PREVIEW_ALL_BELOW:
         return np.ones(len(xyz), bool)
-    mixed = _voxels(xyz, float(np.ptp(xyz, axis=0).max()) / LOOK_CELLS or 1.0).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-    some = (mixed >> np.uint64(40)) % np.uint64(LOOK) == 0
-    return some if np.count_nonzero(some) * 4 * LOOK > len(xyz) else np.ones(len(xyz), bool)
+    edge = float(np.ptp(xyz, axis=0).max()) / PREVIEW_CELLS or 1.0
+    mixed = _voxels(xyz, edge).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)
+    some = (mixed >> np.uint64(40)) % np.uint64(PREVIEW_SHARE) == 0
+    return some if np.count_nonzero(some) * 4 * PREVIEW_SHARE > len(xyz) else np.ones(len(xyz), bool)
 
 
 def _voxels(xyz: np.ndarray, edge: float) -> np.ndarray:
-    """(N,) int64: the number of each point's voxel."""
+    """(N,) int64: voxel number of each point."""
     key = np.zeros(len(xyz), np.int64)
     for axis in range(3):
         steps = np.floor((xyz[:, axis] - xyz[:, axis].min()) / edge)
@@ -128,15 +144,15 @@ def _apply(rgb, first, at, factors, changed):
         lit = rgb[i, 0] | rgb[i, 1] | rgb[i, 2]
         for c in range(3):
             factor = factors[k, c] + t * (factors[after, c] - factors[k, c])
-            value = np.rint((rgb[i, c] + LIFT) * factor - LIFT)
+            value = np.rint((rgb[i, c] + LOG_OFFSET) * factor - LOG_OFFSET)
             changed[i, c] = min(max(value, 1.0), 255.0) if lit else 0
 
 
 @compiled(nogil=True)
 def _alternate(log, voxel, block, voxels, gains, iterations):
-    """Alternates between voxels' means and blocks' log gains (K, 3), which are written; the variance before and after.
+    """Alternates between the means of voxels and the log gains (K, 3) of blocks, which are written to ``gains``.
 
-    Only voxels that several blocks met count in the variance; it is Huber's: outliers weigh by their distance.
+    Returns the variance before and after: with Huber weights, over the voxels that several blocks share.
     """
     count, blocks = len(voxel), len(gains)
     weight = np.ones(count, np.float32)
@@ -151,7 +167,7 @@ def _alternate(log, voxel, block, voxels, gains, iterations):
     change, total = np.zeros((blocks, 3)), np.zeros(blocks)
     rest = np.zeros(3)
     before = after = 0.0
-    for iteration in range(-SETTLE, iterations + 1):  # means and weights settle before gains move, or those have their credit
+    for iteration in range(-SETTLE_ITERATIONS, iterations + 1):  # means and weights settle first, or gains would get the credit
         means[:], sums[:], change[:], total[:], after = 0.0, 0.0, 0.0, 0.0, 0.0
         for i in range(count):
             sums[voxel[i]] += weight[i]
@@ -166,7 +182,7 @@ def _alternate(log, voxel, block, voxels, gains, iterations):
                 rest[c] = log[i, c] - gains[b, c] - means[v, c] / sums[v]
                 absolute += abs(rest[c]) / 3
                 square += rest[c] * rest[c]
-            weight[i] = min(TOLERANCE / max(absolute, 1e-9), 1.0)
+            weight[i] = min(HUBER_LIMIT / max(absolute, 1e-9), 1.0)
             after += weight[i] * square
             total[b] += weight[i]
             for c in range(3):
@@ -176,5 +192,5 @@ def _alternate(log, voxel, block, voxels, gains, iterations):
         if 0 <= iteration < iterations:
             for b in range(blocks):
                 for c in range(3):
-                    gains[b, c] += change[b, c] / (total[b] + STAY)
+                    gains[b, c] += change[b, c] / (total[b] + PRIOR_POINTS)
     return before, after

@@ -1,4 +1,4 @@
-"""The soft z-buffer's depth tolerance: which points a pixel averages (paper, "Point Cloud Projection").
+"""Depth tolerance of the soft z-buffer: the points that a pixel averages (paper, "Point Cloud Projection").
 
 Shared by the shaders' host code and the torch reference implementation (model/projection.py); imports no torch.
 """
@@ -6,13 +6,13 @@ Shared by the shaders' host code and the torch reference implementation (model/p
 from dataclasses import dataclass
 
 SOFT_RELATIVE = 1.0 / 128.0
-"""Of depth.  The tolerance of ``auto``, which is at least SOFT_SPACINGS."""
+"""Tolerance of ``auto`` as a share of depth; SOFT_SPACINGS is its lower limit.  Chosen by hand."""
 SOFT_SPACINGS = 1.0
-"""Of the scan's point spacing."""
+"""Lower limit of the tolerance of ``auto``, in point spacings of the scan.  Chosen by hand."""
 PAPER_SOFT_METRES = 0.02
 """The tolerance of the paper, in metres."""
-MOST_AVERAGED = 255
-"""The count of points a pixel averages is stored in 8 bits; the noise level divides by at most this many."""
+MAX_AVERAGED = 255
+"""Largest count of averaged points: it is stored in 8 bits, and the noise level divides by the root of at most this number."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""Weights on disk: safetensors with what they are in the header, found by quality and input.
+"""Weights on disk: safetensors files with a description in the header, found by quality and kind of input.
 
-``assets/weights/balanced-filtered.safetensors`` is the balanced network trained on filtered pictures;
-``...-unfiltered`` the one for ``--filter off``.  No pickle is ever read.
+``assets/weights/balanced-filtered.safetensors`` is the balanced network trained on filtered pictures, ``...-unfiltered`` the
+one for ``--filter off``.  Pickle files are never read.
 """
 
 import hashlib
@@ -16,13 +16,14 @@ from model.common.errors import PointglassError
 from model.unet import INPUT_CHANNELS, SIZES, make_network
 
 FORMAT = "pointglass-weights-3"
+"""Format in the header; its number is raised when the meaning of the tensors changes."""
 _NUMBERS = ("F16", "BF16", "F32", "F64")
-"""What tensors may hold, in safetensors' words: ours are F16."""
+"""safetensors' types that are accepted; files written here have F16."""
 _PACKAGE = Path(__file__).resolve().parent
 
 
 class WeightsError(PointglassError):
-    """Weights that are missing or do not fit; the message names the file and what to do."""
+    """Weights that are missing or do not fit; the message names the file and the remedy."""
 
 
 def weights_dir() -> Path:
@@ -32,7 +33,7 @@ def weights_dir() -> Path:
 
 
 MIRRORED = {"best": "balanced"}
-"""Qualities that run another one's network on mirrored pictures and average, by whose it is (model/reconstruct.py)."""
+"""Qualities that average another quality's network over mirrored pictures (model/reconstruct.py)."""
 
 
 def weights_name(quality: str, *, filtered: bool) -> str:
@@ -42,12 +43,15 @@ def weights_name(quality: str, *, filtered: bool) -> str:
 
 
 def shipped() -> list[str]:
-    """Names of the weights that are there."""
+    """Names of the shipped weights."""
     return sorted(p.stem for p in weights_dir().glob("*.safetensors"))
 
 
 def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool, notes: dict | None = None) -> None:
-    """Writes fp16 weights beside and renames.  Raises WeightsError, with nothing written, for values that they cannot hold."""
+    """Writes weights in fp16, atomically.  Raises WeightsError, with nothing written, where a value exceeds half precision.
+
+    notes: JSON object for the header.
+    """
     from safetensors.torch import save_file
 
     header = {
@@ -57,11 +61,11 @@ def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool
     tensors = {k: v.detach().to("cpu", torch.float16).contiguous() for k, v in network.state_dict().items()}
     for name, value in network.state_dict().items():
         if value.is_floating_point() and not tensors[name].isfinite().all():
-            raise WeightsError(f"{name} holds values beyond half precision")
+            raise WeightsError(f"tensor {name} has values beyond half precision")
 
     def save(beside: Path) -> None:
         save_file(tensors, str(beside), header)
-        beside.chmod(0o644)  # safetensors gives it to its owner alone
+        beside.chmod(0o644)  # safetensors creates files that only their owner can read
 
     write_atomic(path, save)
 
@@ -69,12 +73,12 @@ def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool
 def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:
     """A network in fp32 on the CPU, in evaluation mode, and the file's header.
 
-    Raises WeightsError naming the file where it is missing, is no weights file of ours or does not fit its network.
+    Raises WeightsError naming the file where it is missing, is not a pointglass weights file or does not fit its network.
     """
     from safetensors import SafetensorError, safe_open
 
     if not path.is_file():
-        raise WeightsError(f"{path}: no such weights; there are: {', '.join(shipped()) or 'none'}")
+        raise WeightsError(f"{path}: no such weights; shipped are: {', '.join(shipped()) or 'none'}")
     try:
         with safe_open(str(path), "pt") as file:
             header = file.metadata() or {}
@@ -82,25 +86,25 @@ def load_weights(path: Path) -> tuple[nn.Module, dict[str, str]]:
                 raise WeightsError(f"{path}: not pointglass weights (format {header.get('format')!r}, expected {FORMAT!r})")
             quality = header.get("quality", "")
             if quality != "paper" and quality not in SIZES:
-                raise WeightsError(f"{path}: made for an unknown network {quality!r}")
+                raise WeightsError(f"{path}: weights of an unknown network {quality!r}")
             network = make_network(quality)
             expected = network.state_dict()
             names = set(file.keys())
             if names != set(expected):
-                raise WeightsError(f"{path}: its tensors are not those of the {quality} network; retrain it")
+                raise WeightsError(f"{path}: the tensors are not those of the {quality} network; retrain it")
             for name, value in expected.items():
                 stored = file.get_slice(name)
                 kind = stored.get_dtype()
                 if tuple(stored.get_shape()) != tuple(value.shape):
                     raise WeightsError(f"{path}: tensor {name} has another shape than the {quality} network's; retrain it")
                 if kind not in _NUMBERS:
-                    raise WeightsError(f"{path}: tensor {name} holds {kind}, not {'/'.join(_NUMBERS)}; retrain it")
+                    raise WeightsError(f"{path}: tensor {name} has type {kind}, not {'/'.join(_NUMBERS)}; retrain it")
             state = {name: file.get_tensor(name).to(expected[name].dtype) for name in names}
     except (SafetensorError, OSError) as error:
         raise WeightsError(f"{path}: cannot be read as safetensors ({error})") from None
     bad = next((n for n, v in state.items() if v.is_floating_point() and not torch.isfinite(v).all()), None)
     if bad:
-        raise WeightsError(f"{path}: tensor {bad} holds values that are not finite")
+        raise WeightsError(f"{path}: tensor {bad} has values that are not finite")
     network.load_state_dict(state)
     return network.eval().requires_grad_(False), dict(header)
 

@@ -5,7 +5,7 @@
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D raw;
 uniform sampler2D depth;   // view-space z
-uniform sampler2D weight;  // what the pixel's points weigh together, MOST_AVERAGED at most, / 255
+uniform sampler2D weight;  // what the pixel's points weigh together, MAX_AVERAGED at most, / 255
 uniform sampler2D mask;    // keep-mask or confidence
 uniform sampler3D sigma;   // of a single point where the curve is 1
 uniform vec4 lens;         // fx, fy, cx, cy in pixels

@@ -25,7 +25,7 @@ void main() {
 #endif
     ivec2 at = ivec2(pixel.x, pixel.y + size.z);
     imageStore(colour, at, vec4(vec3(mean.rgb) / 255.0, mean.w > 0u ? 1.0 : 0.0));
-    imageStore(weight, at, vec4(float(min(mean.w, uint(MOST_AVERAGED))) / 255.0));
+    imageStore(weight, at, vec4(float(min(mean.w, uint(MAX_AVERAGED))) / 255.0));
 #ifndef CARRIED
 #ifdef FROM_KEYS
     uint key = keys[index];

@@ -1,1 +1,1 @@
-"""Data sets: what the network learns from and is judged on."""
+"""Data sets for training and evaluation."""

@@ -1,5 +1,7 @@
-"""PLY files of coloured vertices, perhaps with triangles, read by plyfile: as a scan of their points, or of points scattered
-over their surface.  (The viewer's own PLY reader streams scans of any size and checks them first; these are known data sets.)
+"""PLY files of coloured vertices, with or without triangles, as a scan of their vertices or of points sampled on the surface.
+
+They are read by plyfile.  (The viewer has its own PLY reader, which checks and streams scans of any size; the files here belong
+to known data sets.)
 """
 
 from dataclasses import dataclass
@@ -10,12 +12,12 @@ import numpy as np
 from model.data.dataset import FAR, DataError, Scan
 
 _LISTS = {"face": {"vertex_indices": 3, "vertex_index": 3}}
-"""Lists that are triangles where they are read at all, so that plyfile maps them into memory."""
+"""List properties that are expected to be triangles; plyfile memory-maps lists of known length."""
 
 
 @dataclass(frozen=True, eq=False)
 class ColouredMesh:
-    """xyz: (V, 3) float64.  rgb: (V, 3) uint8.  triangles: (T, 3) vertex numbers; none where the file has no faces."""
+    """xyz: (V, 3) float64.  rgb: (V, 3) uint8.  triangles: (T, 3) vertex numbers, T = 0 where the file has no faces."""
 
     path: Path
     xyz: np.ndarray
@@ -24,14 +26,14 @@ class ColouredMesh:
 
 
 def check_mesh(path: Path) -> None:
-    """Raises DataError where :func:`read_mesh` would, of the file's form; reads no vertex."""
+    """Checks the structure of the file without reading vertices.  Raises DataError as :func:`read_mesh`."""
     _read(path)
 
 
 def read_mesh(path: Path) -> ColouredMesh:
-    """Raises DataError where the file is no whole PLY of coloured vertices."""
+    """Reads the file.  Raises DataError where it is not a complete PLY file of coloured vertices."""
     vertices, faces = _read(path)
-    with np.errstate(invalid="ignore"):  # some NaN of damaged files
+    with np.errstate(invalid="ignore"):  # signalling NaN of damaged files
         xyz = np.stack([np.asarray(vertices[axis], np.float64) for axis in "xyz"], 1)
     rgb = np.stack([np.asarray(vertices[name]) for name in ("red", "green", "blue")], 1)
     if rgb.dtype.kind == "f" and rgb.size and rgb.max() <= 1:
@@ -41,13 +43,13 @@ def read_mesh(path: Path) -> ColouredMesh:
     if faces is not None and len(faces):
         name = next((name for name in _LISTS["face"] if name in (faces.dtype.names or ())), None)
         if name is None or faces[name].ndim != 2:
-            raise DataError(f"{path}: faces that are no triangles; download it again")
+            raise DataError(f"{path}: not all faces are triangles; download it again")
         triangles = np.asarray(faces[name], np.int64)
     return ColouredMesh(path, xyz, rgb, triangles)
 
 
 def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
-    """The vertices' and the faces' rows, memory-mapped where they can be."""
+    """Rows of vertices and faces, memory-mapped where possible."""
     from plyfile import PlyData, PlyParseError
 
     try:
@@ -55,7 +57,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
     except (PlyParseError, UnicodeDecodeError) as error:
         torn = "end-of-file" in str(error) or "early" in str(error)
         raise DataError(f"{path}: {'truncated' if torn else 'not a PLY file'} ({error}); download it again") from None
-    except ValueError as error:  # NumPy's, of a file shorter than its header says
+    except ValueError as error:  # NumPy's, for a file shorter than its header declares
         raise DataError(f"{path}: truncated ({error}); download it again") from None
     names = [element.name for element in data.elements]
     if "vertex" not in names or not len(data["vertex"].data):
@@ -67,7 +69,7 @@ def _read(path: Path) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def points_scan(mesh: ColouredMesh, hidden: Path) -> Scan:
-    """All vertices but those that are no places or whose indices ``hidden`` lists (where that file is)."""
+    """All vertices except invalid positions and those whose indices the file ``hidden`` lists, if it exists."""
     keep = np.asarray((np.abs(mesh.xyz) < FAR).all(axis=1))
     if hidden.is_file():
         try:
@@ -78,12 +80,12 @@ def points_scan(mesh: ColouredMesh, hidden: Path) -> Scan:
 
 
 def scattered_scan(mesh: ColouredMesh, count: int) -> Scan:
-    """Points scattered evenly over the triangles, seeded, colours between their corners'."""
+    """``count`` points sampled uniformly on the triangles, with a fixed seed and interpolated colours."""
     corners = mesh.triangles
     if not len(corners):
-        raise DataError(f"{mesh.path}: has no triangles to scatter points on")
+        raise DataError(f"{mesh.path}: has no triangles to sample points on")
     if corners.min() < 0 or corners.max() >= len(mesh.xyz):
-        raise DataError(f"{mesh.path}: faces that are no triangles of its vertices; download it again")
+        raise DataError(f"{mesh.path}: a face refers to a vertex that does not exist; download it again")
     a, b, c = (mesh.xyz[corners[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     rng = np.random.default_rng(0)

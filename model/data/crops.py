@@ -1,6 +1,6 @@
-"""Random crops of training pairs: turned, mirrored, recoloured, augmented, filled; the same for a step whenever asked for.
+"""Random crops of training pairs: rotated, mirrored, recoloured, augmented and filled.
 
-A batch depends on nothing but (seed, step, process): that is what makes a resumed run the run that was stopped.
+A batch depends only on (seed, step, process), so that a resumed training is identical to an uninterrupted one.
 """
 
 import signal
@@ -18,15 +18,16 @@ from model.data.dataset import DataError
 from model.projection import MEASURED_CHANNELS, filled_input
 
 MARGIN = 32
-"""Pixels around a crop that are filled with it: holes at its border are filled from beyond, as in a whole picture."""
+"""Pixels around a crop that take part in filling, so that holes at its border are filled as in a full picture.  Chosen by
+hand."""
 
 
 @dataclass(frozen=True)
 class Batch:
     """x (B, 6, c, c) input; colour (B, 3, c, c) truth; coverage, known (B, 1, c, c) 0..1.
 
-    neighbour (N, 6, c, c): inputs from cameras moved a little, of the first N crops; flow (N, 2, c, c): where each pixel
-    lies there, as an offset in pixels, NaN where it is not seen.  N may be 0.
+    neighbour (N, 6, c, c): inputs from slightly moved cameras, of the first N crops.  flow (N, 2, c, c): optical flow to them,
+    pixels, NaN where a pixel is not visible there.  N may be 0.
     """
 
     x: Tensor
@@ -45,7 +46,8 @@ class Batch:
 
 
 class PairFolder:
-    """Memory-mapped arrays of :mod:`model.data.pairs`.  Raises DataError naming the first file that does not fit."""
+    """Memory-mapped arrays of :mod:`model.data.pairs`.  Raises DataError naming the first file that is unreadable or
+    unexpected."""
 
     def __init__(self, folder: Path):
         self.folder = folder
@@ -62,7 +64,7 @@ class PairFolder:
                                 "make the pairs again")
 
     def __reduce__(self):
-        return PairFolder, (self.folder,)  # to another process goes the path, not the pixels
+        return PairFolder, (self.folder,)  # pickles the path, not the pixels
 
     def _array(self, name: str, channels: int, kind: type) -> np.ndarray:
         path = self.folder / f"{name}.npy"
@@ -79,8 +81,8 @@ class PairFolder:
 class Crops:
     """Draws batches from folders of pairs.
 
-    shares: relative share of each folder (default: equal).  recolour: crops take other exposures and orders of channels, and
-    their points colours that are not the truth's (:mod:`model.data.augmentation`).
+    shares: relative frequency of each folder (default: equal).  recolour: augments crops with exposures, channel orders,
+    disagreeing stations and noise (:mod:`model.data.augmentation`); otherwise with textures only.
     """
 
     def __init__(self, folders: list[Path], crop: int, seed: int, shares: tuple[float, ...] = (), *, recolour: bool = True):
@@ -127,12 +129,12 @@ class Crops:
 
         for picture in (x, y, near):
             picture[:3] = np.minimum(picture[:3] * gain, 1.0)[order]
-        told = np.zeros((side, side), np.float32)
+        sigma = np.zeros((side, side), np.float32)
         if not beside:
-            told = augmented(x, y, rng, textures_only=not self.recolour)
+            sigma = augmented(x, y, rng, textures_only=not self.recolour)
         if folder.noise is not None:
-            told = np.hypot(told, folder.noise[window][0].astype(np.float32))
-        noise = torch.from_numpy(told)
+            sigma = np.hypot(sigma, folder.noise[window][0].astype(np.float32))
+        noise = torch.from_numpy(sigma)
         x = filled_input(torch.from_numpy(x), noise).numpy()[inner]
         near = filled_input(torch.from_numpy(near), noise).numpy()[inner] if beside else near[inner]
         y, flow = y[inner], flow[inner]
@@ -142,7 +144,7 @@ class Crops:
             return np.ascontiguousarray(a[:, :, ::-1] if mirror else a)
 
         flow = turned(flow)
-        for _ in range(turns):  # rot90 takes the direction (x, y) to (y, -x)
+        for _ in range(turns):  # rot90 maps the direction (x, y) to (y, -x)
             flow = np.stack([flow[1], -flow[0]])
         if mirror:
             flow[0] = -flow[0]
@@ -150,10 +152,8 @@ class Crops:
 
 
 class Ahead:
-    """Batches of consecutive steps, made ahead by ``workers`` processes; with none, made when asked for.
-
-    The same batches either way: they depend on the step alone.
-    """
+    """Batches of consecutive steps, prepared by ``workers`` processes, or on demand with 0 workers; the batches are the
+    same."""
 
     def __init__(self, crops: Crops, count: int, neighbours: int, process: int, workers: int):
         self.crops, self.rest, self.workers = crops, (count, neighbours, process), workers
@@ -170,7 +170,7 @@ class Ahead:
             self.pool.shutdown(wait=True, cancel_futures=True)
 
     def batch(self, step: int) -> Batch:
-        """The batch of a step; those of the next ones are begun."""
+        """The batch of a step; starts the preparation of the following ones."""
         if self.pool is None:
             return self.crops.batch(step, *self.rest)
         for coming in range(step, step + 2 * self.workers):
@@ -183,7 +183,7 @@ _worker: list[Crops] = []
 
 
 def _start_worker(crops: Crops) -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all: the first process stops the others
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends Ctrl-C to all processes; the main process ends the workers
     torch.set_num_threads(1)
     _worker.append(crops)
 

@@ -1,9 +1,9 @@
-"""A piece of a room in a void: what teaches the network where nothing is, without a place that has a sky.
+"""Cut-outs: a box of a room against an empty background, which teaches coverage without a place that has a sky.
 
-A box is cut out of a registered room, scan and truth alike.  A true pixel is covered where its surface lies in the box, void
-where its ray misses the box or passes through it to a surface behind, and unknown where something outside the box stands
-before it.  Furniture, plants and railings get outlines against nothing; floors and walls end as a scan's own border does.
-World frame: the room's, metres.
+A box is cut out of a registered room, both scan and true pictures.  A true pixel is covered where its surface lies in the box,
+background where its ray misses the box or passes through it to a surface behind, and unknown where a surface in front of the
+box occludes it.  Furniture, plants and railings get outlines against the background; floors and walls end as at the border of a
+scan.  World frame: the room's, metres.
 """
 
 from collections.abc import Sequence
@@ -16,15 +16,17 @@ import numpy as np
 from model.data.dataset import MemoryPicture, Scan, TruePicture, TruePlace
 from model.data.stations import StationScene
 
-LEAST_COVERED = 0.04  # of a picture, for it to be worth learning from
-TRIES = 8  # boxes, until some view shows enough of one
+MIN_COVERED = 0.04
+"""Smallest covered share of a picture of a cut-out.  Chosen by hand."""
+TRIES = 8
+"""Boxes tried until a view shows enough of one.  Chosen by hand."""
 VIEWS_SHARE = 0.1
-"""Of a room's pairs, so many more are those of its piece: enough to know a void, while most is learned of what is there."""
+"""Views of a cut-out as a share of the room's: enough to learn background, while most pairs show surfaces.  Chosen by hand."""
 
 
 @dataclass(frozen=True, eq=False)
 class CutOut:
-    """``place`` within the box from ``low`` (3,) to ``high`` (3,); a TruePlace.  most: of its views, None: all."""
+    """A TruePlace: the part of ``place`` in the box from ``low`` (3,) to ``high`` (3,).  most: number of views, None: all."""
 
     place: TruePlace
     low: np.ndarray
@@ -37,7 +39,7 @@ class CutOut:
 
     @property
     def views(self) -> Sequence[TruePicture]:
-        """The views that show enough of it, or the first of them."""
+        """The first ``most`` views that show enough of the box."""
         return _views(self)
 
     def scan(self, seed: int) -> Scan:
@@ -47,35 +49,35 @@ class CutOut:
         return replace(scan, xyz=scan.xyz[inside], rgb=scan.rgb[inside], station=scan.station[inside])
 
     def cut(self, view: TruePicture) -> MemoryPicture | None:
-        """The view with what lies outside taken away; None where its depth is unknown."""
+        """The view with only the contents of the box; None where its depth is unknown."""
         depth = view.depth()
         if depth is None:
             return None
         j, i = np.mgrid[0 : view.height, 0 : view.width] + 0.5
         ray = np.stack([(i - view.cx) / view.fl, -(j - view.cy) / view.fl, -np.ones_like(i)], -1)
-        ray = ray @ view.camera_to_world[:3, :3].T  # z-depth is the length along it
+        ray = ray @ view.camera_to_world[:3, :3].T  # of length 1 in z, so that z-depth is the parameter along it
         eye = view.camera_to_world[:3, 3]
         with np.errstate(divide="ignore", invalid="ignore"):
             a, b = (self.low - eye) / ray, (self.high - eye) / ray
         enters, leaves = np.fmin(a, b).max(-1), np.fmax(a, b).min(-1)
         meets = (leaves > enters) & (leaves > 0)
         inside = meets & (depth >= enters) & (depth <= leaves)
-        void = ~meets | (depth > leaves)
+        background = ~meets | (depth > leaves)
         return MemoryPicture(view.rgb(), view.fl, view.camera_to_world, np.where(inside, depth, np.inf).astype(np.float32),
-                             inside.astype(np.float32), inside | void, (view.cx, view.cy))
+                             inside.astype(np.float32), inside | background, (view.cx, view.cy))
 
 
 @lru_cache(maxsize=4)
 def _views(piece: CutOut) -> list[MemoryPicture]:
-    shots = (piece.cut(view) for view in piece.place.views)
-    enough = (s for s in shots if s is not None and s.covered is not None and s.covered.mean() > LEAST_COVERED)
+    cut = (piece.cut(view) for view in piece.place.views)
+    enough = (view for view in cut if view is not None and view.covered is not None and view.covered.mean() > MIN_COVERED)
     return list(islice(enough, piece.most))
 
 
 def with_cut_outs(places: Sequence[TruePlace], seed: int) -> list[TruePlace]:
-    """The places, and a piece of every registered room among them, in few views.
+    """The places, and a cut-out with few views of every registered room among them.
 
-    Of other places none: their depth is not known, or (photographs) their points' colours are not those of the true pictures.
+    Other places have no cut-out: their depth is unknown, or (photographs) their points do not have the true pictures' colours.
     """
     pieces = []
     for number, place in enumerate(places):
@@ -86,7 +88,7 @@ def with_cut_outs(places: Sequence[TruePlace], seed: int) -> list[TruePlace]:
 
 
 def cut_outs(place: TruePlace, count: int, seed: int, most: int | None = None) -> list[CutOut]:
-    """``count`` seeded boxes of one to three metres around points of the place, none if it has none.  most: views of each."""
+    """``count`` random boxes with sides of 0.8 to 3 m around points of the place; none without points.  most: views of each."""
     rng = np.random.default_rng(seed)
     points = place.scan(seed).xyz
     boxes = []

@@ -1,4 +1,4 @@
-"""What every source of training data offers: places with a scan to be drawn, and true pictures to be learned.
+"""The interface of training data: places with a scan and true pictures (ground truth) of it.
 
 World frame: the source's own, in metres.  Camera frames are OpenGL's (x right, y up, -z forward); pinhole, square pixels, a
 pixel spans [i, i + 1], row 0 at the top.
@@ -13,23 +13,25 @@ import numpy as np
 from model.common.errors import PointglassError
 
 FAR = 1e9
-"""Metres from the origin, from which on a number is no place."""
-MOST_FOCAL = 1e6
-"""Pixels, from which on a number is no focal length, nor anything else of a lens."""
-
-
-LEAST_CROP = 32
-"""Pixels: the shortest side of a training crop; the compact network halves a picture four times."""
+"""Metres from the origin beyond which a coordinate is invalid.  Chosen by hand, beyond any projected coordinate on Earth."""
+MAX_FOCAL = 1e6
+"""Pixels beyond which a focal length or another lens parameter is invalid.  Chosen by hand."""
+MIN_CROP = 32
+"""Shortest side of a training crop, pixels: twice the 16 pixels to which the compact network pads a picture (four halvings),
+and the least for which augmentation has a texture."""
 
 
 class DataError(PointglassError):
-    """Data that cannot be used; the message names the files and says what to do."""
+    """Data that cannot be used; the message names the files and the remedy."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """A merged, coloured scan.  xyz (N, 3) float64 metres; rgb (N, 3) uint8 sRGB; station (N,) uint8; places (S, 3) float64
-    where the stations stood, None where the scan does not say."""
+    """A merged, coloured scan.
+
+    xyz: (N, 3) float64 metres.  rgb: (N, 3) uint8 sRGB.  station: (N,) uint8.  places: (S, 3) float64 scanner positions, None
+    where they are unknown.
+    """
 
     xyz: np.ndarray
     rgb: np.ndarray
@@ -38,7 +40,7 @@ class Scan:
 
 
 class TruePicture(Protocol):
-    """A picture as it should be.  fl: pixels.  cx, cy: principal point, pixels.  camera_to_world: (4, 4) float64."""
+    """A true picture.  fl: focal length, pixels.  cx, cy: principal point, pixels.  camera_to_world: (4, 4) float64."""
 
     @property
     def width(self) -> int: ...
@@ -67,16 +69,16 @@ class TruePicture(Protocol):
         ...
 
     def coverage(self) -> np.ndarray | None:
-        """(H, W) float32 share of each pixel that something covers, 0 in void and open sky; None: all of it."""
+        """(H, W) float32 covered share of each pixel, 0 in the background and open sky; None: 1 everywhere."""
         ...
 
     def known(self) -> np.ndarray | None:
-        """(H, W) bool, where the picture's colours are true for this scan; None: everywhere."""
+        """(H, W) bool, pixels whose colours are valid for this scan; None: all."""
         ...
 
 
 class TruePlace(Protocol):
-    """A place: its scan (made anew, differently spoiled, for every seed) and true pictures of it."""
+    """A place: true pictures of it, and its scan, degraded differently for every seed."""
 
     @property
     def name(self) -> str: ...
@@ -89,7 +91,7 @@ class TruePlace(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MemoryPicture:
-    """A TruePicture whose pixels are at hand.  Where coverage is under 1, ``colour`` is that of what covers the pixel."""
+    """A TruePicture in memory.  Where coverage is below 1, ``colour`` is the colour of the covered share."""
 
     colour: np.ndarray
     fl: float

@@ -1,8 +1,8 @@
-"""Points in the colours of the true picture: what a scan of a matt place with perfect exposures would hold.
+"""Diffuse pairs: points in the colours of the true picture, as in a scan of a matt place with perfect exposures.
 
-What stations photographed differs from a true picture by exposure and by gloss even where nothing is noisy.  A network that is
-told "no noise" and shown such differences learns to blur all the same.  Taking nothing but geometry from the scan, as the
-paper does for photographs (Vanherck et al. 2025, "Training Data Generation"), gives pairs that are free of noise in fact.
+The colours of stations differ from a true picture by exposure and gloss even without noise.  A network whose noise input is 0
+and that sees such differences learns to blur anyway.  Only the geometry is taken from the scan, as the paper does for
+photographs (Vanherck et al. 2025, "Training Data Generation"), which gives pairs without noise.
 """
 
 from dataclasses import replace
@@ -14,13 +14,14 @@ from model.data.dataset import Scan, TruePicture
 from model.data.projected import Projected
 
 RELATIVE, METRES = 0.015, 0.01
-"""A point within so much of the true depth, relative and absolute, is on the surface that the picture shows."""
+"""Difference from the true depth, as a share of it and in metres, within which a point is on the visible surface.  Chosen by
+hand."""
 
 
 def diffuse(seen: Projected, scan: Scan, shot: TruePicture) -> Projected:
-    """The projected points, those on the surfaces that ``shot`` shows in its colours, at its own resolution.
+    """The projected points, with those on the visible surfaces in the colours of ``shot`` at its full resolution.
 
-    Points behind, and hanging in front, keep the scan's colours.  Where the shot's depth is unknown nothing changes.
+    Points behind or in front of these surfaces keep the scan's colours.  Without depth in the shot nothing changes.
     """
     depth = shot.depth()
     if depth is None or not len(seen.point):

@@ -1,7 +1,7 @@
-"""True pictures a whole number of times smaller, as a camera of larger pixels would have taken them.
+"""Downsampling of true pictures by an integer factor, as a camera with larger pixels would see them.
 
-A pixel averages light, not sRGB values (model/common/linear_light.py), and only that of what covers it: the colour of a void is
-no colour.
+A pixel averages linear light, not sRGB values (model/common/linear_light.py), over its covered share only: background has no
+colour.
 """
 
 import numpy as np
@@ -10,15 +10,15 @@ from model.common.linear_light import TO_LINEAR, TO_SRGB
 
 
 def in_blocks(picture: np.ndarray, side: int) -> np.ndarray:
-    """(H, W, ...) -> (H / side, side, W / side, side, ...); what is left over at the right and below is cut off."""
+    """(H, W, ...) -> (H / side, side, W / side, side, ...); incomplete blocks at the right and bottom are cut off."""
     h, w = picture.shape[0] // side, picture.shape[1] // side
     return picture[: h * side, : w * side].reshape(h, side, w, side, *picture.shape[2:])
 
 
 def reduced_colour(rgb: np.ndarray, coverage: np.ndarray | None, side: int) -> np.ndarray:
-    """(H / side, W / side, 3) uint8 sRGB: the mean in linear light by coverage, the plain one where nothing is covered.
+    """(H / side, W / side, 3) uint8 sRGB: the mean in linear light, weighted by coverage, unweighted where that is 0.
 
-    rgb: (H, W, 3) uint8 sRGB.  coverage: (H, W) float share of each pixel that is covered, None: all of it.
+    rgb: (H, W, 3) uint8 sRGB.  coverage: (H, W) float covered share of each pixel; None: 1 everywhere.
     """
     light = in_blocks(TO_LINEAR[rgb], side)
     if coverage is None:
@@ -29,5 +29,5 @@ def reduced_colour(rgb: np.ndarray, coverage: np.ndarray | None, side: int) -> n
 
 
 def reduced_share(share: np.ndarray, side: int) -> np.ndarray:
-    """(H / side, W / side) uint8, 255 for 1: means of shares (H, W), bool or 0..1."""
+    """(H / side, W / side) uint8 means of shares (H, W), bool or 0..1; 255 stands for 1."""
     return np.rint(255 * in_blocks(share.astype(np.float32), side).mean((1, 3))).astype(np.uint8)

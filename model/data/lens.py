@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from model.data.dataset import MOST_FOCAL, DataError
+from model.data.dataset import MAX_FOCAL, DataError
 
 MODELS = {  # focal lengths, distortion parameters (COLMAP's names and order)
     "SIMPLE_PINHOLE": (1, 0), "PINHOLE": (2, 0), "SIMPLE_RADIAL": (1, 1), "RADIAL": (1, 2), "OPENCV": (2, 4),
@@ -41,7 +41,7 @@ class Lens:
         if len(parameters) != focals + 2 + bends:
             raise DataError(f"{where}: {model} has {focals + 2 + bends} parameters, not {len(parameters)}")
         fx, fy = parameters[0], parameters[focals - 1]
-        if not (np.all(np.abs(parameters) < MOST_FOCAL) and fx > 0 and fy > 0 and width > 0 and height > 0):
+        if not (np.all(np.abs(parameters) < MAX_FOCAL) and fx > 0 and fy > 0 and width > 0 and height > 0):
             raise DataError(f"{where}: {width}x{height} pixels, parameters {list(parameters)}: not a camera")
         return Lens(model, width, height, fx, fy, *parameters[focals : focals + 2], bend=tuple(parameters[focals + 2 :]))
 

@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
-from model.data.dataset import FAR, MOST_FOCAL, DataError
+from model.data.dataset import FAR, MAX_FOCAL, DataError
 from model.data.lens import Lens
 from model.data.photos import check_pictures
 from model.data.rgbd_frame import MILLIMETRE, Frame
@@ -203,7 +203,7 @@ def _numbers(path: Path) -> tuple[float, ...]:
         values = tuple(table[0])
     else:
         raise DataError(f"{path}: {table.shape[0]}x{table.shape[1]} numbers; expected fx fy cx cy or a 3x3 or 4x4 matrix")
-    if not ((np.abs(values) < MOST_FOCAL).all() and values[0] > 0 and values[1] > 0):
+    if not ((np.abs(values) < MAX_FOCAL).all() and values[0] > 0 and values[1] > 0):
         raise DataError(f"{path}: {[float(v) for v in values]}: not the intrinsics of a camera")
     return tuple(float(v) for v in values)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from model.data.dataset import FAR, MOST_FOCAL, DataError, Scan
+from model.data.dataset import FAR, MAX_FOCAL, DataError, Scan
 from model.data.photos import wrong_pictures
 from model.synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
 from model.synth.scanner import ScannerModel, VirtualScanner
@@ -82,7 +82,7 @@ def _shot(folder: Path, entry: dict, scale: float) -> Shot:
     turn = made.camera_to_world[:3, :3]
     if not ((np.abs(made.camera_to_world) < FAR).all() and np.allclose(turn @ turn.T, np.eye(3), atol=1e-2)):
         raise ValueError(f"{made.rgb_file}: camera_to_world is no rotation and shift")
-    if not (0 < made.fl < MOST_FOCAL and made.width > 0 and made.height > 0):
+    if not (0 < made.fl < MAX_FOCAL and made.width > 0 and made.height > 0):
         raise ValueError(f"{made.rgb_file}: {made.width}x{made.height} pixels, fl {made.fl:g}: not a camera")
     return made
 

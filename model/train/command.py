@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from model.common.seeds import MAX_SEED
 from model.common.signals import importing
-from model.data.dataset import LEAST_CROP
+from model.data.dataset import MIN_CROP
 
 if TYPE_CHECKING:
     from model.data.dataset import TruePlace
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--steps", type=int, default=40_000, metavar="N", help="largest number of steps (default 40000)")
     parser.add_argument("--batch", type=int, default=8, metavar="N", help="crops per step and process (default 8)")
     parser.add_argument("--crop", type=int, default=192, metavar="PIXELS",
-                        help=f"side of a crop, {LEAST_CROP} or more (default 192)")
+                        help=f"side of a crop, {MIN_CROP} or more (default 192)")
     parser.add_argument("--rate", type=float, default=1e-3, metavar="X", help="learning rate (default 0.001)")
     parser.add_argument("--perceptual", type=Path, metavar="DIR", help="folder with the weights of the SqueezeNet distance")
     parser.add_argument("--textures", type=Path, metavar="DIR",
@@ -138,7 +138,7 @@ def check(options: argparse.Namespace) -> None:
         raise DataError(f"{mode} trains in one process, not in {os.environ['WORLD_SIZE']}; start it without torchrun")
     if mode and options.minutes == 0:
         raise DataError(f"--minutes 0: {mode} needs more than 0 minutes")
-    for name, least in (("procedural", 0), ("steps", 1), ("batch", 1), ("crop", LEAST_CROP), ("seed", 0)):
+    for name, least in (("procedural", 0), ("steps", 1), ("batch", 1), ("crop", MIN_CROP), ("seed", 0)):
         if (value := getattr(options, name)) < least:
             raise DataError(f"--{name} {value}: expected at least {least}")
     if options.seed > MAX_SEED:

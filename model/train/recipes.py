@@ -20,7 +20,7 @@ from model.common.folders import made_folder, replace_text
 from model.common.interrupts import run_in_worker, workers
 from model.common.processors import usable_processors, use_threads
 from model.data.crops import PairFolder
-from model.data.dataset import LEAST_CROP, DataError
+from model.data.dataset import MIN_CROP, DataError
 from model.data.procedural import procedural_place
 from model.train.manifest import Facts, read_manifest, refuse_other, whereabouts
 from model.train.trainer import TrainConfig, train
@@ -113,7 +113,7 @@ def follow(recipe: Recipe, folders: Sequence[Path], out: Path, *, minutes: float
 def _crop(stage: Stage, pairs: Sequence[Path]) -> int:
     """Side of the stage's crops: the recipe's, or a smaller multiple of 16 that fits into all pictures."""
     sides = [min(PairFolder(folder).measured.shape[2:]) for folder in pairs]
-    return min(stage.crop, max(LEAST_CROP, min(sides) // 16 * 16))
+    return min(stage.crop, max(MIN_CROP, min(sides) // 16 * 16))
 
 
 @dataclass(frozen=True)

@@ -94,14 +94,14 @@ def sources(context, monkeypatch) -> dict[str, str]:
     for owned in (canvas, bridge, programs):
         owned.release()
     # 64-bit atomics, which no software OpenGL but zink's has: the text is complete without a driver
-    from model.soft_z import MOST_AVERAGED
+    from model.soft_z import MAX_AVERAGED
     from model.station_constants import HEAVIEST, UNPLACED
 
     weights = {"WEIGHTED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED, "WIDE_SUMS": 1}
     noted("raster_colour.comp", {"LANES": 128, "ROWS": 8, "APPENDED": 1, **weights})
     noted("raster_points_colour.frag", weights)
     for carried in (None, 1):
-        noted("resolve.comp", {"FROM_KEYS": 1, "MOST_AVERAGED": MOST_AVERAGED, "CARRIED": carried, "WIDE_SUMS": 1})
+        noted("resolve.comp", {"FROM_KEYS": 1, "MAX_AVERAGED": MAX_AVERAGED, "CARRIED": carried, "WIDE_SUMS": 1})
     return texts
 
 

@@ -6,7 +6,7 @@ from clouds import camera_in, room
 from reference import reference_frame
 from test_frame import ALL, assert_agrees
 
-from model.projection import MOST_AVERAGED
+from model.projection import MAX_AVERAGED
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.grid.scene import unpack
 from viewer.render.renderer import Renderer
@@ -150,4 +150,4 @@ def test_heavy_sums_are_carried(renderer_of, kind):
         assert raw[1, 2].tolist() == [255, 255, 255, 255] and raw[1, 3].tolist() == [10, 128, 255, 255]
         assert renderer._rasterisers[kind].weight is not None
         weight = np.frombuffer(renderer._rasterisers[kind].weight.read(alignment=1), np.uint8).reshape(3, 5)
-        assert weight[1, 2] == MOST_AVERAGED and weight[0, 0] == 0
+        assert weight[1, 2] == MAX_AVERAGED and weight[0, 0] == 0

@@ -62,9 +62,9 @@ def _bad_weights(folder):
 
 
 @pytest.mark.parametrize("name, said", [
-    ("foreign", "not pointglass weights"), ("names", "its tensors are not those"), ("shape", "another shape"),
+    ("foreign", "not pointglass weights"), ("names", "the tensors are not those"), ("shape", "another shape"),
     ("nan", "not finite"), ("size", "unknown network"), ("text", "cannot be read"), ("empty", "cannot be read"),
-    ("missing", "no such weights"), ("whole", "holds I16, not F16"), ("complex", "holds C64"),
+    ("missing", "no such weights"), ("whole", "has type I16, not F16"), ("complex", "has type C64"),
 ])
 def test_bad_weights_are_refused_by_name(tmp_path, name, said):
     _bad_weights(tmp_path)

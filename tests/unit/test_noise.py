@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from model import noise as module
-from model.noise import KNOTS, LUMA, MOST_VOXELS, NoiseModel, estimate_noise
-from model.noise_kernels import EVERY, FAR, NEAR, residuals
+from model.noise import KNOTS, LUMA, MAX_VOXELS, NoiseModel, estimate_noise
+from model.noise_kernels import FAR, NEAR, STRIDE, residuals
 from viewer.grid.info import facts, format_text
 from viewer.grid.noise_sample import runs
 from viewer.grid.open_scene import scene_from_arrays
@@ -59,7 +59,7 @@ def test_residuals_are_those_of_a_plane_through_the_neighbours():
     residuals(xyz.astype(np.float32), value, starts, near, far)
     for a, b in itertools.pairwise(starts):
         for i in range(a, b):
-            if (i - a) % EVERY:
+            if (i - a) % STRIDE:
                 assert near[i] == far[i] == 9.0
                 continue
             assert near[i] == pytest.approx(plain_residual(xyz[a:b], value[a:b], i - a, NEAR), abs=1e-3)
@@ -196,7 +196,7 @@ def test_scans_that_tell_little_have_finite_noise(kind):
         case "stray":
             xyz[7] = (1e15, -1e15, 0)
     found = estimate_noise(xyz, rgb)
-    assert max(found.sigma.shape) <= MOST_VOXELS and found.curve.shape == (KNOTS,)
+    assert max(found.sigma.shape) <= MAX_VOXELS and found.curve.shape == (KNOTS,)
     assert np.isfinite(found.sigma).all() and np.isfinite(found.curve).all() and np.isfinite(found.overall)
     assert np.isfinite(found.at(np.array([[np.nan, np.inf, 0.0]]), np.array([0.5]))).all()
     if kind in ("not finite", "stray"):

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from cloud_files import write_las, write_ply
 
-from model.scan_runs import BLOCKS, ITERATIONS, LIFT, SETTLE, STAY, TOLERANCE, _alternate, _apply, solve_passes
+from model.scan_runs import (
+    BLOCKS,
+    HUBER_LIMIT,
+    ITERATIONS,
+    LOG_OFFSET,
+    PRIOR_POINTS,
+    SETTLE_ITERATIONS,
+    _alternate,
+    _apply,
+    solve_run_gains,
+)
 from viewer.grid.info import facts, format_text
 from viewer.grid.open_scene import open_scene
 from viewer.grid.scene import unpack
@@ -27,7 +37,7 @@ def _swept(rng, *, runs=40, length=3_000, apart=1.2, spread=0.25, noise=1.5):
 
 def _between(rgb, true):
     """How far colours are from a multiple of the true ones, as a root mean square of log ratios."""
-    ratio = np.log(rgb.astype(float) + LIFT) - np.log(true + LIFT)
+    ratio = np.log(rgb.astype(float) + LOG_OFFSET) - np.log(true + LOG_OFFSET)
     return float(np.sqrt(((ratio - ratio.mean(0)) ** 2).mean()))
 
 
@@ -35,8 +45,8 @@ def _between(rgb, true):
 def test_gains_of_runs_are_undone_and_print_stays_sharp(seed, scale):
     rng = np.random.default_rng(seed)
     xyz, true, rgb, run = _swept(rng)
-    found = solve_passes(xyz * scale + 100 * scale, rgb, np.arange(len(xyz)))
-    assert found.worth
+    found = solve_run_gains(xyz * scale + 100 * scale, rgb, np.arange(len(xyz)))
+    assert found.worthwhile
     matched = found.apply(rgb, 0)
     assert _between(matched, true) < 0.4 * _between(rgb, true)
     steps = np.abs(np.log(true[:, 0]) - np.log(true[:, 0]).mean())
@@ -52,8 +62,8 @@ def test_blocks_are_as_long_as_the_runs_allow(seed):
     lengths = []
     for runs, length in ((3, 60_000), (60, 3_000), (1500, 120)):
         xyz, true, rgb, _ = _swept(rng, runs=runs, length=length, apart=0.2)  # all runs meet
-        found = solve_passes(xyz, rgb, np.arange(len(xyz)))
-        assert found.worth
+        found = solve_run_gains(xyz, rgb, np.arange(len(xyz)))
+        assert found.worthwhile
         lengths.append(len(xyz) / len(found.at))
         assert _between(found.apply(rgb, 0), true) < 0.6 * _between(rgb, true)
     assert lengths[0] > 1000 and lengths[0] >= lengths[1] > lengths[2]
@@ -65,18 +75,18 @@ def test_one_run_equal_runs_and_no_order_keep_every_colour(seed):
     _, _, rgb, _ = _swept(np.random.default_rng(seed))
     order = rng.permutation(len(xyz))
     for points, colours in ((xyz, alike), (xyz[run == 0], alike[run == 0]), (xyz[order], rgb[order])):
-        found = solve_passes(points, colours, np.arange(len(points)))
-        assert not found.worth and np.all(found.factors == 1)
+        found = solve_run_gains(points, colours, np.arange(len(points)))
+        assert not found.worthwhile and np.all(found.factors == 1)
     flat = np.full((5_000, 3), 90, np.uint8)
-    assert not solve_passes(xyz[:5_000], flat, np.arange(5_000)).worth
+    assert not solve_run_gains(xyz[:5_000], flat, np.arange(5_000)).worthwhile
     stripes = np.where(np.floor(xyz[:, :1] / 0.02) % 2 == 0, 200, 40).astype(np.uint8).repeat(3, 1)
-    assert not solve_passes(xyz, stripes, np.arange(len(xyz))).worth, "print along the lines of a scan is print"
+    assert not solve_run_gains(xyz, stripes, np.arange(len(xyz))).worthwhile, "print along the lines of a scan is print"
 
 
 @pytest.mark.parametrize("count", [0, 1, BLOCKS[-1], BLOCKS[-1] + 1, 500])
 def test_few_points_in_one_place(count):
-    found = solve_passes(np.zeros((count, 3)), np.full((count, 3), 7, np.uint8), np.arange(count))
-    assert not found.worth
+    found = solve_run_gains(np.zeros((count, 3)), np.full((count, 3), 7, np.uint8), np.arange(count))
+    assert not found.worthwhile
 
 
 def test_solver_agrees_with_its_plain_twin(seed):
@@ -88,17 +98,17 @@ def test_solver_agrees_with_its_plain_twin(seed):
     before, after = _alternate(log, voxel, block, voxels, gains, ITERATIONS)
     twin, weight, variances = np.zeros((blocks, 3)), np.ones(count), []
     shared = np.array([len(np.unique(block[voxel == v])) > 1 for v in range(voxels)])[voxel]
-    for iteration in range(-SETTLE, ITERATIONS + 1):
+    for iteration in range(-SETTLE_ITERATIONS, ITERATIONS + 1):
         rest = log - twin[block]
         mean = np.stack([np.bincount(voxel, weight * rest[:, c], voxels) for c in range(3)], 1)
         rest = (rest - (mean / np.bincount(voxel, weight, voxels)[:, None])[voxel])[shared]
-        weight[shared] = np.minimum(TOLERANCE / np.abs(rest).mean(1), 1)
+        weight[shared] = np.minimum(HUBER_LIMIT / np.abs(rest).mean(1), 1)
         variances.append((weight[shared] * (rest**2).sum(1)).sum())
         if 0 <= iteration < ITERATIONS:
             change = np.stack([np.bincount(block[shared], weight[shared] * rest[:, c], blocks) for c in range(3)], 1)
-            twin += change / (np.bincount(block[shared], weight[shared], blocks) + STAY)[:, None]
+            twin += change / (np.bincount(block[shared], weight[shared], blocks) + PRIOR_POINTS)[:, None]
     assert np.abs(gains - twin).max() < 1e-4
-    assert (before, after) == pytest.approx((variances[SETTLE], variances[-1]), rel=1e-4)
+    assert (before, after) == pytest.approx((variances[SETTLE_ITERATIONS], variances[-1]), rel=1e-4)
 
 
 def test_applying_agrees_with_interpolation(seed):
@@ -110,7 +120,7 @@ def test_applying_agrees_with_interpolation(seed):
         made = np.empty_like(rgb)
         _apply(rgb, first, at, factors, made)
         factor = np.stack([np.interp(first + np.arange(len(rgb)), at, factors[:, c]) for c in range(3)], 1)
-        plain = np.clip((rgb + LIFT) * factor - LIFT, 1, 255)
+        plain = np.clip((rgb + LOG_OFFSET) * factor - LOG_OFFSET, 1, 255)
         plain[~rgb.any(1)] = 0
         assert np.abs(made - plain).max() <= 0.5 + 1e-6 and not made[~rgb.any(1)].any() and made[rgb.any(1)].min() >= 1
 
@@ -143,12 +153,12 @@ def test_materials_written_one_after_the_other_keep_their_colours(seed):
     xyz = rng.random((60_000, 3)) * (2.0, 2.0, 0.01)
     colour = np.repeat([[60, 150, 40], [150, 70, 60]], len(xyz) // 2, axis=0)
     rgb = np.clip(colour + rng.normal(0, 4, xyz.shape), 1, 255).astype(np.uint8)
-    assert not solve_passes(xyz, rgb, np.arange(len(xyz))).worth
+    assert not solve_run_gains(xyz, rgb, np.arange(len(xyz))).worthwhile
 
 
 def test_a_handful_of_points_tells_nothing(seed):
     rng = np.random.default_rng(seed)
     xyz = rng.random((150, 3)) * 0.1
     rgb = np.repeat([[90, 90, 90], [180, 180, 180]], 75, axis=0).astype(np.uint8)
-    found = solve_passes(xyz, rgb, np.arange(len(xyz)))
-    assert not found.worth and np.array_equal(found.apply(rgb, 0), rgb)
+    found = solve_run_gains(xyz, rgb, np.arange(len(xyz)))
+    assert not found.worthwhile and np.array_equal(found.apply(rgb, 0), rgb)

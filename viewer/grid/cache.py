@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.noise import MOST_VOXELS, NoiseModel
+from model.noise import MAX_VOXELS, NoiseModel
 from viewer.errors import InputError
 from viewer.grid.checksum import checksum
 from viewer.grid.grid_header import VERSION, DamagedGrid, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
@@ -142,7 +142,7 @@ def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel |
     """The noise stored with the points; None where an earlier version stored none.  Raises DamagedGrid."""
     if sigma is None:
         return None
-    if header is None or sigma.ndim != 3 or min(sigma.shape) == 0 or max(sigma.shape) > MOST_VOXELS:
+    if header is None or sigma.ndim != 3 or min(sigma.shape) == 0 or max(sigma.shape) > MAX_VOXELS:
         raise DamagedGrid("its noise is not usable")
     if not np.isfinite(sigma).all() or sigma.min() < 0:
         raise DamagedGrid("its noise is not usable")

@@ -9,7 +9,7 @@ LAS or LAZ file, or one of several files. The gains are described in ``meta["exp
 import numpy as np
 
 from model.exposure import exposures_of
-from model.scan_runs import Passes, solve_passes
+from model.scan_runs import RunGains, solve_run_gains
 from viewer.preprocess.black_border import DARK, black_border_share
 from viewer.preprocess.valid_positions import is_position
 from viewer.readers.source import Chunk
@@ -31,7 +31,7 @@ class ExposureCompensation:
         self._held, self._share = 0, 1.0
         self._rng = np.random.default_rng(0)
         self._gains: np.ndarray | None = None
-        self._passes: Passes | None = None
+        self._passes: RunGains | None = None
         self._turns: dict[int, np.ndarray] = {}
         self.black_borders: dict[int, float] = {}
         """After ``solve``, by source: the share of its points at a photograph's black border (preprocess.black_border)."""
@@ -100,9 +100,9 @@ class ExposureCompensation:
             mine = source[number] == file
             self.black_borders[int(file)] = black_border_share(xyz[mine], rgb[mine])
         lit = np.flatnonzero(rgb.max(axis=1) >= DARK)  # darker points: missing colour, black borders, noise
-        passes = solve_passes(xyz[lit], rgb[lit], at[lit])
-        self._passes = passes if passes.worth else None
-        return {"exposures": exposures, "passes": {"variance_left": passes.left, "applied": passes.worth}}
+        passes = solve_run_gains(xyz[lit], rgb[lit], at[lit])
+        self._passes = passes if passes.worthwhile else None
+        return {"exposures": exposures, "passes": {"variance_left": passes.remaining, "applied": passes.worthwhile}}
 
     def _solve_stations(self, xyz: np.ndarray, rgb: np.ndarray, number: np.ndarray) -> dict:
         found = exposures_of(xyz, rgb, number, sample=SAMPLE)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.soft_z import MOST_AVERAGED
+from model.soft_z import MAX_AVERAGED
 from model.station_constants import HEAVIEST, UNPLACED
 from viewer.render import shader
 from viewer.render.batches import BatchTable, PageMap
@@ -52,7 +52,7 @@ def _light_tables() -> bytes:
 
 class Rasteriser:
     """Owns programs and targets for one picture size; ``run`` fills ``colour`` (RGBA8), ``depth`` (R32F, +inf where empty) and
-    ``weight`` (R8: MOST_AVERAGED / 255 at most), row 0 at the top."""
+    ``weight`` (R8: MAX_AVERAGED / 255 at most), row 0 at the top."""
 
     kind = ""
     from_keys: int | None = None  # nearest depths come as inverted bits in a buffer, not in a texture
@@ -84,7 +84,7 @@ class Rasteriser:
         self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self._record = np.zeros((), FRAME_FIELDS)
         self.programs = programs
-        constants = {"FROM_KEYS": self.from_keys, "MOST_AVERAGED": MOST_AVERAGED, **self.layout}
+        constants = {"FROM_KEYS": self.from_keys, "MAX_AVERAGED": MAX_AVERAGED, **self.layout}
         self._resolves = [programs.compute("resolve.comp", CARRIED=carried, **constants) for carried in (None, 1)]
         self.edits = context.buffer(reserve=EDITS_BLOCK.itemsize, dynamic=True)
         self.weighted = False  # whether points have weights in this picture
