@@ -1,6 +1,6 @@
-"""Lenses: how a camera maps rays to pixels, and its pictures straightened to a pinhole with square pixels.
+"""Camera models with distortion, and undistortion of their pictures to a pinhole with square pixels.
 
-Rays are (x, y, 1) in OpenCV's camera axes.  A pixel spans [i, i + 1], as in COLMAP, whose models and parameters these are.
+Models and parameters are COLMAP's.  Rays are (x, y, 1) in OpenCV's camera axes.  A pixel spans [i, i + 1].
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from scipy.ndimage import map_coordinates
 
 from model.data.dataset import MAX_FOCAL, DataError
 
-MODELS = {  # focal lengths, distortion parameters (COLMAP's names and order)
+MODELS = {  # number of focal lengths and of distortion parameters, COLMAP's names and order
     "SIMPLE_PINHOLE": (1, 0), "PINHOLE": (2, 0), "SIMPLE_RADIAL": (1, 1), "RADIAL": (1, 2), "OPENCV": (2, 4),
     "OPENCV_FISHEYE": (2, 4),
 }
@@ -20,8 +20,7 @@ MODELS = {  # focal lengths, distortion parameters (COLMAP's names and order)
 
 @dataclass(frozen=True)
 class Lens:
-    """How a camera maps rays to pixels.  fx, fy, cx, cy: pixels.  bend: distortion in COLMAP's order (OPENCV may have a k3
-    behind its four)."""
+    """A camera model.  fx, fy, cx, cy: pixels.  bend: distortion parameters in COLMAP's order; OPENCV may have a fifth, k3."""
 
     model: str
     width: int
@@ -34,7 +33,7 @@ class Lens:
 
     @staticmethod
     def colmap(where: str, model: str, width: int, height: int, parameters: Sequence[float]) -> "Lens":
-        """A lens from a line of cameras.txt.  where: file and line, for the DataError that refuses it."""
+        """A lens from a line of cameras.txt.  where: file and line, for the DataError of an invalid one."""
         if model not in MODELS:
             raise DataError(f"{where}: camera model {model!r} is not supported ({', '.join(MODELS)} are)")
         focals, bends = MODELS[model]
@@ -42,12 +41,12 @@ class Lens:
             raise DataError(f"{where}: {model} has {focals + 2 + bends} parameters, not {len(parameters)}")
         fx, fy = parameters[0], parameters[focals - 1]
         if not (np.all(np.abs(parameters) < MAX_FOCAL) and fx > 0 and fy > 0 and width > 0 and height > 0):
-            raise DataError(f"{where}: {width}x{height} pixels, parameters {list(parameters)}: not a camera")
+            raise DataError(f"{where}: {width}x{height} pixels, parameters {list(parameters)}: not a valid camera")
         return Lens(model, width, height, fx, fy, *parameters[focals : focals + 2], bend=tuple(parameters[focals + 2 :]))
 
     @property
     def plain(self) -> bool:
-        """A pinhole with square pixels already."""
+        """Whether it is a pinhole with square pixels, without distortion."""
         return not any(self.bend) and self.model != "OPENCV_FISHEYE" and abs(self.fx - self.fy) <= 1e-6 * self.fx
 
     @property
@@ -57,14 +56,14 @@ class Lens:
 
     @cached_property
     def limit(self) -> float:
-        """Largest t (a radius, for a fisheye an angle) before the picture folds back on itself; may be infinite."""
+        """Largest t (a radius, or an angle for a fisheye) up to which the distortion is monotonic; may be infinite."""
         slope = [(2 * n + 1) * k for n, k in enumerate((1.0, *self._radial))]
         roots = np.roots(slope[::-1]) if any(slope[1:]) else np.zeros(0)
         turns = roots.real[(abs(roots.imag) < 1e-9) & (roots.real > 0)]
         return float(np.sqrt(turns.min())) if len(turns) else np.inf
 
     def pixel(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where rays (x, y, 1), OpenCV axes, meet the picture: u, v in pixels; NaN beyond the lens's fold."""
+        """Projects rays (x, y, 1), OpenCV axes: u, v in pixels, NaN beyond :attr:`limit`."""
         r = np.hypot(x, y)
         t = np.arctan(r) if self.model == "OPENCV_FISHEYE" else r
         t2 = t * t
@@ -84,7 +83,7 @@ class Lens:
 
 @lru_cache(maxsize=64)
 def straight_focal(lens: Lens) -> float:
-    """Focal length, pixels, of the widest pinhole of the lens's size, centred, that sees only what the lens saw."""
+    """Focal length, pixels, of the widest centred pinhole of the same size whose view lies inside the lens's picture."""
     w, h = lens.width, lens.height
     i, j = np.arange(w) + 0.5 - w / 2, np.arange(h) + 0.5 - h / 2
     x = np.concatenate([i, i, np.full(h, i[0]), np.full(h, i[-1])])
@@ -99,13 +98,13 @@ def straight_focal(lens: Lens) -> float:
         middle = (low + high) / 2
         low, high = (low, middle) if fits(np.exp(middle)) else (middle, high)
     if not fits(np.exp(high)):
-        raise DataError(f"{lens}: no pinhole picture fits inside this lens's; is its principal point outside the picture?")
+        raise DataError(f"{lens}: no pinhole picture fits inside its picture; is the principal point outside the picture?")
     return float(np.exp(high))
 
 
 @lru_cache(maxsize=2)
 def straight_map(lens: Lens) -> np.ndarray:
-    """(2, H, W) float32: row and column of the lens's picture, pixel centres at whole numbers, for each straightened pixel."""
+    """(2, H, W) float32: row and column in the lens's picture, pixel centres at integers, of each undistorted pixel."""
     focal = straight_focal(lens)
     y, x = np.mgrid[0 : lens.height, 0 : lens.width] + 0.5
     u, v = lens.pixel((x - lens.width / 2) / focal, (y - lens.height / 2) / focal)
@@ -113,7 +112,7 @@ def straight_map(lens: Lens) -> np.ndarray:
 
 
 def straighten(picture: np.ndarray, lens: Lens) -> np.ndarray:
-    """(H, W) or (H, W, C) uint8 -> the same through :func:`straight_focal`'s pinhole, bilinear."""
+    """Undistorts a picture (H, W) or (H, W, C) uint8 to the pinhole of :func:`straight_focal`, bilinear."""
     layers = picture[..., None] if picture.ndim == 2 else picture
     where = straight_map(lens)
     out = [map_coordinates(layers[..., c].astype(np.float32), where, order=1, mode="nearest") for c in range(layers.shape[2])]

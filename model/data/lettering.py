@@ -1,22 +1,22 @@
-"""Lettering for training crops: lines of signs made of strokes, as stencils, labels and plates of real rooms have.
+"""Lettering for training crops: lines of glyphs made of strokes, like stencils, labels and plates in real rooms.
 
-The rendered rooms have none, and a texture without form hardly differs from points that stray: a network taught by those
-alone took faint numbers off an even tank.  Strokes are what sets the two apart.  The signs mean nothing: each is a few
-edges of a small lattice, so that no font is needed and no alphabet learned.
+The rendered rooms have no lettering, and a texture without shapes hardly differs from outlier points: a network trained on
+those alone removed faint numbers from a uniform tank.  The glyphs have no meaning: each consists of a few edges of a small
+lattice, so that no font is needed and no alphabet is learned.
 """
 
 import numpy as np
 
 COLUMNS, ROWS = 3, 4
-"""Nodes of a sign's lattice."""
-LEAST_HEIGHT, MOST_HEIGHT = 5.0, 45.0
-"""Pixels of a sign."""
+"""Nodes of a glyph's lattice."""
+MIN_HEIGHT, MAX_HEIGHT = 5.0, 45.0
+"""Height of a glyph, pixels.  Chosen by hand."""
 FAINTEST, STRONGEST = 0.03, 0.6
-"""How much lighter or darker lettering is than what it stands on."""
+"""Relative difference in brightness between lettering and its surface.  Chosen by hand."""
 
 
 def _edges() -> np.ndarray:
-    """(edges, 2, 2) between nodes (x, y) of the lattice that are next to each other, diagonals too, both axes 0..1."""
+    """(edges, 2, 2): edges between adjacent nodes (x, y) of the lattice, diagonals included, both axes 0..1."""
     nodes = [(x, y) for y in range(ROWS) for x in range(COLUMNS)]
     beside = [(a, b) for a in nodes for b in nodes if a < b and max(abs(a[0] - b[0]), abs(a[1] - b[1])) == 1]
     return np.asarray(beside, np.float64) / (COLUMNS - 1, ROWS - 1)
@@ -26,8 +26,8 @@ _EDGES = _edges()
 
 
 def _line(rng: np.random.Generator, side: int) -> tuple[np.ndarray, float]:
-    """(strokes, 2, 2) ends (x, y) in pixels of a line of signs somewhere in a crop, and half the width of its strokes."""
-    height = np.exp(rng.uniform(np.log(LEAST_HEIGHT), np.log(MOST_HEIGHT)))
+    """(strokes, 2, 2): end points (x, y), pixels, of a line of glyphs at a random position, and half the stroke width."""
+    height = np.exp(rng.uniform(np.log(MIN_HEIGHT), np.log(MAX_HEIGHT)))
     width, turn = height * rng.uniform(0.4, 0.8), rng.normal(0, 0.3)
     signs = [_EDGES[rng.choice(len(_EDGES), rng.integers(3, 8), replace=False)] + (pitch * rng.uniform(1.3, 1.8), 0)
              for pitch in range(int(rng.integers(1, 9)))]
@@ -38,13 +38,13 @@ def _line(rng: np.random.Generator, side: int) -> tuple[np.ndarray, float]:
 
 
 def covered(strokes: np.ndarray, half: float, at: np.ndarray, edge: float) -> np.ndarray:
-    """(side, side) share of each place that strokes cover.
+    """(side, side) coverage by strokes, 0..1.
 
-    strokes: (N, 2, 2) ends (x, y).  half: half their width.  at: (2, side, side) x and y of the places.  edge: over so
-    many pixels a stroke's border fades.
+    strokes: (N, 2, 2) end points (x, y).  half: half the stroke width.  at: (2, side, side) x and y of the sampled positions.
+    edge: width of a stroke's soft border, pixels.
     """
     side, share = at.shape[-1], np.zeros(at.shape[1:], np.float32)
-    reach = half + edge + 1  # places lie within a pixel of their own middle
+    reach = half + edge + 1  # positions lie within a pixel of their pixel's centre
     for a, b in strokes:
         first = np.clip(np.floor(np.minimum(a, b) - reach).astype(int), 0, side)
         last = np.clip(np.ceil(np.maximum(a, b) + reach).astype(int), 0, side)
@@ -60,9 +60,9 @@ def covered(strokes: np.ndarray, half: float, at: np.ndarray, edge: float) -> np
 
 
 def lettering(rng: np.random.Generator, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """(3, side, side) float32 gains around 1, as points show them and as they truly are.
+    """(3, side, side) float32 gains around 1: at the points, and true.
 
-    A point lies on a stroke or beside it, somewhere within its pixel: of the points, lettering has ragged edges.
+    A point lies at a random position in its pixel, on a stroke or beside it, so lettering has ragged edges in the points.
     """
     middle = np.mgrid[0:side, 0:side][::-1] + 0.5
     within = middle + rng.uniform(-0.5, 0.5, (2, side, side)) * rng.uniform(0, 1)

@@ -1,9 +1,9 @@
-"""Photographic textures painted onto a place by position in space, so that its points and its true views agree.
+"""Photographic textures painted onto a place by position in space, equally on its points and its true views.
 
-The path-traced rooms have plain walls: alone they teach a network that whatever is fine is noise.  A painting multiplies
-colours, inside a few spheres of the place, by a texture projected along an oblique direction.  A point samples it where the
-laser met the surface, over the beam's footprint; a pixel of a true view averages it over the pixel's footprint (mip maps,
-Williams 1983).  What neither can resolve is therefore grey in both, and what a point aliases the true view does not.
+The path-traced rooms have plain walls: a network trained on them alone takes all fine structure for noise.  A painting
+multiplies colours, inside a few spheres of the place, by a texture projected along an oblique direction.  A point samples it at
+its position over the beam's footprint; a pixel of a true view averages it over the pixel's footprint (mip maps, Williams 1983).
+Texture too fine for both is therefore uniform in both, and aliasing occurs in points only.
 
 World frame: the place's own, metres.  Textures are sRGB; they are averaged in linear light.
 """
@@ -21,34 +21,36 @@ from model.common.linear_light import to_linear, to_srgb
 from model.data.dataset import DataError, TruePicture
 
 SIDE = 128
-"""Texels a side of a texture."""
+"""Texels along a side of a texture: the size of ambientCG's thumbnails."""
 LEVELS = 7
 """Mip levels: 128 down to 2 texels a side."""
 SHEET_FIRST, SHEET_ACROSS, SHEET_DOWN, SHEET_COLUMNS, SHEET_TRIM = 16, 144, 176, 7, 3
-"""Where ambientCG's thumbnail sheets hold their textures, pixels (data/textures/README.md)."""
-MOST_WHITE = 0.5
-"""Share of nearly white pixels above which a cell of a sheet holds no texture."""
+"""Layout of ambientCG's thumbnail sheets, pixels (data/textures/README.md): first cell, cell width and height, columns, and
+border to trim."""
+MAX_WHITE = 0.5
+"""Share of nearly white pixels above which a cell of a sheet is empty.  Chosen by hand."""
 REGIONS = (8, 20)
-"""Painted spheres of a place, at least and below."""
+"""Number of painted spheres of a place: minimum, and exclusive maximum.  Chosen by hand."""
 RADIUS = (0.25, 1.0)
-"""Radius of a sphere, of the place's extent (the median distance of its points from their middle): about half is painted."""
+"""Radius of a sphere as a share of the place's extent (median distance of its points from their centre): chosen so that about
+half of the place is painted."""
 TILE = (0.15, 4.0)
-"""Metres a side that a texture covers: from texels of about a millimetre, a point's spacing, to features of a metre."""
+"""Side of a texture, metres: from texels of about a millimetre, a typical point spacing, to features of a metre."""
 CONTRAST = (0.12, 1.2)
-"""Exponent of the texture's gain, from faint to full."""
+"""Exponent of the texture's gain, from faint to full.  Chosen by hand."""
 BRIGHTEST = 1.8
-"""Largest gain of a texel."""
+"""Largest gain of a texel.  Chosen by hand."""
 SUBSAMPLES = 3
-"""Samples a side of a pixel of a true view."""
+"""Samples along a side of a pixel of a true view.  Chosen by hand."""
 EDGE = 0.05
-"""Relative change of depth between neighbouring pixels beyond which they are not one surface."""
+"""Relative change of inverse depth between neighbouring pixels beyond which they are different surfaces.  Chosen by hand."""
 
 
 @lru_cache(maxsize=1)
 def load_textures(folder: Path) -> list[np.ndarray]:
-    """The (128, 128, 3) uint8 textures of all thumbnail sheets (``*.webp``) of a folder.
+    """The (128, 128, 3) uint8 textures of all thumbnail sheets (``*.webp``) in a folder.
 
-    Raises DataError where the folder holds none.
+    Raises DataError where the folder contains none.
     """
     found: list[np.ndarray] = []
     for path in sorted(Path(folder).glob("*.webp")):
@@ -60,17 +62,17 @@ def load_textures(folder: Path) -> list[np.ndarray]:
                 if box[2] > sheet.width or box[3] > sheet.height:
                     continue
                 cell = sheet.crop(box)
-                if (np.asarray(cell).min(2) > 245).mean() < MOST_WHITE:
+                if (np.asarray(cell).min(2) > 245).mean() < MAX_WHITE:
                     found.append(np.asarray(cell.resize((SIDE, SIDE), Image.Resampling.LANCZOS)))
     if not found:
-        raise DataError(f"--textures {folder}: holds no thumbnail sheets (*.webp); see ambientCG's, 128 pixels a texture")
+        raise DataError(f"--textures {folder}: no thumbnail sheets (*.webp); give ambientCG's, 128 pixels a texture")
     return found
 
 
 def mip_levels(texture: np.ndarray) -> np.ndarray:
     """(LEVELS, 128, 128, 3) float32 linear gains of a (128, 128, 3) uint8 texture, mean 1 in each channel.
 
-    Level k holds (128 / 2^k) x (128 / 2^k) texels in its first corner, box-filtered.
+    Level k has (128 / 2^k) x (128 / 2^k) box-filtered texels in its first corner.
     """
     light = to_linear(texture / 255.0)
     light = light / np.maximum(light.mean((0, 1)), 1e-3)
@@ -86,8 +88,8 @@ def mip_levels(texture: np.ndarray) -> np.ndarray:
 class Painting:
     """Spheres of a place and their textures.
 
-    centre (R, 3), radius (R,) metres.  across, along (R, 3): texture axes, in tiles per metre.  contrast (R,).
-    mips (R, LEVELS, 128, 128, 3) float32 linear gains, contrast applied.  texel (R,): metres of a texel.
+    centre (R, 3), radius (R,) metres.  across, along (R, 3): texture axes, in tiles per metre.  texel (R,): metres of a texel.
+    mips (R, LEVELS, 128, 128, 3) float32 linear gains, with contrast applied.
     """
 
     centre: np.ndarray
@@ -98,7 +100,7 @@ class Painting:
     mips: np.ndarray
 
     def gain(self, xyz: np.ndarray, footprint: np.ndarray) -> np.ndarray:
-        """(N, 3) float32 linear gains at ``xyz`` (N, 3), 1 outside all spheres.  footprint: (N,) metres averaged over."""
+        """(N, 3) float32 linear gains at ``xyz`` (N, 3), 1 outside all spheres.  footprint: (N,) metres to average over."""
         out = np.ones((len(xyz), 3), np.float32)
         _sample(np.ascontiguousarray(xyz, np.float64), np.ascontiguousarray(footprint, np.float64), self.centre,
                 self.radius, self.across, self.along, self.texel, self.mips, out)
@@ -106,7 +108,7 @@ class Painting:
 
 
 def make_painting(textures: Sequence[np.ndarray], xyz: np.ndarray, rng: np.random.Generator) -> Painting:
-    """A painting of the place that holds the points ``xyz`` (N, 3), with textures drawn at random."""
+    """A painting of the place with the points ``xyz`` (N, 3), with random textures."""
     count = int(rng.integers(*REGIONS))
     centre = xyz[rng.integers(len(xyz), size=count)].astype(np.float64)
     middle = np.median(xyz[:: max(len(xyz) // 10_000, 1)], axis=0)
@@ -136,7 +138,7 @@ def _linear() -> np.ndarray:
 
 
 def paint_picture(painting: Painting, picture: TruePicture) -> np.ndarray:
-    """(H, W, 3) uint8: the picture painted, each pixel's gain averaged over it.  Where its depth is unknown, as it is."""
+    """(H, W, 3) uint8: the painted picture, with gains averaged over each pixel; unchanged where its depth is unknown."""
     depth, rgb = picture.depth(), picture.rgb()
     if depth is None:
         return rgb
@@ -150,7 +152,7 @@ def paint_picture(painting: Painting, picture: TruePicture) -> np.ndarray:
 
 
 def _inverse_slope(inverse: np.ndarray, axis: int) -> np.ndarray:
-    """(H, W) change of 1 / depth to the next pixel along an axis, in which a plane is linear; 0 across edges."""
+    """(H, W) difference of 1 / depth, in which a plane is linear, to the next pixel along an axis; 0 across edges."""
     before = np.diff(inverse, axis=axis, prepend=np.take(inverse, [0], axis))
     after = np.diff(inverse, axis=axis, append=np.take(inverse, [-1], axis))
     slope = np.where(np.abs(before) < np.abs(after), before, after)
@@ -159,7 +161,7 @@ def _inverse_slope(inverse: np.ndarray, axis: int) -> np.ndarray:
 
 @compiled(nogil=True)
 def _texel(mips, level, u, v, channel):
-    """Bilinear in a level, mirrored beyond the texture so that it has no seam.  u, v: tiles."""
+    """Bilinear sample of a level, mirrored beyond the texture, so that there is no seam.  u, v: tiles."""
     side = SIDE >> level
     x, y = u * side - 0.5, v * side - 0.5
     x0, y0 = int(np.floor(x)), int(np.floor(y))
@@ -175,7 +177,7 @@ def _texel(mips, level, u, v, channel):
 
 @compiled(nogil=True)
 def _gain_at(x, y, z, footprint, centre, radius, across, along, texel, mips, out):
-    """Trilinear sample into out (3,), of the first sphere that holds a position.  Returns whether one does."""
+    """Trilinear sample, into out (3,), of the first sphere that contains a position.  Returns whether one does."""
     for r in range(len(radius)):
         dx, dy, dz = x - centre[r, 0], y - centre[r, 1], z - centre[r, 2]
         if dx * dx + dy * dy + dz * dz > radius[r] * radius[r]:
@@ -195,14 +197,14 @@ def _gain_at(x, y, z, footprint, centre, radius, across, along, texel, mips, out
 
 @compiled(nogil=True)
 def _sample(xyz, footprint, centre, radius, across, along, texel, mips, out):
-    """Gains into out (N, 3), which stays as it is outside all spheres."""
+    """Gains into out (N, 3), which is unchanged outside all spheres."""
     for i in range(len(xyz)):
         _gain_at(xyz[i, 0], xyz[i, 1], xyz[i, 2], footprint[i], centre, radius, across, along, texel, mips, out[i])
 
 
 @compiled(nogil=True)
 def _paint_pixels(inverse, slopes, lens, pose, centre, radius, across, along, texel, mips, out):
-    """Gains of pixels into out (H, W, 3): means of SUBSAMPLES x SUBSAMPLES samples on each pixel's plane."""
+    """Gains of pixels into out (H, W, 3): means of SUBSAMPLES x SUBSAMPLES samples on each pixel's tangent plane."""
     sample = np.empty(3, np.float32)
     share = np.float32(1.0 / (SUBSAMPLES * SUBSAMPLES))
     for row in range(inverse.shape[0]):

@@ -1,20 +1,21 @@
-"""Training pairs: what the renderer would measure from a pose, and the true picture from there.
+"""Training pairs: the renderer's measured picture from a pose, and the true picture from the same pose.
 
 Scans of a place are projected into its true views by :mod:`model.projection` at many densities, degraded as real scans are
-(other exposures, a station missing, patches without points, thinned patches) and filtered.  They are made once, ahead of
-training, into memory-mapped arrays, so that a crop costs a read; filling, and noise, come with the crop
-(:mod:`model.data.crops`), so that neither has to be fixed here:
+(different exposures, a missing station, patches without or with few points) and filtered.  Pairs are made once, before the
+training, and stored as memory-mapped arrays, so that drawing a crop is only a read.  Filling and noise are applied when a crop
+is drawn (:mod:`model.data.crops`) and are therefore not fixed in the pairs.
 
-``measured.npy`` (P, 6, H, W) float16, see :func:`model.projection.measured_input`; ``truth.npy`` (P, 5, H, W) uint8: colour,
-coverage, and 255 where the truth is known.  With neighbours also ``neighbours.npy`` (P, 6, H, W) float16: what is measured
-from a camera moved a little, and ``flow.npy`` (P, 2, H, W) float16: where each true pixel lies in that picture, in pixels from
-where it was, NaN where the neighbour does not see it, or the input lacks points that the neighbour has.  Where the scan's own
-noise is kept, as in tuning, ``noise.npy`` (P, 1, H, W) float16: its standard deviation at each pixel.  ``pairs.json`` says
-where each came from.
+- ``measured.npy`` (P, 6, H, W) float16: see :func:`model.projection.measured_input`.
+- ``truth.npy`` (P, 5, H, W) uint8: colour, coverage, and 255 where the truth is valid.
+- ``neighbours.npy`` (P, 6, H, W) float16, with neighbours only: measured from a slightly moved camera.
+- ``flow.npy`` (P, 2, H, W) float16, with neighbours only: optical flow from each true pixel to that picture, pixels, NaN where
+  the pixel is not visible there, or where the input lacks points that the neighbour has.
+- ``noise.npy`` (P, 1, H, W) float16, where points keep their own noise, as in tuning: its standard deviation at each pixel.
+- ``pairs.json``: the origin of each pair.
 
-Colours are of one of two kinds.  *Scanned*: as the stations saw them, with their exposures and their gloss, which differ from
-the truth by 16 to 29 dB even where nothing is noisy.  *Diffuse*: points in front have the truth's own colours, so that what
-is called free of noise is.  On about half of either, photographic textures are painted (:mod:`model.data.painting`).
+Colours are of two kinds.  *Scanned*: as the stations recorded them, with exposures and gloss that differ from the truth by 16
+to 29 dB even without noise.  *Diffuse*: points in front have the truth's colours, so that pairs without noise really have
+none.  Photographic textures are painted on about half of the pairs of either kind (:mod:`model.data.painting`).
 """
 
 import json
@@ -42,26 +43,31 @@ from model.noise_level import seen_noise
 from model.projection import MEASURED_CHANNELS, measured_input
 
 MATCHED_SHARE = 0.7
-"""Of the scans: their stations' exposures are compensated, as on opening; the rest come as scanned."""
+"""Share of the scans with exposure compensation, as the viewer applies it.  This and the shares below were chosen by hand."""
 PLACED_SHARE = 0.7
-"""Of the scans whose scanner positions are known: they are used; many LAS and PLY files have none."""
+"""Share of the scans with known scanner positions that use them; many LAS and PLY files have none."""
 DIFFUSE_SHARE = 0.5
-"""Of the pairs of places whose depth is known: points in front have the truth's colours."""
+"""Share of diffuse pairs among those of places with known depth."""
 PAINTED_SHARE = 0.6
-"""Of the pairs, where textures are given: their place is painted.  (A painting covers about half of a place.)"""
+"""Share of painted pairs, where textures are given.  A painting covers about half of a place."""
 POINT_FOOTPRINT = 0.5
-"""Of the point spacing: what a laser beam averages a texture over."""
-NEIGHBOUR_SHIFT = 0.012  # of the median depth: how far a neighbouring camera is moved
-NEIGHBOUR_TURN = 0.5  # degrees
-MOST_FLOW = 24.0  # pixels
+"""Footprint of a laser beam over which a texture is averaged, in point spacings.  Chosen by hand."""
+NEIGHBOUR_SHIFT = 0.012
+"""Standard deviation of a neighbouring camera's shift along each axis, as a share of the median depth.  Chosen by hand."""
+NEIGHBOUR_TURN = 0.5
+"""Standard deviation of its rotation about each axis, degrees.  Chosen by hand."""
+MAX_FLOW = 24.0
+"""Largest optical flow, pixels, that is compared.  Chosen by hand."""
+BEHIND = 1.02
+"""Depth, relative to the front surface, beyond which a pixel counts as occluded in the neighbour.  Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Spoiling:
-    """What a real scan might lack, seen from one picture.
+    """Degradation of a scan as seen in one picture; shares multiply.
 
-    density: share of all points that is left.  patches (H, W): share of that at each pixel, 1 outside the patches.
-    stations (S,): share of that of each station's points (0: it is missing).
+    density: share of all points.  patches (H, W): share at each pixel, 1 outside the patches.  stations (S,): share of each
+    station's points, 0 for a missing station.
     """
 
     density: float
@@ -69,7 +75,7 @@ class Spoiling:
     stations: np.ndarray
 
     def keep(self, seen: Projected, *, patches: bool = True) -> Tensor:
-        """(M,) bool: the points left.  patches: False where the picture is another one, in which they lie elsewhere."""
+        """(M,) bool: the remaining points.  patches: False for another picture, in which the patches would be elsewhere."""
         share = torch.from_numpy(self.stations)[seen.station.long()] * self.density
         if patches:
             share = share * torch.from_numpy(self.patches).flatten()[seen.index]
@@ -77,10 +83,10 @@ class Spoiling:
 
 
 def spoil(width: int, height: int, stations: int, density: float, rng: np.random.Generator) -> Spoiling:
-    """Patches removed or thinned, a station missing (paper, "Training Data Generation": patches, sparse clusters)."""
+    """Random degradation: patches removed or thinned, a station missing or thinned (paper, "Training Data Generation")."""
     share = np.ones((height, width), np.float32)
     rows, columns = np.mgrid[0:height, 0:width]
-    for _ in range(rng.integers(0, 5)):  # convex patches: an ellipse cut by two half planes
+    for _ in range(rng.integers(0, 5)):  # convex patches: an ellipse cut by two half-planes
         x, y = rng.uniform(0, width), rng.uniform(0, height)
         rx, ry = np.exp(rng.uniform(np.log(6), np.log(70), 2))
         dx, dy = (columns - x) / rx, (rows - y) / ry
@@ -90,7 +96,7 @@ def spoil(width: int, height: int, stations: int, density: float, rng: np.random
             inside &= dx * np.cos(a) + dy * np.sin(a) < 0.6
         share[inside] *= rng.choice([0.0, 0.0, 0.15, 0.4])
     weights = np.ones(stations, np.float32)
-    if stations > 1 and rng.random() < 0.5:  # one is missing, or far away: single points of its colour on another's surface
+    if stations > 1 and rng.random() < 0.5:  # missing, or thinned to single points on other stations' surfaces
         thin = 0.0 if rng.random() < 0.4 else np.exp(rng.uniform(np.log(0.03), np.log(0.5)))
         weights[rng.integers(stations)] = thin
     return Spoiling(density, share, weights)
@@ -101,7 +107,7 @@ def _density(rng: np.random.Generator) -> float:
 
 
 def _truth(shot: TruePicture, reduce: int, rgb: np.ndarray | None = None) -> np.ndarray:
-    """(5, H / reduce, W / reduce) uint8: colour, coverage, known.  rgb: in place of the shot's."""
+    """(5, H / reduce, W / reduce) uint8: colour, coverage, known.  rgb: replaces the shot's colours."""
     colour, coverage, known = shot.rgb() if rgb is None else rgb, shot.coverage(), shot.known()
     full = np.ones(colour.shape[:2], bool)
     shares = [reduced_share(full if share is None else share, reduce) for share in (coverage, known)]
@@ -109,7 +115,7 @@ def _truth(shot: TruePicture, reduce: int, rgb: np.ndarray | None = None) -> np.
 
 
 def _neighbour_pose(shot: TruePicture, middle: float, rng: np.random.Generator) -> np.ndarray:
-    """camera_to_world moved and turned a little.  middle: median depth of the picture."""
+    """camera_to_world of a neighbouring camera, slightly moved and rotated.  middle: median depth of the picture."""
     turn = np.radians(NEIGHBOUR_TURN) * rng.normal(size=3)
     x, y, z = turn
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -121,10 +127,10 @@ def _neighbour_pose(shot: TruePicture, middle: float, rng: np.random.Generator) 
 
 
 def flow_to(shot: TruePicture, pose: np.ndarray, camera: SimpleNamespace, reduce: int) -> np.ndarray:
-    """(2, H, W) float16: offset in pixels from each true pixel to where its surface lies in the picture from ``pose``.
+    """(2, H, W) float16: optical flow, pixels, from each true pixel to the picture from ``pose``.
 
-    NaN where there is no surface, where it leaves the picture, moves more than MOST_FLOW pixels, or lies more than 2 %
-    behind another surface of the true picture there.
+    NaN where there is no surface, where it leaves the picture, moves more than MAX_FLOW pixels, or is occluded there by another
+    surface of the true picture.
     """
     depth = shot.depth()
     if depth is None:
@@ -138,20 +144,20 @@ def flow_to(shot: TruePicture, pose: np.ndarray, camera: SimpleNamespace, reduce
         u = camera.fx * there[..., 0] / there[..., 2] + camera.cx
         v = camera.fy * there[..., 1] / there[..., 2] + camera.cy
         good = np.isfinite(z) & (there[..., 2] > 0) & (u > 1) & (v > 1) & (u < camera.width - 1) & (v < camera.height - 1)
-        good &= np.maximum(np.abs(u - i), np.abs(v - j)) < MOST_FLOW
+        good &= np.maximum(np.abs(u - i), np.abs(v - j)) < MAX_FLOW
     column, row = np.where(good, u, 0).astype(int), np.where(good, v, 0).astype(int)
     front = np.full((camera.height, camera.width), np.inf)
     np.minimum.at(front, (row[good], column[good]), there[..., 2][good])
-    around = np.pad(front, 1, constant_values=np.inf)  # a stretched surface leaves gaps between its pixels
+    around = np.pad(front, 1, constant_values=np.inf)  # closes the gaps of a surface that is stretched
     for shift in ((0, 1), (1, 0), (2, 1), (1, 2)):
         front = np.minimum(front, around[shift[0] : shift[0] + camera.height, shift[1] : shift[1] + camera.width])
-    good &= there[..., 2] <= 1.02 * front[row, column]
+    good &= there[..., 2] <= BEHIND * front[row, column]
     return np.where(good, np.stack([u - i, v - j]), np.nan).astype(np.float16)
 
 
 @dataclass(frozen=True)
 class Pair:
-    """One training pair; neighbour and flow are None where none was asked for."""
+    """One training pair.  where: its origin.  neighbour, flow and noise are None unless requested."""
 
     where: dict
     measured: np.ndarray
@@ -163,14 +169,14 @@ class Pair:
 
 @runtime_checkable
 class PhotographedPlace(Protocol):
-    """A place whose truth is photographs: the points in front take their colours (paper, "Training Data Generation")."""
+    """A place whose truth is photographs, which colour the points in front (paper, "Training Data Generation")."""
 
     def photographed(self, seen: Projected, view: Any, seed: int, *, toned: bool = True) -> Projected: ...
 
 
 @dataclass(frozen=True)
-class _Look:
-    """How one picture's points and truth are coloured.  painting: of the scan, None: none."""
+class _Colouring:
+    """The colours of one picture's points and truth.  painting: of the place; None: not painted."""
 
     scan: Scan
     shot: TruePicture
@@ -183,7 +189,7 @@ class _Look:
         return self.shot.rgb() if self.painting is None else paint_picture(self.painting, self.shot)
 
     def coloured(self, seen: Projected) -> Projected:
-        """The points in their colours."""
+        """The points with their colours."""
         if self.diffuse:
             seen = diffuse(seen, self.scan, self.shot)
         if self.painting is not None:
@@ -196,11 +202,12 @@ class _Look:
 def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, preset: str, reduce: int = 1,
                 neighbours: bool = False, textures: Sequence[np.ndarray] = (),
                 noise: NoiseModel | None = None) -> Iterator[Pair]:
-    """Yields ``variants`` densities of ``scans`` scans of every view of a place.
+    """Yields pairs of every view of a place: ``scans`` scans, each at ``variants`` densities.
 
-    reduce: pictures this much smaller, so that many points meet in a pixel: without such pairs the network blurs what
-    a dense scan shows sharply.  textures: of :func:`model.data.painting.load_textures`, to paint with; photographed places
-    are neither painted nor made diffuse.  noise: of the scan, where its points keep their own.
+    preset: of the depth filter.  reduce: factor by which pictures are smaller, so that several points fall into a pixel;
+    without such pairs the network blurs dense scans.  neighbours: also make neighbouring cameras.  textures: of
+    :func:`model.data.painting.load_textures`; photographed places are neither painted nor diffuse.  noise: of the scan, where
+    its points keep their own noise.
     """
     rng = np.random.default_rng(seed)
     photographs = isinstance(place, PhotographedPlace)
@@ -219,11 +226,11 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
             rank_seed = int(rng.integers(2**31))
             is_diffuse = not photographs and bool(rng.random() < DIFFUSE_SHARE)
             painting = paint if rng.random() < PAINTED_SHARE else None
-            look = _Look(scan, shot, spacing, is_diffuse, painting)
-            seen = look.coloured(project_scan(scan, shot, rank_seed, reduce))
+            colouring = _Colouring(scan, shot, spacing, is_diffuse, painting)
+            seen = colouring.coloured(project_scan(scan, shot, rank_seed, reduce))
             if isinstance(place, PhotographedPlace):
                 seen = place.photographed(seen, shot, seed * 1000 + number, toned=not matched)
-            truth = _truth(shot, reduce, look.truth())
+            truth = _truth(shot, reduce, colouring.truth())
             camera = seen.camera
             for _ in range(variants):
                 density = _density(rng)
@@ -235,28 +242,28 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
                 where = {"scene": place.name, "view": index, "scan": number, "density": density, "matched": matched,
                          "placed": placed, "diffuse": is_diffuse, "painted": painting is not None}
                 if not neighbours:
-                    told = None if noise is None else seen_noise(noise, raster, seen)[None].numpy().astype(np.float16)
-                    yield Pair(where, made.numpy().astype(np.float16), truth, noise=told)
+                    sigma = None if noise is None else seen_noise(noise, raster, seen)[None].numpy().astype(np.float16)
+                    yield Pair(where, made.numpy().astype(np.float16), truth, noise=sigma)
                     continue
                 finite = raster.depth[torch.isfinite(raster.depth)]
                 pose = _neighbour_pose(shot, float(finite.median()) if len(finite) else 1.0, rng)
-                # in the colours of this picture, or it would be a change that the network has to make up for
+                # with this picture's colours: a difference in colour would count as instability of the network
                 beside = project_scan(scan, shot, rank_seed, reduce, pose).coloured_as(seen)
                 other = raster_of(beside, spoiling.keep(beside, patches=False), apart)
                 kept = keep_mask(other.depth, preset, strength=strength)
                 flow = flow_to(shot, pose, camera, reduce)
-                flow[:, spoiling.patches < 1] = np.nan  # both show the surface there, but one had fewer points to show it with
+                flow[:, spoiling.patches < 1] = np.nan  # only one of the two pictures has the patch
                 yield Pair(where, made.numpy().astype(np.float16), truth,
                            measured_input(other, kept, camera.fx, apart).numpy().astype(np.float16), flow)
 
 
 def by_size(places: Sequence[TruePlace]) -> list[list[TruePlace]]:
-    """The places grouped by the size of their pictures; pairs of one folder have one size."""
+    """Groups the places by the size of their pictures: a folder of pairs has one size."""
     groups: dict[tuple[int, int], list[TruePlace]] = {}
     for place in places:
         sizes = {(view.width, view.height) for view in place.views}
         if len(sizes) != 1:
-            raise DataError(f"{place.name}: its pictures have {len(sizes)} sizes; one size a place is needed")
+            raise DataError(f"{place.name}: its pictures have {len(sizes)} sizes; split it into places of one size")
         groups.setdefault(sizes.pop(), []).append(place)
     return list(groups.values())
 
@@ -264,29 +271,30 @@ def by_size(places: Sequence[TruePlace]) -> list[list[TruePlace]]:
 def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int = 3, variants: int = 2, preset: str = "auto",
           reduce: int = 1, neighbours: bool = False, textures: Sequence[np.ndarray] = (),
           noise: NoiseModel | None = None) -> int:
-    """Makes the pairs of all places into ``out`` (written beside and renamed).  Returns how many.
+    """Makes the pairs of all places in the new folder ``out``, atomically.  Returns their number.
 
-    Raises DataError where the places' pictures differ in size.
+    Arguments as in :func:`place_pairs`.  Raises DataError where the places' pictures differ in size.
     """
     from tqdm import tqdm
 
     sizes = {(view.height // reduce, view.width // reduce) for place in places for view in place.views}
     if len(sizes) != 1:
-        raise DataError(f"{out}: true pictures of several sizes ({sorted(sizes)}); make the pairs of each size by themselves")
+        raise DataError(f"{out}: true pictures of several sizes ({sorted(sizes)}); make the pairs of each size separately")
     ((height, width),) = sizes
     count = sum(len(place.views) for place in places) * scans * variants
-    beside = out.with_name(f"{out.name}.{os.getpid()}.partial")
-    beside.mkdir(parents=True)
+    partial = out.with_name(f"{out.name}.{os.getpid()}.partial")
+    partial.mkdir(parents=True)
 
-    def room(name: str, kind: type, channels: int) -> np.ndarray:
-        return np.lib.format.open_memmap(beside / f"{name}.npy", "w+", kind, (count, channels, height, width))
+    def allocate(name: str, kind: type, channels: int) -> np.ndarray:
+        return np.lib.format.open_memmap(partial / f"{name}.npy", "w+", kind, (count, channels, height, width))
 
     try:
-        arrays = {"measured": room("measured", np.float16, MEASURED_CHANNELS), "truth": room("truth", np.uint8, 5)}
+        arrays = {"measured": allocate("measured", np.float16, MEASURED_CHANNELS), "truth": allocate("truth", np.uint8, 5)}
         if neighbours:
-            arrays |= {"neighbour": room("neighbours", np.float16, MEASURED_CHANNELS), "flow": room("flow", np.float16, 2)}
+            arrays |= {"neighbour": allocate("neighbours", np.float16, MEASURED_CHANNELS),
+                       "flow": allocate("flow", np.float16, 2)}
         if noise is not None:
-            arrays["noise"] = room("noise", np.float16, 1)
+            arrays["noise"] = allocate("noise", np.float16, 1)
         table = []
         with tqdm(total=count, desc=out.name, unit=" pairs", disable=None) as meter:
             for number, place in enumerate(places):
@@ -299,8 +307,8 @@ def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int =
         for array in arrays.values():
             array.flush()  # type: ignore[attr-defined]  # they are memory maps
         facts = {"preset": preset, "seed": seed, "reduce": reduce, "pairs": table}
-        (beside / "pairs.json").write_text(json.dumps(facts))
-        beside.rename(out)
+        (partial / "pairs.json").write_text(json.dumps(facts))
+        partial.rename(out)
     finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(partial, ignore_errors=True)
     return count

@@ -1,9 +1,9 @@
-"""Photographs of a scanned place as truth, by the paper's recipe for pairs that fit to the pixel.
+"""Photographs of a scanned place as ground truth, with the paper's method for pixel-exact pairs.
 
-A photograph is true only where the scan has something, and registered poses are never exact.  So the paper (Vanherck et al.
-2025, "Training Data Generation") takes from the projected scan nothing but depth and which pixels are hit, and colours the
-points in front with the photograph itself: :meth:`PhotoPlace.photographed`.  Points behind keep the scan's colours, which is
-the paper's recipe for unfiltered input, and changes nothing where the filter takes them away.
+A photograph is valid only where the scan has points, and registered poses are never exact.  The paper (Vanherck et al. 2025,
+"Training Data Generation") therefore takes only depth and the set of hit pixels from the projected scan and colours the points
+in front with the photograph itself: :meth:`PhotoPlace.photographed`.  Points behind keep the scan's colours, as in the paper's
+unfiltered input; the filter removes them otherwise.
 
 World frame: the scan's, metres.  Camera frames are OpenGL's.
 """
@@ -24,20 +24,22 @@ from model.depth_filter import keep_mask
 from model.projection import SoftZ
 
 BRIGHTNESS, CONTRAST, SETS = 20.0, 0.2, (2, 5)
-"""The paper's augmentation: 2 to 5 sets of brightness +-20 (of 255) and contrast x0.8 to x1.2, as if from as many stations."""
-CLOSING = 1.5  # point spacings: smaller gaps between projected points are covered
-LARGEST_CLOSING = 12  # pixels
+"""The paper's augmentation: 2 to 5 sets of brightness +-20 (of 255) and contrast x0.8 to x1.2, one for each station."""
+CLOSING = 1.5
+"""Half the width, in point spacings, of gaps between projected points that count as covered.  Chosen by hand."""
+MAX_CLOSING = 12
+"""Largest such half width, pixels.  Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Tones:
-    """Brightness (S,) added and contrast (S,) multiplied, one of each a station."""
+    """Brightness (S,), added, and contrast (S,), multiplied, of each station."""
 
     brightness: np.ndarray
     contrast: np.ndarray
 
     def apply(self, rgb: np.ndarray, station: np.ndarray) -> np.ndarray:
-        """(N, 3) uint8 colours as the stations (N,) would have taken them."""
+        """(N, 3) uint8 colours with the tones of the stations (N,)."""
         changed = rgb * self.contrast[station, None] + self.brightness[station, None]
         return np.clip(np.rint(changed), 0, 255).astype(np.uint8)
 
@@ -45,8 +47,8 @@ class Tones:
 class PhotoPlace:
     """A TruePlace of one scan and photographs of it.
 
-    scan: the scan, or how to get it (then only the place used last holds its own).  Pictures are known where the whole scan,
-    gaps between its points closed, has something and the photograph itself is usable; nothing is learned elsewhere.
+    scan: the scan, or a function that loads it; a loaded scan is kept only for the place used last.  Pictures are valid where
+    the full scan has points, with gaps between them closed, and the photograph is usable; other pixels are ignored in training.
     """
 
     _latest: ClassVar["tuple[PhotoPlace, Scan] | None"] = None
@@ -57,7 +59,7 @@ class PhotoPlace:
         self.views: Sequence[TruePicture] = [CoveredPicture(self, photograph) for photograph in photographs]
 
     def unspoiled(self) -> Scan:
-        """The scan as it was taken."""
+        """The scan with its original colours."""
         if isinstance(self._scan, Scan):
             return self._scan
         if PhotoPlace._latest is None or PhotoPlace._latest[0] is not self:
@@ -67,22 +69,23 @@ class PhotoPlace:
 
     @cached_property
     def spacing(self) -> float:
-        """Median spacing of the whole scan, metres."""
+        """Median point spacing of the full scan, metres."""
         return scan_spacing(self.unspoiled())
 
     def scan(self, seed: int) -> Scan:
-        """The scan in the tones of its stations; a scan that is one station's is divided among invented ones, each point
-        more likely to the nearer, so that they meet and mix as merged scans do."""
+        """The scan with random tones of its stations.  A scan of one station is divided among artificial stations, where near
+        stations are more likely, so that they overlap as in merged scans."""
         scan = self.unspoiled()
         if not len(scan.xyz):
-            raise DataError(f"{self.name}: its scan holds no points; are its depth pictures, lenses and poses of one place?")
+            raise DataError(f"{self.name}: its scan has no points; do its depth pictures, lenses and poses belong together?")
         tones, own = self._tones(seed)
         station = scan.station if own else _invented(scan.xyz, len(tones.contrast), np.random.default_rng([seed, 3]))
         return replace(scan, rgb=tones.apply(scan.rgb, station), station=station, places=scan.places if own else None)
 
     def _tones(self, seed: int) -> tuple[Tones, bool]:
-        """Tones of each station, whose means are no change at all: a brightness that nothing in the scan could tell would
-        otherwise be judged.  Also whether the stations are the scan's own."""
+        """Tones of each station, and whether the stations are the scan's own.
+
+        The means of the tones are neutral; otherwise the network would be judged by a brightness that it cannot know."""
         rng = np.random.default_rng([seed, 2])
         stations = int(self.unspoiled().station.max(initial=0)) + 1
         count = stations if stations > 1 else int(rng.integers(SETS[0], SETS[1] + 1))
@@ -90,11 +93,11 @@ class PhotoPlace:
         return Tones(brightness - brightness.mean(), contrast / contrast.mean()), stations > 1
 
     def photographed(self, seen: Projected, view: TruePicture, seed: int, *, toned: bool = True) -> Projected:
-        """The projected points of ``scan(seed)``, those in front coloured by the photograph, in their station's tones.
+        """The projected points of ``scan(seed)``, with those in front coloured by the photograph in their station's tones.
 
-        seen: all points of the scan in this view (perhaps in a picture a whole number of times smaller).  toned: False where
-        the stations' exposures have been matched.  In front is what the depth filter keeps of all points; the others, and
-        those on unusable pixels, keep the scan's colours.
+        seen: all points of the scan in this view, perhaps downsampled by an integer factor.  toned: False where exposures have
+        been compensated.  Points in front are those that the depth filter keeps; the others, and those at unusable pixels, keep
+        the scan's colours.
         """
         camera = seen.camera
         reduce = view.width // camera.width
@@ -106,7 +109,7 @@ class PhotoPlace:
         if usable is not None:
             front &= torch.from_numpy(in_blocks(usable, reduce).min((1, 3)))
         chosen = front.flatten()[seen.index] & (seen.z <= farthest.flatten()[seen.index])
-        photo = reduced_colour(view.rgb(), None, reduce).reshape(-1, 3)  # as the truth is made
+        photo = reduced_colour(view.rgb(), None, reduce).reshape(-1, 3)  # downsampled like the truth
         tones, _ = self._tones(seed)
         rgb = seen.rgb.clone()
         colours = photo[seen.index[chosen].numpy()]
@@ -114,21 +117,21 @@ class PhotoPlace:
         return replace(seen, rgb=rgb)
 
     def covered(self, view: TruePicture) -> np.ndarray:
-        """(H, W) bool: pixels where the whole scan has something, gaps between its points closed."""
+        """(H, W) bool: pixels where the full scan has points, with gaps between them closed."""
         seen = project_scan(self.unspoiled(), view)
         hit = np.zeros(view.width * view.height, bool)
         hit[seen.index.numpy()] = True
         apart = view.fl * self.spacing / float(seen.z.median()) if len(seen.z) else 1.0
-        return _closed(hit.reshape(view.height, view.width), int(np.clip(np.ceil(CLOSING * apart), 1, LARGEST_CLOSING)))
+        return _closed(hit.reshape(view.height, view.width), int(np.clip(np.ceil(CLOSING * apart), 1, MAX_CLOSING)))
 
 
 class CoveredPicture:
-    """A photograph of a place, known only where the place's scan covers it."""
+    """A photograph of a place, valid only where the place's scan covers it."""
 
     def __init__(self, place: PhotoPlace, photograph: TruePicture):
         self.photograph = photograph
         self._place = place
-        self._known: np.ndarray | None = None  # packed bits: there may be hundreds
+        self._known: np.ndarray | None = None  # packed bits: a place may have hundreds of photographs
 
     @property
     def width(self) -> int:
@@ -177,13 +180,13 @@ class CoveredPicture:
 
 
 def _closed(hit: np.ndarray, radius: int) -> np.ndarray:
-    """Gaps of up to twice the radius closed; what lies beyond the picture opens none."""
+    """Morphological closing of gaps up to twice the radius wide; the border of the picture opens no gap."""
     side = 2 * radius + 1
     return minimum_filter(maximum_filter(hit, side, mode="constant", cval=0), side, mode="constant", cval=1)
 
 
 def _invented(xyz: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(N,) uint8: a station for every point, of ``count`` that stand at random points; chances fall with distance squared."""
+    """(N,) uint8: a random station for every point, of ``count`` at random points; probability falls with squared distance."""
     centres = xyz[rng.choice(len(xyz), count)]
     softening = 1e-3 * float(np.ptp(xyz, axis=0).max()) ** 2 + 1e-12
     best = np.full(len(xyz), -np.inf, np.float32)

@@ -1,4 +1,4 @@
-"""Photographs on disk, straightened when they are read, and the check of a folder's pictures before anything is learned.
+"""Photographs on disk, undistorted when they are read, and the check of a folder's pictures before training.
 
 Camera frames are OpenGL's.  A pixel spans [i, i + 1], as in COLMAP.
 """
@@ -17,9 +17,9 @@ from model.data.lens import Lens, straight_focal, straighten
 
 @dataclass(frozen=True, eq=False)
 class Photograph:
-    """A TruePicture on disk, straightened to a pinhole with square pixels when it is read.
+    """A TruePicture on disk, undistorted to a pinhole with square pixels when it is read.
 
-    mask: a picture of the same size that is 255 where the photograph is usable (not anonymised), or None.
+    mask: a picture of the same size, 255 where the photograph is usable (not anonymised), or None.
     """
 
     path: Path
@@ -37,7 +37,7 @@ class Photograph:
 
     @property
     def fl(self) -> float:
-        """Pixels.  Raises DataError where no pinhole fits inside the lens's picture."""
+        """Focal length, pixels.  Raises DataError where no pinhole fits inside the lens's picture."""
         try:
             return self.lens.fx if self.lens.plain else straight_focal(self.lens)
         except DataError as error:
@@ -57,37 +57,41 @@ class Photograph:
         return picture if self.lens.plain else straighten(picture, self.lens)
 
     def depth(self) -> np.ndarray | None:
-        """A photograph has none."""
+        """None: a photograph has no depth."""
         return None
 
     def coverage(self) -> np.ndarray | None:
-        """A photograph shows something everywhere."""
+        """None: every pixel is covered."""
         return None
 
     def known(self) -> np.ndarray | None:
-        """(H, W) bool, True where the mask says usable; None without a mask."""
+        """(H, W) bool, True where the mask is 255; None without a mask."""
         if self.mask is None:
             return None
         usable = np.asarray(Image.open(self.mask).convert("L"))
         return (usable if self.lens.plain else straighten(usable, self.lens)) == 255
 
 
-def check_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]], depths: Iterable[Path] = ()) -> None:
-    """Decodes every picture (a torn file has a good header).  wanted: files and their (width, height), None for any.
-    depths: those of them that must hold one number a pixel.
+MAX_NAMED = 10
+"""Files that a message names before it counts the rest."""
 
-    DataError names the first ten files that are missing, unreadable, of another size or no depth.
+
+def check_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]], depths: Iterable[Path] = ()) -> None:
+    """Decodes every picture, because a truncated file may have a valid header.
+
+    wanted: files and their (width, height), None for any.  depths: those of them that must have one value per pixel.
+    Raises DataError naming the first MAX_NAMED files that are missing, unreadable, of another size or not depth pictures.
     """
     wanted = list(dict.fromkeys(wanted))
     if wrong := wrong_pictures(where, wanted, depths):
-        more = f" and {len(wrong) - 10} more" if len(wrong) > 10 else ""
-        raise DataError(f"{where}: {len(wrong)} of {len(wanted)} files cannot be used: {'; '.join(wrong[:10])}{more}; "
+        more = f" and {len(wrong) - MAX_NAMED} more" if len(wrong) > MAX_NAMED else ""
+        raise DataError(f"{where}: {len(wrong)} of {len(wanted)} files cannot be used: {'; '.join(wrong[:MAX_NAMED])}{more}; "
                         "download or extract them again")
 
 
 def wrong_pictures(where: Path, wanted: Iterable[tuple[Path, tuple[int, int] | None]],
                    depths: Iterable[Path] = ()) -> list[str]:
-    """What is wrong with each of the pictures that cannot be used, as :func:`check_pictures` judges them."""
+    """A message for each picture that cannot be used; arguments as in :func:`check_pictures`."""
     flat = set(depths)
     with ThreadPoolExecutor() as pool:
         return [text for text in pool.map(lambda item: _wrong(where, *item, depth=item[0] in flat), wanted) if text]
@@ -109,5 +113,5 @@ def _wrong(where: Path, path: Path, size: tuple[int, int] | None, *, depth: bool
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         return f"{name} cannot be read ({error})"
     if depth and not numbers:
-        return f"{name} is no depth picture: expected one number a pixel"
+        return f"{name} is not a depth picture: expected one value per pixel"
     return None if size in (None, found) else f"{name} has {found[0]}x{found[1]} pixels, not {size[0]}x{size[1]}"

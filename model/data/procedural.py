@@ -1,7 +1,8 @@
-"""Procedural places as training data: furnished rooms, streets under a sky, single things in a void; unlimited and seeded.
+"""Procedural training data: furnished rooms, streets under a sky, and single objects against a background; unlimited and
+seeded.
 
-World frame: metres, z up.  Pictures and scans are made when they are asked for, and the last ones kept: of hundreds of places
-no machine would hold all.
+World frame: metres, z up.  Pictures and scans are computed on demand and cached, because those of hundreds of places would not
+fit in memory.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -19,15 +20,23 @@ from model.synth.rooms import DEPTH, WIDTH
 from model.synth.scanner import ScannerModel, VirtualScanner
 
 KINDS = ("room", "street", "thing")
-CLEAR = 0.35  # metres that must be free around a camera or a scanner
-PASSER_SHARE = 0.25  # of the stations in rooms and streets
-_PICTURES = 256  # that are kept, of 3.4 MB each: of 32 places
-_SCANS = 3  # that are kept, of up to 60 MB each: those of the place that pairs are made of
+CLEAR = 0.35
+"""Free distance around a camera or scanner, metres.  Chosen by hand."""
+PASSER_SHARE = 0.25
+"""Share of the stations in rooms and streets with people passing by.  Chosen by hand."""
+_PICTURES = 256
+"""Cached pictures, of 3.4 MB each: those of 32 places."""
+_SCANS = 3
+"""Cached scans, of up to 60 MB each: those of one place."""
 
 
 @dataclass(eq=False)
 class ProceduralPlace:
-    """A TruePlace made from (kind, seed).  count: of views; size: of their pictures; pulses: of each station."""
+    """A TruePlace generated from (kind, seed).
+
+    count: number of views.  size: of their pictures, pixels.  pulses: laser pulses of each station.  samples: along a side of a
+    pixel.
+    """
 
     kind: str
     seed: int
@@ -42,18 +51,18 @@ class ProceduralPlace:
 
     @cached_property
     def place(self) -> Place | OpenPlace:
-        """What is scanned and seen."""
+        """The geometry and materials."""
         return {"room": lambda: Place(self.seed, probe_rays=24), "street": lambda: street(self.seed),
                 "thing": lambda: thing(self.seed)}[self.kind]()
 
     @property
     def views(self) -> Sequence[TruePicture]:
-        """Pictures from where a person might stand, inside free space, looking at something."""
+        """Pictures from random positions at eye height in free space, directed at the place."""
         return [ProceduralPicture(self, number) for number in range(self.count)]
 
     @cached_property
     def lenses(self) -> list[tuple[np.ndarray, float]]:
-        """Of each view camera_to_world (4, 4) and focal length, pixels."""
+        """camera_to_world (4, 4) and focal length, pixels, of each view."""
         rng = np.random.default_rng([41, KINDS.index(self.kind), self.seed])
         found: list[tuple[np.ndarray, float]] = []
         while len(found) < self.count:
@@ -64,11 +73,11 @@ class ProceduralPlace:
         return found
 
     def scan(self, seed: int) -> Scan:
-        """Two to four stations (things: two or three), their exposures within 12 % with a mean of 1."""
+        """A scan of two to four stations (objects: two or three) with exposures within 12 % of their mean, cached."""
         return _scan(self, seed)
 
     def traced(self, seed: int) -> Scan:
-        """The same, traced anew."""
+        """The same, not cached."""
         rng = np.random.default_rng([43, KINDS.index(self.kind), self.seed, seed])
         count = int(rng.integers(2, 4 if self.kind == "thing" else 5))
         spots: list[np.ndarray] = []
@@ -76,7 +85,7 @@ class ProceduralPlace:
             spot = self._spot(rng)
             if self._free(spot, rng):
                 spots.append(spot)
-        # a thing fills little of the field: only a narrower, denser one gives it as many points as it would get
+        # a single object fills little of the field of view; a narrower, denser field gives it a realistic number of points
         field = {"lowest": -60.0, "highest": 60.0} if self.kind == "thing" else {}
         model = ScannerModel(farthest=80.0, colour_noise=float(rng.uniform(0.2, 1.5)), **field)
         gains, parts = exposures(int(rng.integers(2**31)), count), []
@@ -91,7 +100,7 @@ class ProceduralPlace:
         return Scan(xyz, rgb, station, np.stack(spots))
 
     def picture(self, number: int) -> MemoryPicture:
-        """The view of a number, made anew."""
+        """The view of a number, not cached."""
         (pose, fl), (width, height) = self.lenses[number], self.size
         if isinstance(self.place, OpenPlace):
             rgb, depth, coverage = self.place.picture(pose, fl, width, height, self.samples)
@@ -100,7 +109,7 @@ class ProceduralPlace:
         return MemoryPicture(rgb, fl, pose, depth)
 
     def _spot(self, rng: np.random.Generator) -> np.ndarray:
-        """Where a camera or a scanner might be."""
+        """A random position of a camera or scanner."""
         if self.kind == "room":
             return np.array([rng.uniform(0.5, WIDTH - 0.5), rng.uniform(0.5, DEPTH - 0.5), rng.uniform(1.2, 1.8)])
         if self.kind == "street":
@@ -109,7 +118,7 @@ class ProceduralPlace:
         return np.array([away * np.cos(angle), away * np.sin(angle), rng.uniform(0.4, 1.9)])
 
     def _target(self, rng: np.random.Generator) -> np.ndarray:
-        """What a camera might look at."""
+        """A random point that a camera looks at."""
         if self.kind == "room":
             return np.array([rng.uniform(0, WIDTH), rng.uniform(0, DEPTH), rng.uniform(0.4, 1.6)])
         if self.kind == "street":
@@ -129,7 +138,7 @@ class ProceduralPlace:
 
 @dataclass(frozen=True)
 class ProceduralPicture:
-    """A TruePicture of a place, by its number: nothing is traced for its size, nor for how many there are."""
+    """A TruePicture of a place by its number; it is rendered when its pixels are read, not for its size."""
 
     place: ProceduralPlace
     number: int
@@ -171,7 +180,7 @@ class ProceduralPicture:
         return _picture(self).coverage()
 
     def known(self) -> np.ndarray | None:
-        """None: everywhere."""
+        """None: all pixels are valid."""
         return None
 
 
@@ -186,10 +195,10 @@ def _scan(place: ProceduralPlace, seed: int) -> Scan:
 
 
 def procedural_place(number: int) -> ProceduralPlace:
-    """The place of a number: every kind in turn, rooms (the dearest) a quarter of them."""
+    """The place of a number: kinds in turn; a quarter are rooms, which take longest."""
     return ProceduralPlace(("street", "thing", "room", "thing")[number % 4], number)
 
 
 def procedural_places(seeds: Iterable[int]) -> Iterator[ProceduralPlace]:
-    """The places of many numbers."""
+    """The places of the given numbers."""
     return map(procedural_place, seeds)

@@ -1,4 +1,4 @@
-"""A scan as a camera sees it: its points in their pixels, before any are left out, and what is made of those kept."""
+"""Projection of a scan into a camera: the points and their pixels before decimation, and the raster of those kept."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -16,16 +16,16 @@ from model.projection import Raster, SoftZ, network_input, pixels, rasterise
 from model.station_weights import station_weights
 
 MARGIN = 2.0
-"""Pixels around a picture within which points are looked at in float32 as the renderer does."""
+"""Pixels around a picture within which points are projected again in float32, as the renderer does; more than the rounding."""
 
 
 @dataclass(frozen=True)
 class Projected:
-    """A scan seen from a shot, before decimation: the points inside the picture, in the scan's order.
+    """The points of a scan inside a picture, before decimation, in the scan's order.
 
-    index (M,) int64 pixel, z (M,) float32, rgb (M, 3) uint8, station (M,) uint8, rank (M,) float32 in 0..1: a decimation to a
-    share s keeps the points of rank < s.  point (M,) int64 rows of the scan, rising.  weight (M,) int64 by where the scanners
-    stood, None where the scan does not say.  camera_to_world (4, 4), OpenGL axes.
+    index (M,) int64 pixel.  z (M,) float32, view-space metres.  rgb (M, 3) uint8.  station (M,) uint8.  rank (M,) float32 in
+    0..1: decimation to a share s keeps the points of rank < s.  point (M,) int64 rows of the scan, ascending.  weight (M,)
+    int64 of view-dependent blending, None without scanner positions.  camera_to_world (4, 4), OpenGL axes.
     """
 
     index: Tensor
@@ -39,13 +39,13 @@ class Projected:
     weight: Tensor | None = None
 
     def chosen(self, keep: Tensor) -> "Projected":
-        """The points of ``keep`` (M,) bool."""
+        """The points selected by ``keep`` (M,) bool."""
         index, z, rgb, station, rank = (part[keep] for part in (self.index, self.z, self.rgb, self.station, self.rank))
         weight = None if self.weight is None else self.weight[keep]
         return Projected(index, z, rgb, station, rank, self.point[keep], self.camera, self.camera_to_world, weight)
 
     def coloured_as(self, other: "Projected") -> "Projected":
-        """The same, points that ``other`` sees of the same scan in the colours that they have there."""
+        """The same points, those also in ``other``, a projection of the same scan, with their colours there."""
         if not len(other.point):
             return self
         place = torch.searchsorted(other.point, self.point).clamp_max(len(other.point) - 1)
@@ -53,15 +53,16 @@ class Projected:
         return replace(self, rgb=torch.where(both[:, None], other.rgb[place], self.rgb))
 
     def raster(self, soft: SoftZ) -> Raster:
-        """The points in their pixels, through the soft z-buffer."""
+        """Rasterises the points through the soft z-buffer."""
         return rasterise(self.index, self.z, self.rgb, self.camera.width, self.camera.height, soft, self.weight)
 
 
 def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
                  camera_to_world: np.ndarray | None = None) -> Projected:
-    """Projects a scan in float64, then float32 as the renderer does, into a picture ``reduce`` times smaller.
+    """Projects a scan into a picture ``reduce`` times smaller: relative to the camera in float64, then in float32 like the
+    renderer.
 
-    The rank of each point depends on the seed and the scan alone, not on the camera.  camera_to_world: instead of the shot's.
+    The rank of a point depends on seed and scan only, not on the camera.  camera_to_world: replaces the shot's.
     """
     matrix = shot.camera_to_world if camera_to_world is None else camera_to_world
     to_view = matrix[:3, :3] * (1.0, -1.0, -1.0)
@@ -85,7 +86,7 @@ def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
 
 @compiled(nogil=True)
 def _rows_near_picture(xyz, to_view, eye, lens):
-    """Rows (rising) of the points in front of the camera that fall into its picture or less than MARGIN pixels beside it.
+    """Rows (ascending) of the points in front of the camera inside its picture or at most MARGIN pixels outside.
 
     lens: fx = fy, cx, cy, width, height, pixels.
     """
@@ -104,18 +105,18 @@ def _rows_near_picture(xyz, to_view, eye, lens):
 
 
 def raster_of(seen: Projected, keep: Tensor, spacing: float) -> Raster:
-    """The points selected by ``keep`` through the soft z-buffer.  spacing: of the decimated scan, file units."""
+    """Rasterises the points selected by ``keep``.  spacing: of the decimated scan, file units."""
     return seen.chosen(keep).raster(SoftZ.preset("auto", spacing, 1.0))
 
 
 def picture(seen: Projected, keep: Tensor, spacing: float, preset: str = "auto", strength: float = 1.0) -> Tensor:
-    """(5, H, W) network input from the points selected by ``keep``.  spacing: of the decimated scan, file units."""
+    """(6, H, W) network input from the points selected by ``keep``.  spacing: of the decimated scan, file units."""
     raster = raster_of(seen, keep, spacing)
     return network_input(raster, keep_mask(raster.depth, preset, strength=strength), seen.camera.fx, spacing)
 
 
 def scan_spacing(scan: Scan) -> float:
-    """Median spacing of a scan, from a sample of it; 1.0 where it holds no points."""
+    """Median point spacing of a scan, from a sample of it; 1.0 without points."""
     if not len(scan.xyz):
         return 1.0
     pick = np.random.default_rng(0).choice(len(scan.xyz), min(len(scan.xyz), 2_000_000), replace=False)

@@ -1,11 +1,13 @@
-"""The three forms of a folder of RGB-D frames with poses, read as frames.
+"""Reads RGB-D frames with poses from folders in three formats.
 
-nerfstudio's ``transforms.json`` with ``depth_file_path`` in its frames; TUM's ``rgb.txt``, ``depth.txt`` and
-``groundtruth.txt``; and ``color/``, ``depth/``, ``pose/`` (ScanNet) or ``frame-*.color.png`` with ``.depth.png`` and
-``.pose.txt`` (7-Scenes) beside a file of intrinsics.
+nerfstudio: ``transforms.json`` with ``depth_file_path`` in its frames.  TUM: ``rgb.txt``, ``depth.txt`` and
+``groundtruth.txt``.
+ScanNet: ``color/``, ``depth/`` and ``pose/``, and similarly 7-Scenes: ``frame-*.color.png`` with ``.depth.png`` and
+``.pose.txt``, both with a file of intrinsics.
 
-World frame: the poses' own, metres.  Camera frames are OpenGL's, as in nerfstudio; TUM's, ScanNet's and 7-Scenes' are
-OpenCV's and are turned.  Their principal points count from pixel centres and get half a pixel, ours from pixel corners.
+World frame: the poses' own, metres.  Camera frames are OpenGL's, as in nerfstudio; those of TUM, ScanNet and 7-Scenes are
+OpenCV's and are converted.  Their principal points are relative to pixel centres, ours to pixel corners, so half a pixel is
+added.
 """
 
 import json
@@ -22,10 +24,14 @@ from model.data.lens import Lens
 from model.data.photos import check_pictures
 from model.data.rgbd_frame import MILLIMETRE, Frame
 
-APART = 0.02  # seconds between a picture and its depth
-POSE_GAP = 0.2  # seconds between the poses around a picture
+APART = 0.02
+"""Largest time between a picture and its depth, seconds: as in TUM's own tool for association."""
+POSE_GAP = 0.2
+"""Largest time between the poses before and after a picture, seconds.  Chosen by hand."""
 TUM_UNIT = 1 / 5000
-TUM_ROS = (525.0, 525.0, 319.5, 239.5)  # what TUM recommends for all its sequences, whose depth is registered with it
+"""Metres of one step of depth in TUM's format."""
+TUM_ROS = (525.0, 525.0, 319.5, 239.5)
+"""fx, fy, cx, cy, pixels, that TUM recommends for all its sequences: their depth was registered with these values."""
 TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))
 _NERFSTUDIO_BENDS = {"PINHOLE": (), "OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4")}
 INTRINSICS = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "intrinsics.txt", "camera-intrinsics.txt",
@@ -33,9 +39,10 @@ INTRINSICS = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "intrinsic
 
 
 def read_frames(folder: Path, unit: float | None) -> list[Frame]:
-    """The folder's frames in order, whatever its form.  unit: metres of one step of depth; None = as the form has it.
+    """The folder's frames in order.  unit: metres of one step of depth; None: the format's.
 
-    Raises DataError where the folder is of none of the forms or is not what its form says; pictures may still be missing.
+    Raises DataError where the folder has none of the formats or its files are invalid.  Whether all pictures exist is not
+    checked.
     """
     if (folder / "transforms.json").is_file():
         return _nerfstudio(folder, unit)
@@ -88,7 +95,7 @@ def _tum(folder: Path, unit: float | None) -> list[Frame]:
     try:
         rows = np.array([[time, *map(float, words[:7])] for time, words in poses], np.float64).reshape(-1, 8)
         if not (np.abs(rows[:, 1:]) < FAR).all() or not np.isfinite(rows).all():
-            raise ValueError("numbers that are no time, place or turn")
+            raise ValueError("invalid time, position or rotation")
         turns = Rotation.from_quat(rows[:, 4:])
     except ValueError:
         raise DataError(f"{folder / 'groundtruth.txt'}: expected lines of: timestamp tx ty tz qx qy qz qw") from None
@@ -107,35 +114,35 @@ def _tum(folder: Path, unit: float | None) -> list[Frame]:
         pose[:3, 3] = [np.interp(time, rows[before, 0], rows[before, axis]) for axis in (1, 2, 3)]
         frames.append((folder / words[0], pose @ TO_OPENGL, folder / depths[nearest][1][0]))
     if not frames:
-        raise DataError(f"{folder}: no picture has depth within {APART} s and poses around it within {POSE_GAP} s; are the "
-                        "times of rgb.txt, depth.txt and groundtruth.txt of one clock?")
+        raise DataError(f"{folder}: no picture has depth within {APART} s and poses around it within {POSE_GAP} s; do "
+                        "rgb.txt, depth.txt and groundtruth.txt use the same clock?")
     check_pictures(folder, [(p, None) for path, _, depth_path in frames for p in (path, depth_path)])
     lens = _tum_lens(folder, frames[0][0])
     return [Frame(path, lens, pose, None, depth_path, unit or TUM_UNIT) for path, pose, depth_path in frames]
 
 
 def _listed(path: Path) -> list[tuple[float, list[str]]]:
-    """Time and the other words of each line, by time."""
+    """Time and the other words of each line, sorted by time, with one line for each time."""
     try:
         rows = [line.split() for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
         listed = sorted(((float(words[0]), words[1:]) for words in rows), key=lambda row: row[0])
     except (OSError, ValueError) as error:
         raise DataError(f"{path}: not lines that begin with a timestamp ({error})") from None
     if any(not words for _, words in listed):
-        raise DataError(f"{path}: lines with nothing behind the timestamp")
+        raise DataError(f"{path}: a line has only a timestamp")
     return [row for k, row in enumerate(listed) if k == 0 or row[0] > listed[k - 1][0]]
 
 
 def _tum_lens(folder: Path, picture: Path) -> Lens:
     found = _intrinsics(folder)
     if found is None and _size(picture) != (640, 480):
-        raise DataError(f"{folder}: {picture.name} is not 640x480, so TUM's own intrinsics do not hold; put fx fy cx cy into "
+        raise DataError(f"{folder}: {picture.name} is not 640x480, so TUM's intrinsics do not apply; put fx fy cx cy into "
                         "calibration.txt")
     return _centred(found or TUM_ROS, _size(picture))
 
 
 def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: float | None) -> list[Frame]:
-    """Frames of a file of pose each; a pose that is not finite means tracking was lost, and the frame is left out."""
+    """Frames with one pose file each.  A pose that is not finite means that tracking was lost; its frame is left out."""
     def order(entry: tuple[Path, Path, Path, str, str]):
         digits = "".join(c for c in entry[3] if c.isdigit())
         return int(digits or 0), entry[3]
@@ -169,9 +176,9 @@ def _posed(folder: Path, names: list[tuple[Path, Path, Path, str, str]], unit: f
 
 
 def _checked(where: str, pose: np.ndarray) -> np.ndarray:
-    near = (np.abs(pose) < FAR).all()  # nor not finite
+    near = (np.abs(pose) < FAR).all()  # false for NaN
     if not near or not np.allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-2):
-        raise DataError(f"{where}: its pose is no rotation and shift in metres")
+        raise DataError(f"{where}: its pose is not a rotation and a translation in metres")
     return pose
 
 
@@ -196,7 +203,7 @@ def _numbers(path: Path) -> tuple[float, ...]:
     try:
         table = _table(path)
     except (OSError, ValueError) as error:
-        raise DataError(f"{path}: intrinsics that are no table of numbers ({error})") from None
+        raise DataError(f"{path}: intrinsics are not a table of numbers ({error})") from None
     if table.shape in ((3, 3), (4, 4)):
         values = (table[0, 0], table[1, 1], table[0, 2], table[1, 2])
     elif table.shape == (1, 4):
@@ -204,19 +211,19 @@ def _numbers(path: Path) -> tuple[float, ...]:
     else:
         raise DataError(f"{path}: {table.shape[0]}x{table.shape[1]} numbers; expected fx fy cx cy or a 3x3 or 4x4 matrix")
     if not ((np.abs(values) < MAX_FOCAL).all() and values[0] > 0 and values[1] > 0):
-        raise DataError(f"{path}: {[float(v) for v in values]}: not the intrinsics of a camera")
+        raise DataError(f"{path}: {[float(v) for v in values]}: not valid intrinsics of a camera")
     return tuple(float(v) for v in values)
 
 
 def _table(path: Path) -> np.ndarray:
-    """(rows, columns) float64.  Raises OSError, or ValueError where the file holds no such table."""
+    """(rows, columns) float64.  Raises OSError, or ValueError where the file has no such table."""
     lines = [line for line in path.read_text().splitlines() if line.partition("#")[0].strip()] if path.is_file() else []
     if not lines:
-        raise ValueError("no numbers in it")
+        raise ValueError("it has no numbers")
     return np.loadtxt(lines, np.float64, ndmin=2)
 
 
 def _centred(values: Sequence[float], size: tuple[int, int]) -> Lens:
-    """A pinhole whose principal point was counted from the centre of the first pixel."""
+    """A pinhole from intrinsics whose principal point is relative to the centre of the first pixel."""
     fx, fy, cx, cy = values
     return Lens("PINHOLE", *size, fx, fy, cx + 0.5, cy + 0.5)

@@ -1,6 +1,6 @@
-"""One RGB-D frame: a photograph with a depth picture, and the points that it holds.
+"""One RGB-D frame: a photograph with a depth picture, and its points.
 
-Depth is z-depth, metres, +inf where there is none.  World frame: the pose's, metres; the camera frame is OpenGL's.
+Depth is z-depth, metres, +inf where unknown.  World frame: the pose's, metres; the camera frame is OpenGL's.
 """
 
 from dataclasses import dataclass
@@ -13,29 +13,35 @@ from scipy.ndimage import map_coordinates
 from model.data.lens import Lens
 from model.data.photos import Photograph
 
-FARTHEST = 65.0  # metres: 65535 mm is how several formats write "no depth"
-JUMP = 0.05  # of depth, to a neighbour: beyond it a depth pixel mixes two surfaces
+FARTHEST = 65.0
+"""Largest valid depth, metres: several formats store 65535 mm for unknown depth."""
+JUMP = 0.05
+"""Relative difference in depth to a neighbour beyond which a depth pixel mixes two surfaces.  Chosen by hand."""
 MILLIMETRE = 1 / 1000
+"""Metres of one step of depth in most formats."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame(Photograph):
-    """A photograph with a depth picture.  unit: metres of one step of it.  depth_lens: the depth camera's own pinhole, at the
-    same pose; None where the depth picture shares the photograph's lens, at whatever size."""
+    """A photograph with a depth picture.
+
+    unit: metres of one step of depth.  depth_lens: pinhole of a separate depth camera at the same pose; None where the depth
+    picture has the photograph's lens, at any resolution.
+    """
 
     depth_path: Path = Path()
     unit: float = MILLIMETRE
     depth_lens: Lens | None = None
 
     def stored_depth(self) -> np.ndarray:
-        """(h, w) float32 metres as stored, +inf where there is none."""
+        """(h, w) float32 metres at the stored resolution, +inf where unknown."""
         raw = np.load(self.depth_path) if self.depth_path.suffix == ".npy" else np.asarray(Image.open(self.depth_path))
         metres = raw.astype(np.float32) * np.float32(self.unit)
         return np.where(np.isfinite(metres) & (metres > 0) & (metres < FARTHEST), metres, np.float32(np.inf))
 
     def _stored_at(self, stored: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        """What the depth picture holds on rays (x, y, 1), OpenCV axes: between its pixels in inverse depth, in which a plane
-        is affine; +inf outside it and where any of the pixels used has none."""
+        """Depth on rays (x, y, 1), OpenCV axes, interpolated in inverse depth, in which a plane is affine; +inf outside the
+        depth picture and where a pixel of the interpolation is unknown."""
         h, w = stored.shape
         lens = self.depth_lens or self.lens
         u, v = lens.pixel(x, y)
@@ -48,12 +54,12 @@ class Frame(Photograph):
         return np.where(good, share / np.where(good, inverse, 1.0), np.inf).astype(np.float32)
 
     def depth(self) -> np.ndarray:
-        """(H, W) float32 metres along the axis, +inf where there is none."""
+        """(H, W) float32 z-depth, metres, +inf where unknown."""
         j, i = np.mgrid[0 : self.height, 0 : self.width] + 0.5
         return self._stored_at(_without_jumps(self.stored_depth()), (i - self.cx) / self.fl, (j - self.cy) / self.fl)
 
     def points(self, step: int) -> tuple[np.ndarray, np.ndarray]:
-        """Every ``step``-th depth pixel in each direction: xyz (N, 3) float64 world, rgb (N, 3) uint8."""
+        """Points of every ``step``-th depth pixel along each axis: xyz (N, 3) float64 world, rgb (N, 3) uint8."""
         stored = self.stored_depth()
         h, w = stored.shape
         j, i = np.mgrid[step // 2 : h : step, step // 2 : w : step] + 0.5
@@ -74,7 +80,7 @@ class Frame(Photograph):
 
 
 def _without_jumps(depth: np.ndarray) -> np.ndarray:
-    """+inf where a neighbour of a pixel is much nearer or farther: such a pixel lies on neither surface."""
+    """Depth, +inf where a neighbouring pixel is much nearer or farther: such a pixel mixes two surfaces."""
     jump = np.zeros(depth.shape, bool)
     known = np.where(np.isfinite(depth), depth, np.nan)
     for axis in (0, 1):
@@ -82,7 +88,7 @@ def _without_jumps(depth: np.ndarray) -> np.ndarray:
         second = [slice(None)] * 2
         first[axis], second[axis] = slice(None, -1), slice(1, None)
         a, b = known[tuple(first)], known[tuple(second)]
-        apart = np.abs(a - b) > JUMP * np.fmin(a, b)  # False beside unknown depth
+        apart = np.abs(a - b) > JUMP * np.fmin(a, b)  # false beside unknown depth
         jump[tuple(first)] |= apart
         jump[tuple(second)] |= apart
     return np.where(jump, np.float32(np.inf), depth)

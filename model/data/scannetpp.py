@@ -1,10 +1,9 @@
 """ScanNet++ (Yeshwanth et al. 2023), versions 1 and 2: laser scans with registered photographs.
 
-A root folder holds ``splits/*.txt`` and ``data/<scene>/``: ``scans/pc_aligned.ply`` (or the mesh), ``dslr/`` (fisheye
-photographs in ``resized_images``, masks in ``resized_anon_masks``) and ``iphone/`` (frames of the video in ``rgb``, taken
-out by the data set's own toolkit, 1920x1440: the paper's larger size).  Poses come from ``colmap/``, which is aligned
-with the scan; where that is missing from ``nerfstudio/transforms.json``, whose world is turned: x and y swapped, z
-turned over.
+The root folder contains ``splits/*.txt`` and ``data/<scene>/`` with ``scans/pc_aligned.ply`` (or the mesh), ``dslr/`` (fisheye
+photographs in ``resized_images``, masks in ``resized_anon_masks``) and ``iphone/`` (video frames in ``rgb``, extracted by the
+data set's toolkit, 1920x1440: the paper's larger size).  Poses are read from ``colmap/``, which is aligned with the scan, or
+else from ``nerfstudio/transforms.json``, whose world has x and y swapped and z negated.
 
 World frame: that of the scan, metres, z up.
 """
@@ -24,12 +23,14 @@ from model.data.photos import Photograph, check_pictures
 
 SPLITS = {"train": "nvs_sem_train", "val": "nvs_sem_val", "test": "nvs_test"}
 TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))
-FROM_NERFSTUDIO = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])  # its own inverse
+"""OpenCV to OpenGL camera axes."""
+FROM_NERFSTUDIO = np.array([[0.0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
+"""nerfstudio's world to the scan's; its own inverse."""
 
 
 @dataclass(frozen=True)
 class _Camera:
-    """Where a camera's files lie under its folder, and what to do where its pictures are missing."""
+    """Subfolders of a camera's pictures and masks, and the remedy where pictures are missing."""
 
     pictures: str
     masks: str
@@ -48,7 +49,7 @@ def scenes(root: Path, split: str) -> list[str]:
     path = folder / f"{SPLITS.get(split, split)}.txt"
     if not path.is_file():
         there = ", ".join(sorted(p.stem for p in folder.glob("*.txt"))) or "none"
-        raise DataError(f"{path}: no such split; there are: {there}")
+        raise DataError(f"{path}: no such split; found: {there}")
     try:
         return [line.strip() for line in path.read_text().splitlines() if line.strip()]
     except ValueError as error:
@@ -59,20 +60,20 @@ def load_scannetpp(root: Path, scene: str, camera: str = "dslr", *, part: str = 
                    surface: str = "points", mesh_points: int = 10_000_000) -> PhotoPlace:
     """A scene's scan and photographs.
 
-    camera: dslr or iphone.  part: all, train or test pictures (of the DSLR; test pictures are held back for some scenes).
-    every: takes each so manieth.  surface: ``points``, or ``mesh`` to scatter ``mesh_points`` over the mesh instead.
-    Raises DataError, before anything is learned, naming the first ten files that are missing, unreadable or of another size.
+    camera: dslr or iphone.  part: all, train or test pictures (of the DSLR; some scenes' test pictures are not published).
+    every: uses one picture in this many.  surface: ``points``, or ``mesh`` to sample ``mesh_points`` on the mesh instead.
+    Raises DataError, before any training, naming the first ten files that are missing, unreadable or of another size.
     """
     if camera not in CAMERAS or part not in ("all", "train", "test") or surface not in ("points", "mesh") or every < 1:
         raise DataError(f"camera {camera!r}, part {part!r}, surface {surface!r}, every {every}: expected dslr or iphone; "
                         "all, train or test; points or mesh; 1 or more")
     home = Path(root) / "data" / scene
     if not home.is_dir():
-        raise DataError(f"{home}: no such scene; {root} should be the folder that holds data/ and splits/")
+        raise DataError(f"{home}: no such scene; {root} should be the folder with data/ and splits/")
     cloud = home / "scans" / ("pc_aligned.ply" if surface == "points" else "mesh_aligned_0.05.ply")
     if not cloud.is_file():
         other = home / "scans" / "mesh_aligned_0.05.ply"
-        hint = "; its mesh is there: choose surface='mesh'" if surface == "points" and other.is_file() else ""
+        hint = "; its mesh exists: choose surface='mesh'" if surface == "points" and other.is_file() else ""
         raise DataError(f"{cloud}: missing; download the scene's scan{hint}")
     check_mesh(cloud)
     photographs = _photographs(home, camera, part)[::every]
@@ -111,7 +112,7 @@ def _photographs(home: Path, camera: str, part: str) -> list[Photograph]:
         posed = [(Path(f["file_path"]).name, lens, FROM_NERFSTUDIO @ _pose(folder, f)) for f in frames]
     else:
         raise DataError(f"{folder}: neither colmap/images.txt nor nerfstudio/transforms.json; download the scene's poses")
-    held_back = part == "all" and not any((pictures / name).is_file() for name in tests)  # in the benchmark's test scenes
+    held_back = part == "all" and not any((pictures / name).is_file() for name in tests)  # as in the benchmark's test scenes
     chosen = []
     for name, lens, pose in sorted(posed, key=lambda entry: entry[0]):
         wanted = not (held_back and name in tests) if part == "all" else (name in tests) == (part == "test")
@@ -122,7 +123,7 @@ def _photographs(home: Path, camera: str, part: str) -> list[Photograph]:
 
 
 def _json(path: Path) -> dict:
-    """The file's contents; nothing where there is no file."""
+    """The JSON object in a file, empty where the file does not exist."""
     if not path.is_file():
         return {}
     try:
@@ -135,9 +136,9 @@ def _json(path: Path) -> dict:
 
 
 def _list(path: Path, facts: dict, key: str) -> list:
-    """What the file's ``facts`` list under a key; nothing where they do not have it."""
+    """The list under a key of the file's ``facts``, empty where the key is missing."""
     if not isinstance(found := facts.get(key, []), list):
-        raise DataError(f"{path}: {key} is no list; download it again")
+        raise DataError(f"{path}: {key} is not a list; download it again")
     return found
 
 
@@ -148,7 +149,7 @@ def _nerfstudio_lens(path: Path, facts: dict) -> Lens:
         values = [float(facts[key]) for key in ("fl_x", "fl_y", "cx", "cy")] + [float(facts.get(k, 0.0)) for k in names]
         return Lens.colmap(str(path), model, int(facts["w"]), int(facts["h"]), values)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise DataError(f"{path}: no camera in it ({error!r}); download it again") from None
+        raise DataError(f"{path}: has no valid camera ({error!r}); download it again") from None
 
 
 def _pose(folder: Path, frame: dict) -> np.ndarray:
@@ -161,7 +162,7 @@ def _pose(folder: Path, frame: dict) -> np.ndarray:
 def read_colmap(folder: Path) -> list[tuple[str, Lens, np.ndarray]]:
     """Name without folder, lens and camera_to_world (OpenGL axes) of every picture of a COLMAP text model.
 
-    Raises DataError naming the line that cannot be understood.
+    Raises DataError naming the first invalid line.
     """
     lenses: dict[str, Lens] = {}
     for number, words in _rows(folder / "cameras.txt"):
@@ -192,23 +193,23 @@ def read_colmap(folder: Path) -> list[tuple[str, Lens, np.ndarray]]:
         camera_to_world[:3, :3] = quaternion(w, x, y, z).T
         camera_to_world[:3, 3] = -camera_to_world[:3, :3] @ shift
         posed.append((Path(name).name, lens, camera_to_world @ TO_OPENGL))
-        points = next(rows, (0, []))[1]  # the picture's points: triples; a line left out would swallow the next picture
+        points = next(rows, (0, []))[1]  # the picture's points, as triples
         if len(points) % 3 or (points and not points[-1].lstrip("-").isdigit()):
-            raise DataError(f"{where}: the line below should hold the picture's points (it may be empty)")
+            raise DataError(f"{where}: the next line should list the picture's points (it may be empty)")
     return posed
 
 
 def quaternion(w: float, x: float, y: float, z: float) -> np.ndarray:
-    """(3, 3) rotation of a quaternion of any length but zero."""
+    """(3, 3) rotation matrix of a quaternion of any non-zero length."""
     from scipy.spatial.transform import Rotation
 
     return Rotation.from_quat((x, y, z, w)).as_matrix()
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Line numbers and words of all lines that are no comments, empty ones too."""
+    """Line numbers and words of all lines except comments, including empty lines."""
     try:
-        if not path.is_file():  # of a pipe, reading would wait
+        if not path.is_file():  # reading a pipe would block
             raise ValueError("no such file")
         lines = path.read_text().splitlines()
     except (OSError, ValueError) as error:

@@ -1,7 +1,7 @@
-"""Data given as folders, whatever form they have: each becomes places to learn from or to be judged on.
+"""Opens data folders of any supported format as places for training or evaluation.
 
-Told apart by what is in them: ``scene.json`` (stations and views), ``splits/`` and ``data/`` (ScanNet++), frames with
-depth and poses (RGB-D), or scenes one level further down.
+The format is recognised by the contents: ``scene.json`` (stations and views), ``splits/`` and ``data/`` (ScanNet++), frames
+with depth and poses (RGB-D), or subfolders with ``scene.json``.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from model.data.dataset import DataError, TruePlace
 
 
 def open_places(folders: Sequence[Path]) -> list[TruePlace]:
-    """The places in the given folders.  Raises DataError naming the first folder that holds none, or what is wrong in it."""
+    """The places in the given folders.  Raises DataError naming the first folder without a place, or what is wrong in it."""
     return [place for folder in folders for place in _open(Path(folder))]
 
 

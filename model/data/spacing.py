@@ -1,18 +1,19 @@
-"""Point spacing of a cloud: the distance between neighbours on the surfaces it samples.
+"""Point spacing of a cloud: the distance between neighbouring points on the surfaces it samples.
 
-1 / sqrt(points per unit of area), from the distance to the eighth neighbour, which noise and doubled points hardly
-move.  In the units of the points.
+Defined as 1 / sqrt(points per unit of area) and computed from the distance to the eighth neighbour, which noise and duplicate
+points hardly change.  In the units of the points.
 """
 
 import numpy as np
 
 NEIGHBOURS = 8
+"""Number of the neighbour whose distance is measured.  Chosen by hand."""
 
 
 def median_spacing(xyz: np.ndarray, *, samples: int = 4096, seed: int = 0) -> float:
     """Median spacing over a seeded sample of points.
 
-    xyz: (N, 3) float64.  Power-of-two scalings of ``xyz`` scale the result exactly.  A cloud without extent gives 1.0.
+    xyz: (N, 3) float64.  Scaling ``xyz`` by a power of two scales the result exactly.  A cloud without extent gives 1.0.
     """
     from scipy.spatial import KDTree
 

@@ -1,9 +1,9 @@
-"""Registered rooms: panoramas taken at scanner stations, and true views taken elsewhere in the same room.
+"""Registered rooms: panoramas at scanner stations, and true views from other positions in the same room.
 
-A scene folder holds ``scene.json`` with ``stations`` (six cube faces each: colour and z-depth) and ``views`` (and perhaps
-``path``: a slow camera move).  Every pixel of a station face is a possible laser return, so the stations give a
-point cloud, and the views give what the network should make of it.  World frame: the file's, metres, y up; camera
-frames are OpenGL's (x right, y up, -z forward).
+A scene folder contains ``scene.json`` with ``stations`` (six cube faces each, with colour and z-depth) and ``views``, and
+optionally ``path``, a slow camera move.  Every pixel of a station's face is a possible laser return, so the stations form a
+point cloud, and the views are the ground truth.  World frame: the file's, metres, y up; camera frames are OpenGL's (x right, y
+up, -z forward).
 """
 
 import json
@@ -21,7 +21,7 @@ from model.synth.scanner import ScannerModel, VirtualScanner
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture with depth and pose.  fl: pixels; the principal point is the centre of the picture."""
+    """One picture with depth and pose.  fl: focal length, pixels; the principal point is the centre of the picture."""
 
     folder: Path
     rgb_file: str
@@ -41,11 +41,11 @@ class Shot:
         return self.height / 2
 
     def coverage(self) -> None:
-        """A room covers every pixel."""
+        """None: every pixel is covered."""
         return None
 
     def known(self) -> None:
-        """All of the picture is true."""
+        """None: all pixels are valid."""
         return None
 
     def rgb(self) -> np.ndarray:
@@ -53,7 +53,7 @@ class Shot:
         return np.asarray(Image.open(self.folder / self.rgb_file).convert("RGB"))
 
     def depth(self) -> np.ndarray:
-        """(H, W) float32 z-depth in metres, +inf where nothing returned."""
+        """(H, W) float32 z-depth, metres, +inf without a return."""
         stored = np.asarray(Image.open(self.folder / self.depth_file)).astype(np.float32)
         return np.where(stored > 0, stored / np.float32(self.depth_scale), np.float32(np.inf))
 
@@ -68,36 +68,38 @@ class StationScene:
     path: list[Shot] = field(default_factory=list)
 
     def scan(self, seed: int) -> Scan:
-        """The merged scan of the stations, spoiled with this seed: every pixel a return, or INSTRUMENT_SHARE of the time as an
-        instrument samples them; in WIDE_SHARE of the scans with exposures far apart."""
+        """The merged scan of the stations, degraded with this seed.
+
+        A share INSTRUMENT_SHARE of the scans is sampled like an instrument's, the others have one return per pixel.  A share
+        WIDE_SHARE has widely different exposures."""
         kind = np.random.default_rng([seed, 1]).random(2)
         model = WIDE if kind[0] < WIDE_SHARE else ScanModel()
         return instrument_scan(self, seed, model) if kind[1] < INSTRUMENT_SHARE else scan_stations(self, seed, model)
 
 
 def _shot(folder: Path, entry: dict, scale: float) -> Shot:
-    """Raises KeyError, TypeError or ValueError, saying what is wrong, where an entry is no picture with a camera."""
+    """A shot from an entry of scene.json.  Raises KeyError, TypeError or ValueError where it is not a picture with a camera."""
     made = Shot(folder, str(entry["rgb"]), str(entry["depth"]), int(entry["w"]), int(entry["h"]), float(entry["fl"]),
                 np.asarray(entry["camera_to_world"], np.float64).reshape(4, 4), scale)
     turn = made.camera_to_world[:3, :3]
     if not ((np.abs(made.camera_to_world) < FAR).all() and np.allclose(turn @ turn.T, np.eye(3), atol=1e-2)):
-        raise ValueError(f"{made.rgb_file}: camera_to_world is no rotation and shift")
+        raise ValueError(f"{made.rgb_file}: camera_to_world is not a rotation and a translation")
     if not (0 < made.fl < MAX_FOCAL and made.width > 0 and made.height > 0):
-        raise ValueError(f"{made.rgb_file}: {made.width}x{made.height} pixels, fl {made.fl:g}: not a camera")
+        raise ValueError(f"{made.rgb_file}: {made.width}x{made.height} pixels, fl {made.fl:g}: not a valid camera")
     return made
 
 
 def load_scene(folder: Path) -> StationScene:
-    """Reads ``scene.json``.  Every picture it names must be there, be readable and have the size it says.
+    """Reads ``scene.json`` and checks that every picture it names exists, is readable and has the stated size.
 
-    DataError names the first ten files that are not so, each with what is wrong, or what in ``scene.json`` is no scene.
+    Raises DataError naming the first ten files that are not, each with the reason, or the error in ``scene.json``.
     """
     folder = Path(folder)
     try:
         data = json.loads((folder / "scene.json").read_text())
         scale = float(data["depth_scale"])
         if not 0 < scale < np.inf:
-            raise ValueError(f"depth_scale {scale:g}: expected the steps of a depth picture in a metre")
+            raise ValueError(f"depth_scale {scale:g}: expected the number of depth steps in a metre")
 
         def shot(entry: dict) -> Shot:
             return _shot(folder, entry, scale)
@@ -110,7 +112,7 @@ def load_scene(folder: Path) -> StationScene:
         )
         alike = all(len(faces) == FACES and len({(f.width, f.height, f.fl) for f in faces}) == 1 for faces in scene.stations)
         if not (scene.stations and alike):
-            raise ValueError(f"stations of {FACES} faces of one size and focal length are needed")
+            raise ValueError(f"expected stations with {FACES} faces of one size and focal length")
     except FileNotFoundError:
         raise DataError(f"{folder}: {'no scene.json in this folder' if folder.exists() else 'no such folder'}") from None
     except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -121,14 +123,14 @@ def load_scene(folder: Path) -> StationScene:
     if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in shots]):
         raise DataError(f"{folder}: {len(wrong)} pictures named in scene.json cannot be used: {'; '.join(wrong[:10])}")
     if not any(np.isfinite(face.depth()).any() for faces in scene.stations for face in faces):
-        raise DataError(f"{folder}: the depth pictures of its stations hold no return (all 0); write metres x depth_scale")
+        raise DataError(f"{folder}: the depth pictures of its stations have no return (all 0); write metres x depth_scale")
     return scene
 
 
 def shot_points(shot: Shot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Every pixel of a picture that returned, as points.
+    """The pixels of a picture with depth as points.
 
-    Returns xyz (N, 3) float64 world, rgb (N, 3) uint8, edge (N,) bool: the pixel sits on a depth discontinuity.
+    Returns xyz (N, 3) float64 world, rgb (N, 3) uint8, and edge (N,) bool: the pixel is on a depth discontinuity.
     """
     depth = shot.depth().astype(np.float64)
     finite = np.isfinite(depth)
@@ -141,17 +143,25 @@ def shot_points(shot: Shot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     inverse = np.pad(np.where(finite, 1.0 / depth, 0.0), 1, mode="edge")
     mid = inverse[1:-1, 1:-1]
     bend = [abs(inverse[1:-1, :-2] + inverse[1:-1, 2:] - 2 * mid), abs(inverse[:-2, 1:-1] + inverse[2:, 1:-1] - 2 * mid)]
-    edge = np.maximum(*bend) > 0.03 * mid
+    edge = np.maximum(*bend) > EDGE * mid
     return xyz, shot.rgb()[finite], edge[finite]
+
+
+EDGE = 0.03
+"""Second difference of inverse depth, relative to it, that marks a depth discontinuity.  Chosen by hand."""
+MIXED_RANGE = 0.08
+"""Largest relative error of the range of a mixed pixel.  Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class ScanModel:
-    """How the stations are turned into a scan, as a real scanner would spoil them.
+    """Errors of a scan that is made from the stations.  The defaults were chosen by hand.
 
-    exposure: largest gain of a station around 1; the stations' mean gain is 1 (see data/README: a brightness that nothing
-    in the scan could tell would otherwise be judged).  range_noise: metres, plus range_noise_relative x range.
-    mixed: share of the returns at depth edges that hang between the two surfaces.  dropout: share lost at random.
+    exposure: largest deviation of a station's gain from 1; the stations' mean gain is 1, because the network could not know the
+    true brightness otherwise.  white_balance: the same for single channels.  range_noise: standard deviation, metres, plus
+    range_noise_relative x range.  mixed: share of the returns at depth edges that lie between the two surfaces.  dropout: share
+    lost at random.  misregistration: standard deviation of a station's shift, metres.  colour_noise: standard deviation, sRGB
+    levels.
     """
 
     exposure: float = 0.12
@@ -165,19 +175,21 @@ class ScanModel:
 
 
 WIDE_SHARE = 0.25
+"""Share of the scans with the exposures of WIDE.  Chosen by hand."""
 INSTRUMENT_SHARE = 0.3
+"""Share of the scans sampled like an instrument's.  Chosen by hand."""
 WIDE = ScanModel(exposure=0.35, white_balance=0.05)
-"""Some merged scans have stations half as bright again as others (studio.laz): their points must become one surface."""
+"""Widely different exposures: in some merged scans stations are half as bright again as others (measured on studio.laz)."""
 
 
 def station_gains(model: ScanModel, count: int, rng: np.random.Generator) -> np.ndarray:
-    """(count,) exposures whose mean is 1."""
+    """(count,) random exposures with mean 1."""
     gains = 1 + model.exposure * rng.uniform(-1, 1, count)
     return gains / gains.mean()
 
 
 def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:
-    """The merged scan of all stations of a scene, spoiled by ``model`` with the given seed."""
+    """The merged scan of all stations of a scene, one return per pixel, with the errors of ``model`` and the given seed."""
     model = model or ScanModel()
     rng = np.random.default_rng(seed)
     gains = station_gains(model, len(scene.stations), rng)
@@ -194,8 +206,8 @@ def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None
             distance = np.linalg.norm(ray, axis=1)
             spread = model.range_noise + model.range_noise_relative * distance
             scale = 1 + rng.normal(0, 1, len(xyz)) * spread / distance
-            hang = edge & (rng.random(len(xyz)) < model.mixed)  # the beam split by an edge returns a range in between
-            scale = np.where(hang, scale * (1 + rng.uniform(-0.08, 0.08, len(xyz))), scale)
+            mixed = edge & (rng.random(len(xyz)) < model.mixed)  # a beam on an edge returns a range in between
+            scale = np.where(mixed, scale * (1 + rng.uniform(-MIXED_RANGE, MIXED_RANGE, len(xyz))), scale)
             noisy = rgb * balance + rng.normal(0, model.colour_noise, rgb.shape)
             parts.append((centre + ray * scale[:, None] + shift, np.clip(np.rint(noisy), 0, 255).astype(np.uint8), index))
     return Scan(
@@ -207,26 +219,27 @@ def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None
 
 
 def station_places(scene: StationScene) -> np.ndarray:
-    """(S, 3) float64: where the stations stood."""
+    """(S, 3) float64 scanner positions."""
     return np.array([faces[0].camera_to_world[:3, 3] for faces in scene.stations])
 
 
-UP = "y"  # of the scene folders
+UP = "y"
+"""Up axis of scene folders."""
 
 
 def panorama(faces: list[Shot]) -> Panorama:
-    """The six faces of a station, in a z-up world."""
+    """The six faces of a station as a panorama in a z-up world."""
     rotations = np.stack([to_z_up(face.camera_to_world[:3, :3].T, UP).T for face in faces])
     depth = np.stack([face.depth() for face in faces]).astype(np.float64)
     return Panorama(rotations, faces[0].fl, depth, np.stack([face.rgb() for face in faces]))
 
 
 def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = None) -> Scan:
-    """The stations as a terrestrial scanner samples them: its angular grid and limited vertical field, the blind cone under the
-    tripod, noise that grows with range and grazing angle, mixed points, dropouts on dark and grazed surfaces, stations a
-    few millimetres and hundredths of a degree off, and people who walk by while one station scans.
+    """The stations sampled like a terrestrial scanner's.
 
-    model: exposure and white balance are taken from it.
+    It has the scanner's angular grid and limited vertical field of view, the blind cone under the tripod, noise that grows with
+    range and grazing angle, mixed pixels, dropouts on dark and grazing surfaces, misregistration of a few millimetres and
+    hundredths of a degree, and people who pass by while a station scans.  model: only exposure and white balance are used.
     """
     model = model or ScanModel()
     rng = np.random.default_rng([seed, 2])
@@ -242,7 +255,7 @@ def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = No
         position = to_z_up(faces[0].camera_to_world[:3, 3], UP)
         passers = _passers(position, rng) if rng.random() < 0.2 else []
         scanner = VirtualScanner(with_passers(seen.trace, passers), instrument, snap=seen.snap)
-        # gains here act on sRGB, as in scan_stations; the scanner's own camera is left at 1
+        # gains act on sRGB, as in scan_stations, so the scanner's own camera has gain 1
         xyz, rgb, _, station, _ = scanner.station(position, int(0.8 * faces[0].width**2 * 6), rng, 1.0, number)
         rgb = np.clip(np.rint(rgb * gains[number]), 0, 255).astype(np.uint8)
         parts.append((from_z_up(xyz, UP), rgb, station))
@@ -251,7 +264,7 @@ def instrument_scan(scene: StationScene, seed: int, model: ScanModel | None = No
 
 
 def _passers(position: np.ndarray, rng: np.random.Generator) -> list[Passer]:
-    """One or two people on the floor, a few metres from the station."""
+    """One or two people on the floor, 1.2 to 3.5 m from the station."""
     floor = float(position[2]) - 1.5
     people = []
     for _ in range(rng.integers(1, 3)):

@@ -1,4 +1,4 @@
-"""Files written whole or not at all, links and devices included."""
+"""Atomic writes, to links and devices as well."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ from model.common.atomic_write import write_atomic
 from model.common.folders import made_folder
 
 
-def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path):
+def test_an_existing_file_stays_until_the_new_one_is_complete(tmp_path):
     path = tmp_path / "a.json"
     path.write_text("old")
 
@@ -26,17 +26,17 @@ def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path):
     assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
 
 
-def test_a_link_stays_one_and_what_it_leads_to_is_written(tmp_path):
+def test_a_link_stays_a_link_and_its_target_is_written(tmp_path):
     (tmp_path / "results").mkdir()
     real, link = tmp_path / "results" / "real.json", tmp_path / "link.json"
     link.symlink_to(real)
-    for text in ("first", "second"):  # at first it leads nowhere
+    for text in ("first", "second"):  # at first its target does not exist
         write_atomic(link, lambda beside, text=text: beside.write_text(text))
         assert link.is_symlink() and real.read_text() == text
     assert [path.name for path in real.parent.iterdir()] == ["real.json"]
 
 
-def test_a_pipe_is_written_to_and_stays_one(tmp_path):
+def test_a_pipe_is_written_directly(tmp_path):
     pipe, heard = tmp_path / "pipe", []
     os.mkfifo(pipe)
     listener = threading.Thread(target=lambda: heard.append(pipe.read_text()), daemon=True)
@@ -47,8 +47,8 @@ def test_a_pipe_is_written_to_and_stays_one(tmp_path):
 
 
 @pytest.mark.parametrize("to_a_file", [False, True])
-def test_what_goes_to_standard_output_joins_what_is_there(tmp_path, to_a_file):
-    """In a pipe and in a file that a shell opened, which is not replaced."""
+def test_standard_output_is_appended_to(tmp_path, to_a_file):
+    """To a pipe, and to a file that a shell opened, which is not replaced."""
     code = """
 from pathlib import Path
 from model.common.atomic_write import passes_through, write_atomic
@@ -57,16 +57,16 @@ assert passes_through(Path("/dev/stdout"))
 write_atomic(Path("/dev/stdout"), lambda beside: beside.write_text("figures"))
 """
     if to_a_file:
-        with (tmp_path / "said").open("a") as target:
+        with (tmp_path / "message").open("a") as target:
             subprocess.run([sys.executable, "-c", code], stdout=target, check=True)
-        said = (tmp_path / "said").read_text()
+        message = (tmp_path / "message").read_text()
     else:
-        said = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, text=True).stdout
-    assert said == "table\nfigures" and len(list(tmp_path.iterdir())) == to_a_file
+        message = subprocess.run([sys.executable, "-c", code], stdout=subprocess.PIPE, check=True, text=True).stdout
+    assert message == "table\nfigures" and len(list(tmp_path.iterdir())) == to_a_file
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_folders_made_in_vain_go_again_from_the_innermost_out(tmp_path, held):
+def test_empty_new_folders_are_removed_from_the_innermost_outwards(tmp_path, held):
     inner = tmp_path / "a" / "b" / "c"
     with pytest.raises(KeyboardInterrupt), made_folder(inner):
         if held:

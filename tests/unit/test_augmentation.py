@@ -1,4 +1,4 @@
-"""Augmentation of training crops: textures, lettering, stations that disagree, noise."""
+"""Augmentation of training crops: textures, lettering, disagreeing stations, noise."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ KINDS = ("GRAIN", "LETTERING", "SPECKLE")
 
 @pytest.fixture
 def only(monkeypatch):
-    """A function that has all crops augmented by one kind, without noise unless that is the kind."""
+    """A function that restricts augmentation to one kind."""
 
     def choose(kind: str, share: float = 1.0) -> None:
         for other in KINDS:
@@ -24,7 +24,7 @@ def only(monkeypatch):
 
 
 def plain_wall(folder):
-    """One pair: a wall of one colour, measured at half of its pixels."""
+    """One pair: a uniform wall, measured at half of its pixels."""
     rng = np.random.default_rng(0)
     x = np.full((1, 6, 64, 64), 0.4, np.float16)
     x[0, 5] = 1.0
@@ -36,7 +36,7 @@ def plain_wall(folder):
     np.save(folder / "truth.npy", truth)
 
 
-def test_stations_that_disagree_are_speckle_on_points_and_their_mean_in_truth(tmp_path, only):
+def test_disagreeing_stations_are_speckle_in_points_and_their_mean_in_truth(tmp_path, only):
     plain_wall(tmp_path)
     only("SPECKLE")
     crops = Crops([tmp_path], 64, 3)
@@ -49,8 +49,8 @@ def test_stations_that_disagree_are_speckle_on_points_and_their_mean_in_truth(tm
         assert float((truth[:, 1:] - truth[:, :-1]).abs().max()) < 0.05, "and has no speckle"
 
 
-def test_grain_is_the_same_texture_on_points_and_truth(tmp_path, only):
-    """Where a pixel is measured, points and truth get the same factor: what was equal stays equal."""
+def test_grain_is_the_same_texture_in_points_and_truth(tmp_path, only):
+    """Measured pixels get the same factor in points and truth, so that equal colours stay equal."""
     plain_wall(tmp_path)
     only("GRAIN", 0.4)
     crops, grained = Crops([tmp_path], 64, 2), 0
@@ -63,7 +63,7 @@ def test_grain_is_the_same_texture_on_points_and_truth(tmp_path, only):
     assert 1 <= grained <= 10
 
 
-def test_lettering_is_on_points_and_truth_and_differs_at_its_edges_only(tmp_path, only):
+def test_lettering_in_points_and_truth_differs_only_at_edges(tmp_path, only):
     plain_wall(tmp_path)
     only("LETTERING")
     crops, lettered = Crops([tmp_path], 64, 4), 0
@@ -77,8 +77,8 @@ def test_lettering_is_on_points_and_truth_and_differs_at_its_edges_only(tmp_path
     assert lettered >= 6
 
 
-def test_lettering_as_points_show_it_is_true_but_for_where_in_its_pixel_a_point_lies():
-    """A pixel that a stroke covers or leaves wholly is the same in both; only borders of strokes are not."""
+def test_lettering_in_points_differs_only_by_their_position_in_the_pixel():
+    """Pixels completely inside or outside a stroke are equal in both; only borders of strokes differ."""
     rng, differ = np.random.default_rng(2), []
     for _ in range(20):
         seen, true = lettering(rng, 96)
@@ -95,7 +95,7 @@ def test_lettering_as_points_show_it_is_true_but_for_where_in_its_pixel_a_point_
     assert max(differ) > 0.001, "points lie somewhere within their pixel"
 
 
-def test_strokes_cover_what_lies_within_half_their_width():
+def test_strokes_cover_positions_within_half_their_width():
     at = np.mgrid[0:20, 0:20][::-1] + 0.5
     share = covered(np.array([[[4.0, 10.0], [16.0, 10.0]]]), 2.0, at, 1e-6)
     plain = (np.hypot(at[0] - np.clip(at[0], 4, 16), at[1] - 10) < 2).astype(np.float32)
@@ -103,7 +103,7 @@ def test_strokes_cover_what_lies_within_half_their_width():
     assert not covered(np.array([[[40.0, 40.0], [50.0, 50.0]]]), 2.0, at, 1.0).any(), "beyond the crop"
 
 
-def test_noise_is_on_points_alone_and_its_level_is_told(tmp_path, only):
+def test_noise_is_in_points_only_and_its_level_is_an_input(tmp_path, only):
     plain_wall(tmp_path)
     only("NOISE")
     crops, spread = Crops([tmp_path], 64, 3), []
@@ -116,14 +116,14 @@ def test_noise_is_on_points_alone_and_its_level_is_told(tmp_path, only):
         assert float(residue.std(0).mean()) < 0.6 * float(residue.std(1).mean()), "nearly alike in all channels"
         kurtosis = float((residue**4).mean() / residue.var() ** 2)
         robust = float((residue.mean(0) - residue.mean(0).median()).abs().median()) / 0.6745
-        told = float(batch.x[0, 5].mean()) / NOISE_SCALE
-        spread.append((float(residue.std()), kurtosis, told / robust))
+        level = float(batch.x[0, 5].mean()) / NOISE_SCALE
+        spread.append((float(residue.std()), kurtosis, level / robust))
     spreads, tails, ratio = np.array(spread).T
     assert spreads.min() > 0.003 and spreads.max() < 0.25 and np.median(tails) > 4, "heavy tails"
-    assert 0.7 < np.median(ratio) < 1.1 and np.quantile(ratio, 0.9) < 2.0, "told as it is, or somewhat less"
+    assert 0.7 < np.median(ratio) < 1.1 and np.quantile(ratio, 0.9) < 2.0, "the estimate is right or somewhat low"
 
 
-def test_colours_stay_as_they_are_where_asked(tmp_path):
+def test_colours_are_unchanged_without_recolouring(tmp_path):
     np.save(tmp_path / "measured.npy", np.full((1, 6, 40, 40), 0.5, np.float16))
     truth = np.zeros((1, 5, 40, 40), np.uint8)
     truth[:, :3] = np.array([10, 100, 200])[:, None, None]
@@ -133,4 +133,4 @@ def test_colours_stay_as_they_are_where_asked(tmp_path):
         torch.stack([Crops([tmp_path], 32, 1, recolour=r).batch(s, 1).colour[0].flatten(1).median(1).values for s in range(8)])
         for r in (False, True)
     )
-    assert (plain - true).abs().max() < 0.05 < (other - true).abs().max()  # grain and print may lie on most of a crop
+    assert (plain - true).abs().max() < 0.05 < (other - true).abs().max()  # grain and lettering may cover most of a crop

@@ -1,4 +1,4 @@
-"""Places that are not what they say: every one is refused in a line that names the file, before anything is learned."""
+"""Invalid training data: each is refused in one line that names the file, before any training."""
 
 import json
 import re
@@ -48,18 +48,19 @@ def _face(key, value):
 
 
 @pytest.mark.parametrize(("change", "said"), [
-    (_face("fl", 0), "fl 0: not a camera"), (_face("fl", float("nan")), "fl nan"), (_face("fl", -24.0), "fl -24"),
+    (_face("fl", 0), "fl 0: not a valid camera"), (_face("fl", float("nan")), "fl nan"), (_face("fl", -24.0), "fl -24"),
     (_face("w", 0), "0x48 pixels"), (_face("fl", 25.0), "one size and focal length"),
-    (_face("camera_to_world", [[float("nan")] * 4] * 4), "no rotation"),
-    (_face("camera_to_world", [[0] * 4] * 4), "no rotation"),
-    (_face("camera_to_world", (np.eye(4) + 1e300 * np.eye(4, k=3)).tolist()), "no rotation"),
+    (_face("camera_to_world", [[float("nan")] * 4] * 4), "not a rotation"),
+    (_face("camera_to_world", [[0] * 4] * 4), "not a rotation"),
+    (_face("camera_to_world", (np.eye(4) + 1e300 * np.eye(4, k=3)).tolist()), "not a rotation"),
     (_face("camera_to_world", [[10**400] * 4] * 4), "not a scene description"),
-    (_face("rgb", "x" * 5000), "cannot be read"), (_face("fl", 1e300), "not a camera"),
+    (_face("rgb", "x" * 5000), "cannot be read"), (_face("fl", 1e300), "not a valid camera"),
     (_face("camera_to_world", [1, 2]), "not a scene description"), (_face("rgb", 5), "5 is missing"),
-    (lambda data: data.update(depth_scale=0), "depth_scale 0"), (lambda data: data.update(stations=[]), "stations of 6 faces"),
-    (lambda data: data["stations"][1]["faces"].pop(), "stations of 6 faces"),
+    (lambda data: data.update(depth_scale=0), "depth_scale 0"),
+    (lambda data: data.update(stations=[]), "stations with 6 faces"),
+    (lambda data: data["stations"][1]["faces"].pop(), "stations with 6 faces"),
 ])
-def test_what_is_no_scene_is_refused_by_name(good, tmp_path, change, said):
+def test_an_invalid_scene_is_refused_by_name(good, tmp_path, change, said):
     room = shutil.copytree(good / "room", tmp_path / "room")
     _changed(room / "scene.json", change)
     _refused(lambda: load_scene(room), said)
@@ -71,12 +72,12 @@ def test_a_depth_picture_of_colours_is_refused_by_name(good, tmp_path, made):
     room, frames = (shutil.copytree(good / name, tmp_path / name) for name in ("room", "rgbd"))
     for path in (room / "v2.depth.png", frames / "depth" / "003.png"):
         made(Image.fromarray(np.zeros(np.asarray(Image.open(path)).shape, np.uint8))).save(path)
-    _refused(lambda: load_scene(room), r"v2\.depth\.png is no depth picture")
-    _refused(lambda: load_rgbd(frames), r"depth/003\.png is no depth picture")
+    _refused(lambda: load_scene(room), r"v2\.depth\.png is not a depth picture")
+    _refused(lambda: load_rgbd(frames), r"depth/003\.png is not a depth picture")
 
 
 @pytest.mark.parametrize("array", [np.zeros((60, 80), complex), np.zeros((0, 80), np.float32), np.zeros((60, 80, 3))])
-def test_an_array_that_is_no_depth_is_refused_by_name(good, tmp_path, array):
+def test_an_array_without_depth_is_refused_by_name(good, tmp_path, array):
     frames = shutil.copytree(good / "rgbd", tmp_path / "rgbd")
     np.save(frames / "depth" / "000.npy", array)
     _changed(frames / "transforms.json", lambda data: data["frames"][0].update(depth_file_path="depth/000.npy"))
@@ -100,7 +101,7 @@ COLOURED = [*HEAD, *(f"property float {name}" for name in ("x", "y", "z", "red",
     [*HEAD, "property list uchar int x"], [*COLOURED, "element face 1", "property list foo int v"],
     [*COLOURED, "element face 1", "property list uchar int"], ["ply", *["comment"] * 300],
 ])
-def test_a_ply_header_that_says_nothing_is_refused(good, tmp_path, lines):
+def test_an_empty_ply_header_is_refused(good, tmp_path, lines):
     root = shutil.copytree(good / "plus", tmp_path / "plus")
     path = root / "data" / "aa11bb22cc" / "scans" / "pc_aligned.ply"
     path.write_bytes("\n".join([*lines, "end_header\n"]).encode() + bytes(100))
@@ -108,11 +109,11 @@ def test_a_ply_header_that_says_nothing_is_refused(good, tmp_path, lines):
 
 
 @pytest.mark.parametrize(("name", "text", "said"), [
-    ("train_test_lists.json", '{"test": 5}', "test is no list"),
-    ("nerfstudio/transforms.json", '{"frames": 5}', "frames is no list"),
+    ("train_test_lists.json", '{"test": 5}', "test is not a list"),
+    ("nerfstudio/transforms.json", '{"frames": 5}', "frames is not a list"),
     ("nerfstudio/transforms.json", '{"frames": [{"file_path": 5}]}', "without file_path"),
 ])
-def test_lists_that_are_none_are_refused(good, tmp_path, name, text, said):
+def test_invalid_lists_are_refused(good, tmp_path, name, text, said):
     root = shutil.copytree(good / "plus", tmp_path / "plus")
     (root / "data" / "aa11bb22cc" / "dslr" / name).write_text(text)
     _refused(lambda: load_scannetpp(root, "aa11bb22cc"), said)
@@ -120,8 +121,8 @@ def test_lists_that_are_none_are_refused(good, tmp_path, name, text, said):
     _refused(lambda: scenes(root, "train"), "not a list of scenes")
 
 
-def test_brackets_within_brackets_are_no_description(good, tmp_path):
-    """The reader of JSON has its own end to them, which is no error of values."""
+def test_deeply_nested_json_is_refused(good, tmp_path):
+    """The JSON reader raises RecursionError, which is not a ValueError."""
     room, frames, plus = (shutil.copytree(good / name, tmp_path / name) for name in ("room", "rgbd", "plus"))
     home = plus / "data" / "aa11bb22cc" / "dslr"
     for path, load in ((room / "scene.json", lambda: load_scene(room)), (frames / "transforms.json", lambda: load_rgbd(frames)),
@@ -131,7 +132,7 @@ def test_brackets_within_brackets_are_no_description(good, tmp_path):
 
 
 @pytest.mark.parametrize("text", ["", "# none\n", "1 2 3\n", "1 0 0 1e300\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", None])
-def test_a_file_that_holds_no_pose_is_refused_quietly(good, tmp_path, text, recwarn):
+def test_a_file_without_a_pose_is_refused_without_warnings(good, tmp_path, text, recwarn):
     frames = shutil.copytree(good / "scannet", tmp_path / "scannet")
     path = frames / "pose" / "7.txt"
     path.unlink()
@@ -144,19 +145,19 @@ def test_a_file_that_holds_no_pose_is_refused_quietly(good, tmp_path, text, recw
 
 
 @pytest.mark.parametrize("text", ["1e300 55 41 29", "55 55 41 -1e300", "", "0 0 0 0"])
-def test_intrinsics_that_are_no_lens_are_refused_by_name(good, tmp_path, text):
+def test_invalid_intrinsics_are_refused_by_name(good, tmp_path, text):
     frames = shutil.copytree(good / "tum", tmp_path / "tum")
     (frames / "calibration.txt").write_text(text)
     _refused(lambda: load_rgbd(frames), r"calibration\.txt: ")
 
 
-def test_points_that_are_no_places_are_left_out(good, tmp_path, recwarn):
+def test_points_with_invalid_positions_are_left_out(good, tmp_path, recwarn):
     root = shutil.copytree(good / "plus", tmp_path / "plus")
     path = root / "data" / "aa11bb22cc" / "scans" / "pc_aligned.ply"
     data = bytearray(path.read_bytes())
     begin = data.index(b"end_header\n") + 11
     struct.pack_into("<3f", data, begin, 3e38, 0, 0)
-    struct.pack_into("<I", data, begin + 15, 0x7F800001)  # a NaN that signals
+    struct.pack_into("<I", data, begin + 15, 0x7F800001)  # a signalling NaN
     path.write_bytes(data)
     assert len(load_scannetpp(root, "aa11bb22cc").scan(0).xyz) == 60_000 - 2
     assert [str(warning.message) for warning in recwarn] == []

@@ -1,4 +1,4 @@
-"""The compiled last part of the network against the same in torch, on random pictures of every awkward size."""
+"""The compiled last part of the network against torch, on random pictures of many sizes."""
 
 from concurrent.futures import ThreadPoolExecutor
 
@@ -14,7 +14,7 @@ from model.unet import BLENDS, INPUT_CHANNELS, CompactUNet, Size
 
 
 def _network(rng, block=2) -> CompactUNet:
-    """Small, with a head that says something."""
+    """A small network with a random head."""
     network = CompactUNet(Size((8, 16), 1, block))
     torch.manual_seed(int(rng.integers(2**31)))
     torch.nn.init.normal_(network.head.weight, std=0.2)
@@ -27,7 +27,7 @@ def _packed(rng, height, width, mask="random") -> torch.Tensor:
     packed[..., 3] = {"random": (packed[..., 3] > 0.6).float(), "none": 0.0, "all": 1.0}[mask]
     packed[..., CLOSED] = (packed[..., CLOSED] > 0.9).float()
     if mask == "all":
-        packed[: height // 2, :, :3] = 0.0  # black, and nothing varies
+        packed[: height // 2, :, :3] = 0.0  # black and uniform
     return packed
 
 
@@ -61,7 +61,7 @@ def test_agrees_with_torch_at_any_size(seed, block, mask):
     assert spread > 0.05
 
 
-def test_no_result_depends_on_threads_or_on_who_calls(seed):
+def test_the_result_does_not_depend_on_threads_or_callers(seed):
     rng = np.random.default_rng(seed)
     network = _network(rng)
     pictures = [_packed(rng, 361, 483), _packed(rng, 120, 333)]
@@ -73,14 +73,14 @@ def test_no_result_depends_on_threads_or_on_who_calls(seed):
     with ThreadPoolExecutor(4) as pool:
         made = list(pool.map(lambda i: blender(*inputs[i % 2]), range(40)))
     assert all(torch.equal(picture, once[i % 2]) for i, picture in enumerate(made))
-    halves = [(packed.half(), blocks.bfloat16(), 2) for packed, blocks, _ in inputs]  # into arrays that it keeps
+    halves = [(packed.half(), blocks.bfloat16(), 2) for packed, blocks, _ in inputs]  # conversion into reused buffers
     alone = [Blender(1)(packed.float(), blocks.float(), 2) for packed, blocks, _ in halves]
     with ThreadPoolExecutor(4) as pool:
         made = list(pool.map(lambda i: blender(*halves[i % 2]), range(20)))
     assert all(torch.equal(picture, alone[i % 2]) for i, picture in enumerate(made))
 
 
-def test_what_is_not_a_number_becomes_black_and_nothing_leaves_the_range(seed):
+def test_nan_becomes_black_and_the_output_is_in_range(seed):
     rng = np.random.default_rng(seed)
     packed = _packed(rng, 40, 40)
     packed[5, 5, 0], packed[20, 20, 2], packed[30, 9, 1] = float("nan"), float("inf"), -float("inf")
@@ -98,10 +98,10 @@ def test_rational_tanh_is_tanh():
 
 
 @pytest.mark.parametrize("quality", ["fast", "balanced"])
-def test_shipped_networks_look_the_same_either_way(seed, quality):
+def test_shipped_networks_give_the_same_picture_compiled_and_in_torch(seed, quality):
     rng = np.random.default_rng(seed)
     network = Reconstructor(quality, filtered=True, device="cpu", precision="fp32")
     packed = _packed(rng, 90, 122).half()
     fast = network(packed).float()
     network._blender = None
-    assert (network(packed).float() - fast).abs().max() <= 2**-10  # a rounding of half floats
+    assert (network(packed).float() - fast).abs().max() <= 2**-10  # rounding to half precision

@@ -1,4 +1,4 @@
-"""Pieces of a room in a void: coverage that agrees with brute force, and a scan that ends where the box does."""
+"""Cut-outs of a room: coverage against brute force, and a scan that ends at the box."""
 
 import json
 
@@ -18,7 +18,7 @@ def room(tmp_path_factory):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_coverage_is_where_the_true_surface_lies_in_the_box(room, seed):
+def test_coverage_is_where_the_true_surface_is_in_the_box(room, seed):
     rng = np.random.default_rng(seed)
     middle = rng.uniform(-1, 1, 3) * (2.0, 1.5, 2.5)
     cut = CutOut(room, middle - 1.0, middle + 1.0)
@@ -34,7 +34,7 @@ def test_coverage_is_where_the_true_surface_lies_in_the_box(room, seed):
             within = (np.abs(along - middle) <= 1.0).all(1)
             hit = view.camera_to_world[:3, 3] + ray * depth[j, i]
             if np.abs(np.abs(hit - middle) - 1.0).min() < 0.01:
-                continue  # on the border to within the steps of this check
+                continue  # on the border, within the resolution of this check
             surface_in = bool((np.abs(hit - middle) <= 1.0).all())
             assert made.covered[j, i] == float(surface_in)
             behind = bool(within[np.linspace(0, 12, 4001) > depth[j, i] + 0.01].any())
@@ -42,7 +42,7 @@ def test_coverage_is_where_the_true_surface_lies_in_the_box(room, seed):
                 assert made.usable[j, i] == (not behind) or not within.any() or abs(within.sum()) < 8
 
 
-def test_the_scan_ends_where_the_box_does_and_pairs_carry_the_void(room, tmp_path):
+def test_the_scan_ends_at_the_box_and_pairs_contain_background(room, tmp_path):
     cut = CutOut(room, np.array([-2.1, -1.6, -2.6]), np.array([2.1, 0.0, 2.6]))  # the lower half
     scan = cut.scan(1)
     assert 0 < len(scan.xyz) < len(room.scan(1).xyz) and scan.xyz[:, 1].max() <= 0
@@ -52,7 +52,7 @@ def test_the_scan_ends_where_the_box_does_and_pairs_carry_the_void(room, tmp_pat
     assert (truth[:, 3] == 0).any() and (truth[:, 3] == 255).any() and (truth[:, 4] == 255).mean() > 0.9
 
 
-def test_a_training_learns_a_piece_of_every_registered_room_and_of_no_other(room, tmp_path):
+def test_training_uses_a_cut_out_of_registered_rooms_only(room, tmp_path):
     photographed = PhotoPlace("photographs", room.scan(1), room.views)
     places = with_cut_outs([room, photographed], 3)
     assert places[:2] == [room, photographed] and [place.name for place in places[2:]] == ["box cut out"]
@@ -62,8 +62,8 @@ def test_a_training_learns_a_piece_of_every_registered_room_and_of_no_other(room
     assert count == len(scenes) == 18 and scenes.count("box cut out") == 2
 
 
-def test_a_scan_that_missed_the_piece_is_no_points(room, tmp_path, monkeypatch):
-    """As under a tripod; the pictures stay."""
+def test_a_cut_out_may_have_no_points(room, tmp_path, monkeypatch):
+    """As under a tripod; its pictures remain."""
     cut = CutOut(room, np.array([-2.1, -1.6, -2.6]), np.array([2.1, 0.0, 2.6]), most=2)
     empty = CutOut(room, np.full(3, 90.0), np.full(3, 91.0)).scan(1)
     assert not len(empty.xyz)

@@ -1,4 +1,4 @@
-"""The depth filter's claims, in torch, without OpenGL: what it keeps, what it drops, and that no unit enters it."""
+"""The depth filter in torch, without OpenGL: kept pixels, dropped pixels, and independence of units."""
 
 import numpy as np
 import pytest
@@ -27,17 +27,17 @@ def two_layers(front_share: float, near: float, far: float, seed: int, scale: fl
 
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.2, 0.1])
 @pytest.mark.parametrize("distance", [1.0, 8.0, 60.0])
-def test_auto_drops_what_shows_through_and_keeps_what_is_seen(share, distance):
+def test_auto_drops_hidden_points_and_keeps_visible_ones(share, distance):
     depth, near, leaked, open_far = two_layers(share, distance, 1.5 * distance, seed=3)
     keep = keep_mask(depth).numpy()
     assert keep[near].all()
     assert keep[leaked].mean() < {0.9: 0.03, 0.5: 0.05, 0.2: 0.08, 0.1: 0.25}[share]
-    assert keep[open_far].mean() > 0.97  # beside the silhouette too
+    assert keep[open_far].mean() > 0.97  # also beside the silhouette
 
 
 @pytest.mark.parametrize("distance", [2.0, 10.0, 40.0, 60.0])
-def test_auto_keeps_a_bare_floor_at_any_distance(distance):
-    """A plane is affine in inverse depth: nothing of a dense floor seen at a grazing angle may go."""
+def test_auto_keeps_a_plain_floor_at_any_distance(distance):
+    """A plane is affine in inverse depth, so a dense floor at a grazing angle must be kept completely."""
     h = SIZE[0]
     rows = np.arange(h)[:, None] + 0.5
     inverse = np.broadcast_to((rows / h) * 0.9 + 0.1, SIZE) / distance
@@ -47,7 +47,7 @@ def test_auto_keeps_a_bare_floor_at_any_distance(distance):
 @pytest.mark.parametrize("preset", ["auto", "paper-text"])
 @pytest.mark.parametrize("scale", [2.0**-12, 2.0**10, 1e-3, 1e6])
 def test_scale_changes_no_pixel(preset, scale):
-    """Exactly so for powers of two, and but for rounding ties for the rest."""
+    """Exactly for powers of two, and up to rounding ties for other scales."""
     reference = keep_mask(two_layers(0.3, 2.0, 3.0, 5)[0], preset)
     scaled = keep_mask(two_layers(0.3, 2.0, 3.0, 5, scale)[0], preset)
     assert (reference != scaled).sum() <= (0 if np.log2(scale) % 1 == 0 else 2)
@@ -62,7 +62,7 @@ def test_a_smaller_strength_keeps_fewer():
 
 
 @pytest.mark.parametrize("preset", ["auto", "paper-code", "paper-text", "npbg++", "off"])
-def test_empty_stays_empty_and_a_lone_point_stays(preset):
+def test_empty_pixels_stay_empty_and_a_single_point_is_kept(preset):
     depth = torch.full(SIZE, torch.inf)
     assert not keep_mask(depth, preset).any()
     depth[100, 77] = 3.0
@@ -117,8 +117,8 @@ def test_auto_is_above_the_papers_filter_on_real_rooms(shared_data):
 
 
 @pytest.mark.parametrize("share", [0.15, 0.3])
-def test_what_shows_through_goes_up_to_the_border(seed, share):
-    """A sparse wall before another one, slanting, without the rest of the picture and with it."""
+def test_hidden_points_are_dropped_up_to_the_border(seed, share):
+    """A sparse slanted wall in front of another, in a cropped and in the full picture."""
     rng = np.random.default_rng(seed)
     i, j = np.meshgrid(np.arange(260), np.arange(220))
     depth = np.where(rng.random(i.shape) < share, 2.0 + 0.002 * i + 0.001 * j, 4.0 + 0.003 * j).astype(np.float32)
@@ -127,5 +127,5 @@ def test_what_shows_through_goes_up_to_the_border(seed, share):
     whole, behind = whole[inner], depth[inner] > 3.5
     outer = np.ones(cut.shape, bool)
     outer[4:-4, 4:-4] = False
-    assert (cut & behind & ~whole)[outer].sum() < 0.1 * outer.sum()  # 44 to 78 % with nothing beyond the border
+    assert (cut & behind & ~whole)[outer].sum() < 0.1 * outer.sum()  # 44 to 78 % without mirroring
     assert (cut & ~behind)[outer].sum() > 0.97 * (whole & ~behind)[outer].sum()

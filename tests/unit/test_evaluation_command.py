@@ -60,7 +60,7 @@ def test_a_scene_without_a_return_is_refused(room, tmp_path):
     for name in depths:
         with Image.open(room / name) as depth:
             Image.new(depth.mode, depth.size).save(tmp_path / "void" / name)
-    with pytest.raises(DataError, match=r"void: the depth pictures of its stations hold no return"):
+    with pytest.raises(DataError, match=r"void: the depth pictures of its stations have no return"):
         evaluate(tmp_path / "void")
 
 

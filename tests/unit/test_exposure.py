@@ -1,4 +1,4 @@
-"""Exposure between stations: known gains undone, and colours left alone where nothing can be known."""
+"""Exposure compensation: known gains are recovered, and colours without an estimate are unchanged."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def _room(rng, count, gains, noise=2.0, apart=0.0):
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
-def test_known_gains_are_undone_at_any_scale(seed, scale):
+def test_known_gains_are_compensated_at_any_scale(seed, scale):
     rng = np.random.default_rng(seed)
     gains = 1 + rng.uniform(-0.12, 0.12, (4, 3))
     gains /= gains.mean(0)
@@ -50,7 +50,7 @@ def test_scans_that_differ_in_more_than_exposure_keep_their_colours():
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_few_points_and_a_single_scan_are_left_alone(count):
+def test_few_points_and_a_single_scan_are_unchanged(count):
     xyz, rgb = np.zeros((count, 3)), np.full((count, 3), 9, np.uint8)
     assert np.array_equal(match_exposures(xyz, rgb, np.zeros(count, np.uint8)), rgb)
 
@@ -66,13 +66,13 @@ def test_two_linked_groups_each_keep_their_own_mean():
 
 
 @pytest.mark.parametrize("far", [1e12, 1e20, 1e300])
-def test_stray_points_change_nothing(far):
-    """Their voxels' numbers are beyond 64 bits: all others became one voxel."""
+def test_outlier_points_change_nothing(far):
+    """With them voxel numbers would exceed 64 bits, and all other points would share one voxel."""
     xyz, rgb, scan = _room(np.random.default_rng(3), 20_000, np.array([[0.9] * 3, [1.1] * 3]))
-    stray = np.array([[far, 0, 0], [0, -far, 0], [far, far, far]])
+    outlier = np.array([[far, 0, 0], [0, -far, 0], [far, far, far]])
     with np.errstate(all="raise"):
         known = solve_exposures(xyz, rgb, scan, 0.03)
-        more = np.concatenate([xyz, stray]), np.append(rgb, [[99] * 3] * 3, axis=0), np.append(scan, [0, 1, 1])
+        more = np.concatenate([xyz, outlier]), np.append(rgb, [[99] * 3] * 3, axis=0), np.append(scan, [0, 1, 1])
         found = solve_exposures(*more, 0.03)
     assert known.matched.all()
     np.testing.assert_array_equal(found.gains, known.gains)

@@ -1,4 +1,4 @@
-"""Withheld points: which are judged, what their figures mean, and that no picture is made of what judges it."""
+"""Withheld points: their selection, their figures, and their absence from the pictures that they evaluate."""
 
 from types import SimpleNamespace
 
@@ -25,7 +25,7 @@ from model.evaluation.methods import TRUE, Method, plain_methods, soft_z
 pytestmark = pytest.mark.usefixtures("one_thread")
 
 WIDTH, HEIGHT, FOCAL, FAR = 160, 120, 120.0, 5.0
-SPACING = FAR / FOCAL  # of the wall's points: one a pixel
+SPACING = FAR / FOCAL  # of the wall's points: one per pixel
 
 
 def camera():
@@ -63,7 +63,7 @@ def judged(scan, methods, **options):
 
 
 @pytest.mark.parametrize("noise", [0.01, 0.05])
-def test_the_true_picture_scores_the_noise_of_the_points_and_nothing_else(noise):
+def test_the_psnr_of_the_true_picture_is_the_noise_of_the_points(noise):
     rows = judged(wall(150_000, noise), [fixed("true", true_picture())])
     expected = -10 * np.log10(noise**2 + 1 / 12 / 255**2)  # and rounding to bytes
     assert rows["true"]["psnr"] == pytest.approx(expected, abs=0.15)
@@ -71,19 +71,19 @@ def test_the_true_picture_scores_the_noise_of_the_points_and_nothing_else(noise)
 
 
 @pytest.mark.parametrize("contrast", [0.5, 0.8, 1.5])
-def test_slope_is_what_the_shown_contrast_must_be_multiplied_by(contrast):
+def test_the_slope_is_the_factor_of_the_missing_contrast(contrast):
     shown = 0.5 + contrast * (true_picture() - 0.5)
     row = judged(wall(100_000, 0.05), [fixed("shown", shown)])["shown"]
     assert row["slope"] == pytest.approx(1 / contrast, rel=0.03)
 
 
-def test_noise_of_the_picture_lowers_the_slope_and_noise_of_the_points_does_not():
+def test_noise_of_the_picture_lowers_the_slope_but_noise_of_the_points_does_not():
     noisy = true_picture() + 0.1 * torch.randn(3, HEIGHT, WIDTH, generator=torch.Generator().manual_seed(3))
     rows = judged(wall(150_000, 0.2), [fixed("true", true_picture()), fixed("noisy", noisy)])
     assert rows["true"]["slope"] == pytest.approx(1.0, abs=0.05) and 0.4 < rows["noisy"]["slope"] < 0.85
 
 
-def test_points_behind_a_surface_with_gaps_are_not_judged():
+def test_points_behind_a_surface_with_gaps_are_not_used():
     back = wall(100_000, 0.0)
     rng = np.random.default_rng(5)
     near = 2.0
@@ -104,7 +104,7 @@ def test_points_behind_a_surface_with_gaps_are_not_judged():
     assert shown[beside].mean() > 0.95  # the wall beside it
 
 
-def test_black_points_without_a_colour_are_not_judged():
+def test_black_points_without_a_colour_are_not_used():
     scan = wall(50_000, 0.0)
     scan.rgb[::3] = 0
     seen = project_scan(scan, camera())
@@ -113,7 +113,7 @@ def test_black_points_without_a_colour_are_not_judged():
     assert len(targets(seen, torch.ones(len(seen.z), dtype=torch.bool), soft_z(SPACING)).index) > len(wanted.index)
 
 
-def test_high_pass_takes_off_the_gaussian_mean_of_the_points_around():
+def test_the_high_pass_subtracts_a_gaussian_mean_of_the_points():
     rng = np.random.default_rng(7)
     shape, sigma = (30, 40), 2.0
     index, values = rng.integers(0, shape[0] * shape[1], 300), rng.random((300, 2))
@@ -126,7 +126,7 @@ def test_high_pass_takes_off_the_gaussian_mean_of_the_points_around():
     assert np.allclose(high_pass(values, index, shape, sigma), expected, atol=1e-5)
 
 
-def test_pictures_are_made_without_the_points_that_judge_them():
+def test_pictures_are_made_without_the_withheld_points():
     scan, shown = wall(60_000, 0.02), []
 
     def look(sight):
@@ -141,7 +141,7 @@ def test_pictures_are_made_without_the_points_that_judge_them():
     assert len(wanted.point) == pytest.approx(HELD_OUT * 60_000, rel=0.1)
 
 
-def test_a_station_left_out_is_judged_by_its_points_alone():
+def test_a_withheld_station_is_evaluated_at_its_points_only():
     scan = wall(60_000, 0.0)
     station = (np.random.default_rng(2).random(60_000) < 0.3).astype(np.uint8)
     scan = Scan(scan.xyz, scan.rgb, station, np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]))
@@ -158,8 +158,8 @@ def test_a_station_left_out_is_judged_by_its_points_alone():
     assert work.rows()[0]["withheld"] == "station 2"
 
 
-def test_gaps_are_judged_for_themselves():
-    scan = wall(8_000, 0.0)  # four of ten pixels hold a point
+def test_gaps_are_evaluated_separately():
+    scan = wall(8_000, 0.0)  # four of ten pixels have a point
     true = true_picture()
     row = judged(scan, [fixed("true", true)])["true"]
     assert 0.3 < row["gaps"] < 0.9 and row["psnr_gaps"] == pytest.approx(row["psnr"], abs=1.0)
@@ -167,7 +167,7 @@ def test_gaps_are_judged_for_themselves():
     assert np.isnan(figures([few])["psnr_gaps"]) and figures([few])["psnr"] == pytest.approx(20.0)
 
 
-def test_figures_are_split_by_the_noise_around():
+def test_figures_are_split_by_local_noise():
     quiet, noisy = wall(60_000, 0.01, seed=1), wall(60_000, 0.1, seed=2)
     left, right = quiet.xyz[:, 0] < 0, noisy.xyz[:, 0] >= 0
     scan = Scan(np.concatenate([quiet.xyz[left], noisy.xyz[right]]), np.concatenate([quiet.rgb[left], noisy.rgb[right]]),

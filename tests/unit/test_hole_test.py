@@ -1,4 +1,4 @@
-"""Hole or void by the picture alone, on shapes of which everybody knows the answer; the shader is held against this twin."""
+"""The hole test from the picture alone, on shapes with a known answer; the shader is compared with this implementation."""
 
 import itertools
 
@@ -24,8 +24,8 @@ def test_holes_are_filled_and_the_sky_is_not():
 
 
 @pytest.mark.parametrize("side", [256, 512, 1024])
-def test_sparse_points_of_one_surface_have_no_holes_up_to_the_border(side):
-    """As far apart as a quarter of the reach, in pictures of every size: hardly anything is left open, no margin either."""
+def test_sparse_points_of_one_surface_are_opaque_up_to_the_border(side):
+    """With a spacing of a quarter of the reach, in pictures of any size; there is no open margin either."""
     reach = side // 16
     generator = torch.Generator().manual_seed(side)
     sparse = torch.rand(side, side, generator=generator) < (4 / reach) ** 2
@@ -33,7 +33,7 @@ def test_sparse_points_of_one_surface_have_no_holes_up_to_the_border(side):
     assert inside.float().mean() > 0.99 and inside[reach:-reach, reach:-reach].float().mean() > 0.998
 
 
-def test_a_ring_of_any_width_closes_up_to_the_reach_and_no_farther():
+def test_the_inside_of_a_ring_is_a_hole_up_to_the_reach_and_background_beyond():
     side = 512
     reach = side // 16
     for radius, closed in ((reach // 2, True), (3 * reach, False)):
@@ -42,22 +42,22 @@ def test_a_ring_of_any_width_closes_up_to_the_reach_and_no_farther():
         assert middle.all() if closed else not middle.any(), radius
 
 
-def test_what_one_sees_through_between_two_pipes_stays_open():
+def test_the_opening_between_two_pipes_is_background():
     mask = torch.zeros(512, 512, dtype=torch.bool)
     mask[:, 240:248] = mask[:, 280:288] = True
     assert not opaque_pixels(mask)[40:-40, 252:276].any()
-    mask[200:210, 240:288] = True  # nor does a bar across
+    mask[200:210, 240:288] = True  # a bar across does not change that
     assert not opaque_pixels(mask)[240:-40, 252:276].any()
 
 
-def test_single_points_are_no_surface():
+def test_single_points_are_not_a_surface():
     points = torch.zeros(512, 512, dtype=torch.bool)
     points[100, 100] = points[110, 130] = points[300, 310] = True
     assert opaque_pixels(points).sum() < 20
 
 
-def test_outlines_have_no_corners_of_a_grid():
-    """A round notch in a disc is answered alike wherever it lies on the grid of cells: but for a pixel of its border."""
+def test_outlines_do_not_depend_on_the_grid_of_cells():
+    """A round notch in a disc gives the same result at any offset to the grid, except for a pixel at its border."""
     shares = []
     for shift in range(0, 64, 7):
         mask = disc(640, 200, 320 + shift, 320 + shift) & ~disc(640, 90, 500 + shift, 320 + shift)
@@ -68,8 +68,8 @@ def test_outlines_have_no_corners_of_a_grid():
     assert max(shares) - min(shares) < 0.05 * max(max(shares), 2000)
 
 
-def test_turned_and_mirrored_pictures_are_answered_turned_and_mirrored(seed):
-    """Where cells fall on cells again: sides are multiples of 4."""
+def test_rotated_and_mirrored_pictures_give_rotated_and_mirrored_results(seed):
+    """For sides that are multiples of 4, where cells coincide with cells."""
     rng = np.random.default_rng(seed)
     mask = torch.from_numpy(rng.random((384, 384)) < 0.002) | disc(384, 80, 150, 220)
     inside = opaque_pixels(mask)
@@ -88,8 +88,8 @@ def test_any_size(size, seed):
     assert 1 <= fine_levels(width, height) <= 2 and (strides(width, height) != []) == (max(size) >= 128)
 
 
-def test_far_inside_is_away_from_any_void():
-    """Of a disc its middle; of a hole that is closed its middle too; and never a pixel that is not opaque_pixels itself."""
+def test_far_inside_excludes_pixels_near_background():
+    """It contains the middle of a disc and of a filled hole, and only opaque pixels."""
     mask = disc(512, 150)
     deep = far_inside(mask)
     assert deep[disc(512, 100)].all() and not deep[~disc(512, 145)].any()
@@ -98,7 +98,7 @@ def test_far_inside_is_away_from_any_void():
     assert (opaque_pixels(pierced) | ~far_inside(pierced)).all()
 
 
-def test_windows_meet_the_ones_beside_them():
+def test_adjacent_windows_leave_no_gap():
     assert len(set(DIRECTIONS)) == 16 and sum(KERNEL) ** 2 == KERNEL_SUM
     for side in range(128, 8192, 64):
         steps = strides(side, side // 2)
@@ -109,8 +109,8 @@ def test_windows_meet_the_ones_beside_them():
 
 
 @pytest.mark.parametrize("shape, alike", [("notch", 0.04), ("sparse", 0.2)])
-def test_pictures_of_any_size_are_answered_alike(shape, alike):
-    """One view in pictures of 640 to 1280 pixels, points and gaps in proportion; sparse ones as far apart as still closes."""
+def test_the_result_does_not_depend_on_resolution(shape, alike):
+    """One view in pictures of 640 to 1280 pixels, with points and gaps in proportion, up to the largest spacing that closes."""
     shares = []
     for side in (640, 768, 960, 1100, 1280):
         if shape == "notch":

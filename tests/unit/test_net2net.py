@@ -1,4 +1,4 @@
-"""A larger network begun as a smaller one returns what the smaller one does, and can still learn everywhere."""
+"""Net2Net: a larger network initialised from a smaller one has the same output, and all its weights can learn."""
 
 import pytest
 import torch
@@ -13,20 +13,20 @@ def _trained(size: Size, seed: int) -> CompactUNet:
     torch.manual_seed(seed)
     network = CompactUNet(size)
     with torch.no_grad():
-        for parameter in network.parameters():  # the head too, which is zero untrained
+        for parameter in network.parameters():  # including the head, which is zero at first
             parameter.normal_(0.0, 0.15)
     return network
 
 
 @pytest.mark.parametrize("large", [Size((8, 16, 24), 2), Size((12, 20, 24), 1), Size((16, 16, 40), 3)])
-def test_the_larger_network_begins_as_the_smaller_one(large):
+def test_the_larger_network_starts_with_the_smaller_ones_output(large):
     seed = int(torch.randint(2**31, ()).item())
     small, x = _trained(SMALL, seed), torch.rand(1, 6, 37, 50)
     begun = widen(small, CompactUNet(large))
     torch.testing.assert_close(begun(x), small(x), rtol=1e-4, atol=1e-4, msg=lambda m: f"seed {seed}: {m}")
 
 
-def test_every_new_weight_is_reached_by_learning_within_a_few_steps():
+def test_every_new_weight_gets_a_gradient_within_a_few_steps():
     small, large = _trained(SMALL, 3), CompactUNet(Size((12, 20, 24), 2))
     widen(small, large)
     before = {name: value.clone() for name, value in large.named_parameters()}

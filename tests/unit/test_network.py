@@ -61,14 +61,14 @@ def _bad_weights(folder):
     (folder / "empty.safetensors").write_bytes(b"")
 
 
-@pytest.mark.parametrize("name, said", [
+@pytest.mark.parametrize("name, message", [
     ("foreign", "not pointglass weights"), ("names", "the tensors are not those"), ("shape", "another shape"),
     ("nan", "not finite"), ("size", "unknown network"), ("text", "cannot be read"), ("empty", "cannot be read"),
     ("missing", "no such weights"), ("whole", "has type I16, not F16"), ("complex", "has type C64"),
 ])
-def test_bad_weights_are_refused_by_name(tmp_path, name, said):
+def test_bad_weights_are_refused_by_name(tmp_path, name, message):
     _bad_weights(tmp_path)
-    with pytest.raises(WeightsError, match=said) as caught:
+    with pytest.raises(WeightsError, match=message) as caught:
         load_weights(tmp_path / f"{name}.safetensors")
     assert name in str(caught.value) and "\n" not in str(caught.value)
 
@@ -103,20 +103,20 @@ def test_inference_is_finite_in_range_and_close_to_fp32(precision, kind):
     assert (made.float() - exact.float()).abs().mean() <= 0.01
 
 
-def test_a_closed_direction_is_never_void():
+def test_an_enclosed_direction_is_never_background():
     rng = np.random.default_rng(2)
     packed = torch.from_numpy(rng.random((40, 60, 8)).astype(np.float16))
     packed[..., CLOSED] = 0
     packed[:, 30:, CLOSED] = 1
     network = Reconstructor("balanced", filtered=True, device="cpu", precision="fp32")
     with torch.no_grad():
-        network.network.head.bias[-4:] = -0.6  # a network that would open everything
+        network.network.head.bias[-4:] = -0.6  # a network that predicts no coverage
     made = network(packed)
     assert (made[:, 30:, 3] == 1).all() and made[:, :30, 3].max() < 1
 
 
 @pytest.mark.parametrize("quality", ["fast", "balanced"])
-def test_leaving_out_the_void_changes_nothing_that_is_shown(quality):
+def test_leaving_out_background_changes_no_visible_pixel(quality):
     seed = int(np.random.default_rng().integers(2**31))
     rng = np.random.default_rng(seed)
     packed = torch.from_numpy(rng.random((333, 460, 8)).astype(np.float16))
@@ -134,7 +134,7 @@ def test_leaving_out_the_void_changes_nothing_that_is_shown(quality):
     assert packed[rows, columns].numel() == 0 and not network(packed).any()
 
 
-def test_the_network_takes_nothing_from_further_than_its_reach():
+def test_the_receptive_field_is_at_most_the_reach():
     torch.manual_seed(4)
     for quality in ("fast", "balanced"):
         network = make_network(quality)
@@ -147,7 +147,7 @@ def test_the_network_takes_nothing_from_further_than_its_reach():
             assert (reached - torch.tensor(at)).abs().max() <= network.reach, quality
 
 
-def test_missing_quality_says_which_weights_there_are():
+def test_a_missing_quality_names_the_shipped_weights():
     missing = next(q for q in ("paper", "balanced") if f"{q}-unfiltered" not in shipped())
     with pytest.raises(WeightsError, match=f"no weights are shipped for quality '{missing}'"):
         Reconstructor(missing, filtered=False, device="cpu")
@@ -167,7 +167,7 @@ def test_scans_of_a_room_keep_its_geometry_and_mean_exposure(tmp_path):
     assert abs(np.mean(gains) - 1) < 0.01 and abs(gains[0] - gains[1]) > 0.001
 
 
-def test_a_room_with_missing_torn_or_mismatched_files_is_refused_naming_ten(tmp_path):
+def test_a_room_with_missing_truncated_or_mismatched_files_is_refused_naming_ten(tmp_path):
     folder = make_room(tmp_path / "box")
     (folder / "v2.png").unlink()
     whole = (folder / "v1.png").read_bytes()
@@ -185,7 +185,7 @@ def test_a_room_with_missing_torn_or_mismatched_files_is_refused_naming_ten(tmp_
         load_scene(tmp_path)
 
 
-def test_evaluation_gives_a_row_a_method_and_density(tmp_path):
+def test_evaluation_has_a_row_for_each_method_and_density(tmp_path):
     folder = make_room(tmp_path / "box")
     result = evaluate(folder, densities=(1.0, 0.3), weights={"balanced": weights_dir() / "balanced-filtered.safetensors"})
     methods = {r["method"] for r in result["rows"]}
@@ -194,7 +194,7 @@ def test_evaluation_gives_a_row_a_method_and_density(tmp_path):
     json.dumps(result)
 
 
-def test_metrics_know_equal_pictures_gain_and_noise():
+def test_metrics_of_equal_brighter_and_noisy_pictures():
     a = torch.rand(3, 40, 40)
     assert psnr(a, a) == float("inf") and ssim(a, a) == pytest.approx(1.0)
     assert psnr(a, a + 0.1) == pytest.approx(20.0, abs=1e-4)
@@ -259,7 +259,7 @@ def test_the_light_is_corrected_where_something_is_to_be_seen_and_not_where_poin
 @pytest.mark.parametrize("quality", ["fast", "balanced"])
 @torch.inference_mode()
 def test_trained_network_tells_faint_lettering_from_noise_by_the_noise_level(quality, seed):
-    """No bound forbids the blends to smooth anything: what is kept is what the weights learned from the told noise level."""
+    """No bound forbids the blends to smooth anything: faint structure is kept because of the noise level input."""
     generator = torch.Generator().manual_seed(seed)
     network, _ = load_weights(weights_dir() / f"{quality}-filtered.safetensors")
     sign = Image.new("L", (160, 96))
@@ -284,7 +284,7 @@ def test_trained_network_tells_faint_lettering_from_noise_by_the_noise_level(qua
 
 @torch.inference_mode()
 def test_best_is_the_mean_of_the_balanced_networks_mirrored_pictures(seed):
-    """Each flip of the input, flipped back; void left out and coverage bound as for one."""
+    """Each flip of the input, flipped back, with background left out and coverage bounded as for one."""
     rng = np.random.default_rng(seed)
     packed = torch.from_numpy(rng.random((40, 56, PACKED_IN), np.float32)).half()
     packed[..., CLOSED:] = 0.0

@@ -1,4 +1,4 @@
-"""The noise of a scan's colours: found where it is known, not mistaken for texture or for what stations disagree in."""
+"""Noise estimation: known noise is found, and texture or disagreement of stations is not mistaken for it."""
 
 import itertools
 
@@ -38,7 +38,7 @@ def spoiled(luma: np.ndarray, sigma, seed: int = 1) -> np.ndarray:
 
 
 def plain_residual(xyz, value, i, count) -> float:
-    """A plane by ridge regression on the nearest points, by NumPy's solver."""
+    """Residuals by ridge regression on the nearest points with NumPy's solver."""
     near = np.argsort(((xyz - xyz[i]) ** 2).sum(axis=1), kind="stable")[1 : count + 1]
     mean = xyz[near].mean(axis=0)
     ridge = 0.02 * ((xyz[near] - xyz[i]) ** 2).sum()
@@ -71,18 +71,18 @@ def test_residuals_are_those_of_a_plane_through_the_neighbours():
 def test_known_noise_is_found_on_textured_walls(count, sigma):
     xyz = walls(count)
     found = estimate_noise(xyz, spoiled(textured(xyz), sigma))
-    least = 0.75 if count > 100_000 else 0.4  # where texture is as coarse as the points are sparse, less is told
+    least = 0.75 if count > 100_000 else 0.4  # with sparse points the estimate is lower
     assert least * sigma < found.overall < 1.1 * sigma + 0.002
     assert found.neighbourhoods > 100
 
 
-def test_clean_texture_is_no_noise():
+def test_clean_texture_is_not_noise():
     xyz = walls(200_000)
     found = estimate_noise(xyz, grey(textured(xyz)))
     assert found.overall < 0.002 and np.quantile(found.sigma, 0.95) < 0.006
 
 
-def test_estimates_are_the_same_for_the_same_seed_and_other_for_another():
+def test_the_estimate_depends_on_the_seed_only():
     xyz = walls(500_000)
     rgb = spoiled(textured(xyz), 0.02)
     one, same, other = (estimate_noise(xyz, rgb, seed=seed) for seed in (1, 1, 2))
@@ -92,20 +92,20 @@ def test_estimates_are_the_same_for_the_same_seed_and_other_for_another():
 
 
 def two_exposures(count: int, apart: float = 0.1):
-    """xyz, luma and station of a place that one station saw wholly and another, brighter by ``apart``, where x < SIDE / 2."""
+    """xyz, luma and station: one station covers the place, another, brighter by ``apart``, the half x < SIDE / 2."""
     xyz = walls(count)
     station = (np.random.default_rng(5).random(count) < 0.5) & (xyz[:, 0] < SIDE / 2)
     return xyz, textured(xyz) + apart * station, station.astype(np.int64)
 
 
 def halves(found: NoiseModel, xyz: np.ndarray) -> tuple[float, float]:
-    """Median noise where two stations saw the place, and where one did; half a metre off the border."""
+    """Median noise where two stations overlap and where there is one, half a metre from the border."""
     sigma = found.at(xyz, np.full(len(xyz), 0.5))
     both, one = xyz[:, 0] < SIDE / 2 - 0.5, xyz[:, 0] > SIDE / 2 + 0.5
     return float(np.median(sigma[both])), float(np.median(sigma[one]))
 
 
-def test_stations_disagreement_is_noise_only_where_nothing_tells_them_apart():
+def test_disagreement_of_stations_counts_as_noise_only_without_groups():
     xyz, luma, station = two_exposures(200_000)
     rgb = spoiled(luma, 0.01)
     both, one = halves(estimate_noise(xyz, rgb, station), xyz)
@@ -114,8 +114,8 @@ def test_stations_disagreement_is_noise_only_where_nothing_tells_them_apart():
     assert 0.035 < both < 0.07 and 0.007 < one < 0.013  # the mixture's standard deviation: 0.05
 
 
-def test_runs_of_a_file_in_order_are_told_apart_and_a_shuffled_file_counts_as_noise():
-    """The same points, station after station and strip after strip, or in random order."""
+def test_runs_of_an_ordered_file_are_separated_and_a_shuffled_file_counts_as_noise():
+    """The same points, ordered by station and strip, or in random order."""
     xyz, luma, station = two_exposures(200_000)
     rgb = spoiled(luma, 0.01)
     swept = np.lexsort((xyz[:, 1], np.floor(xyz[:, 0] * 20), station))
@@ -127,15 +127,15 @@ def test_runs_of_a_file_in_order_are_told_apart_and_a_shuffled_file_counts_as_no
     assert 0.035 < both < 0.07 and 0.006 < one < 0.014
 
 
-def test_points_of_one_place_in_a_row_are_one_run_whoever_measured_them():
-    """As in octree order: neighbourhoods are written together, their stations mixed."""
+def test_consecutive_points_of_one_place_are_one_run_whatever_their_station():
+    """As in octree order: neighbourhoods are consecutive, with mixed stations."""
     boxes = np.repeat(np.arange(50, dtype=np.uint64), 40)
     same = np.zeros(len(boxes), np.int64)
     number = runs(boxes, same, same, np.arange(len(boxes)), np.array([len(boxes)]))
     assert len(np.unique(number)) == 50 and all(len(set(number[boxes == box])) == 1 for box in range(50))
 
 
-def test_runs_end_at_gaps_of_files_in_order_alone():
+def test_runs_end_at_gaps_only_in_ordered_files():
     """Neighbourhoods of 20 + 20 points a half of a million points apart; where places are random, gaps mean nothing."""
     count, random = 1_000_000, np.random.default_rng(3)
     boxes = np.repeat(np.arange(60, dtype=np.uint64), 40)
@@ -158,7 +158,7 @@ def test_noise_that_grows_with_brightness_has_a_rising_curve():
     assert (np.diff(found.curve[1:8]) > 0).all() and ratio.min() > 0.6 and ratio.max() < 1.9
 
 
-def test_heavy_tails_and_edges_do_not_rule_the_estimate():
+def test_heavy_tails_and_edges_do_not_dominate_the_estimate():
     xyz = walls(200_000)
     random = np.random.default_rng(4)
     wild = np.where(random.random(len(xyz)) < 0.02, 0.4, 0.0) * random.choice((-1, 1), len(xyz))
@@ -180,8 +180,8 @@ def test_at_looks_up_the_nearest_voxel_and_the_curve():
         assert found[k] == pytest.approx(sigma[z, y, x] * (curve[knot] * (1 - share) + curve[knot + 1] * share), rel=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["none", "one", "same place", "line", "few", "black", "not finite", "stray"])
-def test_scans_that_tell_little_have_finite_noise(kind):
+@pytest.mark.parametrize("kind", ["none", "one", "same place", "line", "few", "black", "not finite", "outlier"])
+def test_scans_with_little_evidence_have_finite_noise(kind):
     xyz = walls({"none": 0, "one": 1, "few": 30}.get(kind, 20_000))
     rgb = spoiled(np.full(len(xyz), 0.5), 0.02)
     match kind:
@@ -193,17 +193,17 @@ def test_scans_that_tell_little_have_finite_noise(kind):
             rgb[:] = 0
         case "not finite":
             xyz[::3] = np.nan
-        case "stray":
+        case "outlier":
             xyz[7] = (1e15, -1e15, 0)
     found = estimate_noise(xyz, rgb)
     assert max(found.sigma.shape) <= MAX_VOXELS and found.curve.shape == (KNOTS,)
     assert np.isfinite(found.sigma).all() and np.isfinite(found.curve).all() and np.isfinite(found.overall)
     assert np.isfinite(found.at(np.array([[np.nan, np.inf, 0.0]]), np.array([0.5]))).all()
-    if kind in ("not finite", "stray"):
+    if kind in ("not finite", "outlier"):
         assert found.overall == pytest.approx(0.02, rel=0.3)
 
 
-def test_the_budget_bounds_what_is_kept_however_many_points_come(monkeypatch):
+def test_the_sample_is_bounded_for_any_number_of_points(monkeypatch):
     monkeypatch.setattr(module, "BUDGET", 5_000)
     xyz = walls(200_000)
     sampler = module.Sampler(xyz[:2000], np.full(2000, 100.0), budget=5_000)
@@ -218,15 +218,15 @@ def test_the_budget_bounds_what_is_kept_however_many_points_come(monkeypatch):
         assert between.sum() <= len(inside)
 
 
-def test_info_tells_the_noise_and_colours_stay():
+def test_info_shows_the_noise_and_colours_are_unchanged():
     xyz = walls(100_000)
     rgb = spoiled(textured(xyz), 0.03)
-    told = facts(scene_from_arrays(xyz, rgb))
-    assert 0.02 < told["noise"]["sigma"] < 0.04 and told["noise"]["neighbourhoods"] > 100
-    line = next(line for line in format_text(told).splitlines() if line.startswith("noise"))
-    assert f"{told['noise']['sigma']:.3f} of full brightness a point ({told['noise']['sigma']:.1%})" in line
+    info = facts(scene_from_arrays(xyz, rgb))
+    assert 0.02 < info["noise"]["sigma"] < 0.04 and info["noise"]["neighbourhoods"] > 100
+    line = next(line for line in format_text(info).splitlines() if line.startswith("noise"))
+    assert f"{info['noise']['sigma']:.3f} of full brightness a point ({info['noise']['sigma']:.1%})" in line
 
 
-def test_luma_weights_are_the_networks():
+def test_luma_weights_equal_the_networks():
     unet = pytest.importorskip("model.unet")
     assert np.array_equal(LUMA, unet.LUMA)

@@ -1,4 +1,4 @@
-"""What training minimises, against plain sums; and the warp that steadiness is measured by."""
+"""The training loss against plain sums, and the warp of its temporal term."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def test_warp_follows_a_known_motion():
 
 
 class _Squares(torch.nn.Module):
-    """In the place of the perceptual distance; notes what it was given."""
+    """Replaces the perceptual distance and records its arguments."""
 
     def __init__(self):
         super().__init__()
@@ -33,7 +33,7 @@ class _Squares(torch.nn.Module):
 
 
 def _random_batch(seed: int, count: int, beside: int, height: int = 11, width: int = 14) -> Batch:
-    """Crops with voids, pixels partly covered and pixels not known; flow with unseen pixels and ones that leave the picture."""
+    """Crops with background, partly covered and unknown pixels; flow with invisible pixels and ones that leave the picture."""
     rng = np.random.default_rng(seed)
 
     def random(*shape):
@@ -48,7 +48,7 @@ def _random_batch(seed: int, count: int, beside: int, height: int = 11, width: i
 
 
 def _plain_change(made: np.ndarray, beside: np.ndarray, flow: np.ndarray) -> float:
-    """Mean difference of a picture (3, H, W) and its neighbour brought back, over the pixels that the neighbour holds."""
+    """Mean difference of a picture (3, H, W) and its warped neighbour, over the pixels visible in the neighbour."""
     height, width = made.shape[1:]
     total, seen = 0.0, 0
     for n in range(len(flow)):
@@ -64,7 +64,7 @@ def _plain_change(made: np.ndarray, beside: np.ndarray, flow: np.ndarray) -> flo
 
 @pytest.mark.parametrize("channels", [3, 4])
 @pytest.mark.parametrize("count", [1, 3])
-def test_the_objective_is_that_of_plain_sums(monkeypatch, seed, count, channels):
+def test_the_loss_equals_plain_sums(monkeypatch, seed, count, channels):
     distance = _Squares()
     monkeypatch.setattr("model.train.objective.perceptual", lambda _path: (distance, "squares"))
     batch = _random_batch(seed, count, 1)
@@ -86,7 +86,7 @@ def test_the_objective_is_that_of_plain_sums(monkeypatch, seed, count, channels)
     assert float(loss) == pytest.approx(total, rel=1e-4)
 
 
-def test_a_batch_of_which_nothing_is_known_teaches_nothing():
+def test_a_batch_without_known_pixels_has_no_gradient():
     batch = _random_batch(1, 2, 1)
     batch.known[:] = 0
     batch.flow[:] = torch.nan

@@ -1,4 +1,4 @@
-"""Textures painted onto a place: points and true views agree, at every scale."""
+"""Textures painted onto a place: points and true views agree at every scale."""
 
 from types import SimpleNamespace
 
@@ -31,17 +31,17 @@ def stripes(texel: float, contrast: float = 1.0) -> Painting:
                     np.array([texel]), mips)
 
 
-def test_sheets_are_cut_into_textures_and_white_cells_left_out(tmp_path):
+def test_sheets_are_cut_into_textures_without_white_cells(tmp_path):
     rng = np.random.default_rng(1)
     sheet(tmp_path, 3, rng)
     found = load_textures(tmp_path)
     assert len(found) == 3 and all(texture.shape == (SIDE, SIDE, 3) for texture in found)
     (tmp_path / "none").mkdir()
-    with pytest.raises(DataError, match=r"none: holds no thumbnail sheets"):
+    with pytest.raises(DataError, match=r"none: no thumbnail sheets"):
         load_textures(tmp_path / "none")
 
 
-def test_a_texture_keeps_the_mean_light_and_its_mips_are_box_means(seed):
+def test_a_texture_preserves_mean_light_and_its_mips_are_box_means(seed):
     texture = np.random.default_rng(seed).integers(0, 256, (SIDE, SIDE, 3)).astype(np.uint8)
     levels = mip_levels(texture)
     assert np.allclose(levels[0].mean((0, 1)), 1, atol=1e-4)
@@ -51,7 +51,7 @@ def test_a_texture_keeps_the_mean_light_and_its_mips_are_box_means(seed):
         assert np.allclose(levels[level, :side, :side], finer, atol=1e-5)
 
 
-def test_a_point_sees_the_texel_it_lies_in_and_a_wide_beam_the_mean():
+def test_a_point_samples_its_texel_and_a_wide_beam_the_mean():
     painting = stripes(0.01)
     x = (np.arange(40) + 0.5) * 0.01
     at = np.stack([x, np.zeros(40), np.zeros(40)], 1)
@@ -63,7 +63,7 @@ def test_a_point_sees_the_texel_it_lies_in_and_a_wide_beam_the_mean():
 
 
 def test_points_and_true_view_agree_where_the_texture_is_resolved(seed):
-    """A wall seen head-on: the mean of a pixel's points is the pixel, whatever the texture's scale."""
+    """A wall seen frontally: the mean of a pixel's points equals the pixel at any scale of the texture."""
     rng = np.random.default_rng(seed)
     texel = float(np.exp(rng.uniform(np.log(0.005), np.log(0.2))))
     painting, z, size, fl = stripes(texel), 2.0, 48, 40.0
@@ -79,7 +79,7 @@ def test_points_and_true_view_agree_where_the_texture_is_resolved(seed):
     assert np.median(apart) <= 6 and (texel < 0.1 or true.std() > 10), f"texel {texel:.3f}"
 
 
-def test_a_painting_lies_on_part_of_a_place(seed):
+def test_a_painting_covers_part_of_a_place(seed):
     rng = np.random.default_rng(seed)
     textures = [rng.integers(0, 256, (SIDE, SIDE, 3)).astype(np.uint8) for _ in range(3)]
     xyz = rng.uniform(-3, 3, (50_000, 3))
@@ -88,7 +88,7 @@ def test_a_painting_lies_on_part_of_a_place(seed):
     assert 0.02 < share <= 1 and 0.5 < gain.mean() < 1.3 and gain.max() <= 1.81
 
 
-def test_points_on_the_surfaces_of_a_view_take_its_colours_and_others_keep_theirs():
+def test_diffuse_points_on_visible_surfaces_have_the_true_colours():
     size, fl = 40, 40.0
     true = np.random.default_rng(2).integers(0, 256, (size, size, 3)).astype(np.uint8)
     shot = MemoryPicture(true, fl, POSE, np.full((size, size), 3.0, np.float32))

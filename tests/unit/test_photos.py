@@ -1,4 +1,4 @@
-"""Photographs: straightened as a pinhole sees, and those of a scan as a place to learn from."""
+"""Photographs: undistortion to a pinhole, and photographs of a scan as training data."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("one_thread")
 
 
 @pytest.mark.parametrize("lens", LENSES, ids=lambda lens: lens.model)
-def test_a_straightened_photograph_is_what_a_pinhole_sees(lens, tmp_path):
+def test_an_undistorted_photograph_equals_a_pinholes(lens, tmp_path):
     colour, _ = cast(rays_of(lens), look(2))
     Image.fromarray(colour).save(tmp_path / "bent.png")
     photograph = Photograph(tmp_path / "bent.png", lens, look(2))
@@ -31,10 +31,10 @@ def test_a_straightened_photograph_is_what_a_pinhole_sees(lens, tmp_path):
     apart = np.abs(photograph.rgb().astype(int) - expected)
     assert apart.mean() < 0.8 and np.quantile(apart, 0.99) < 5
     as_it_was = np.abs(colour.astype(int) - expected)
-    assert as_it_was.mean() > 2  # the picture did need straightening
+    assert as_it_was.mean() > 2  # the picture was distorted
 
 
-def test_the_straightened_pinhole_is_the_widest_the_lens_covers():
+def test_the_pinhole_is_the_widest_that_the_lens_covers():
     for lens in LENSES:
         photograph = Photograph(Path("none"), lens, np.eye(4))
         corner = []
@@ -46,13 +46,13 @@ def test_the_straightened_pinhole_is_the_widest_the_lens_covers():
         assert corner == [True, False], lens.model
 
 
-def test_a_lens_that_folds_back_shows_no_pixel_twice():
-    lens = Lens("SIMPLE_RADIAL", 100, 80, 60, 60, 50, 40, (-0.3,))  # r (1 - 0.3 r^2) turns round at r = 1.054
+def test_a_lens_is_not_used_beyond_its_fold():
+    lens = Lens("SIMPLE_RADIAL", 100, 80, 60, 60, 50, 40, (-0.3,))  # r (1 - 0.3 r^2) has its maximum at r = 1.054
     u, _ = lens.pixel(np.array([0.5, 1.05, 1.06, 3.0]), np.zeros(4))
     assert np.isfinite(u[:2]).all() and np.isnan(u[2:]).all()
 
 
-def test_a_square_pinhole_is_left_as_it_is(tmp_path):
+def test_a_square_pinhole_is_unchanged(tmp_path):
     picture = np.random.default_rng(0).integers(0, 256, (30, 40, 3), np.uint8)
     Image.fromarray(picture).save(tmp_path / "a.png")
     photograph = Photograph(tmp_path / "a.png", Lens("PINHOLE", 40, 30, 33, 33, 18, 16.5), np.eye(4))
@@ -76,7 +76,7 @@ def test_pictures_are_known_where_the_scan_covers_them():
     assert tried >= 2
 
 
-def test_scans_are_spoiled_by_the_seed_as_the_paper_does():
+def test_scans_get_the_papers_tones_by_seed():
     place = PhotoPlace("box", wall_scan(20_000), [straight_view(0)])
     counts = set()
     for seed in range(12):
@@ -92,7 +92,7 @@ def test_scans_are_spoiled_by_the_seed_as_the_paper_does():
             brightness.append(shift)
             contrast.append(slope)
         assert np.ptp(contrast) <= 2.1 * CONTRAST and np.ptp(brightness) <= 2.1 * BRIGHTNESS
-        assert abs(np.mean(contrast) - 1) < 0.01 and abs(np.mean(brightness)) < 1  # no change that nothing could tell
+        assert abs(np.mean(contrast) - 1) < 0.01 and abs(np.mean(brightness)) < 1  # neutral on average
     assert counts == {2, 3, 4, 5}
     assert not np.array_equal(place.scan(1).rgb, place.scan(2).rgb)
     stations = np.arange(20_000) % 3
@@ -101,7 +101,7 @@ def test_scans_are_spoiled_by_the_seed_as_the_paper_does():
 
 
 def two_walls():
-    """A sparse red wall at 2 m before a dense blue one at 4 m, and an all-green photograph of them."""
+    """A sparse red wall at 2 m in front of a dense blue one at 4 m, and a green photograph of them."""
     rng = np.random.default_rng(3)
     near, far = rng.uniform(-1.2, 1.2, (5000, 3)), rng.uniform(-3, 3, (30_000, 3))
     near[:, 2], far[:, 2] = -2, -4
@@ -109,12 +109,12 @@ def two_walls():
     rgb[:5000, 0], rgb[5000:, 2] = 200, 200
     picture = np.zeros((48, 64, 3), np.uint8)
     picture[..., 1] = 150
-    picture[:, :, 0] = np.arange(64)  # each column its own green
+    picture[:, :, 0] = np.arange(64)  # a different green in each column
     view = MemoryPicture(picture, 60.0, np.eye(4))
     return Scan(np.concatenate([near, far]), rgb, np.zeros(35_000, np.uint8)), view
 
 
-def test_points_in_front_take_the_photographs_colours_and_others_keep_the_scans():
+def test_points_in_front_have_the_photographs_colours_and_others_the_scans():
     scan, view = two_walls()
     place = PhotoPlace("walls", scan, [view])
     shown = place.views[0]
@@ -127,7 +127,7 @@ def test_points_in_front_take_the_photographs_colours_and_others_keep_the_scans(
     assert (made.rgb[near] == expected).all(1).float().mean() > 0.97
     behind = (~near) & (column > 16) & (column < 48) & (seen.index // 64 > 12) & (seen.index // 64 < 36)
     hit = torch.bincount(seen.index[near], minlength=48 * 64)[seen.index] > 0
-    assert (made.rgb[behind & hit] == seen.rgb[behind & hit]).all()  # behind a point of the same pixel
+    assert (made.rgb[behind & hit] == seen.rgb[behind & hit]).all()  # behind another point of the pixel
     leaked = behind & ~hit
     assert leaked.any() and (made.rgb[leaked] == seen.rgb[leaked]).all(1).float().mean() > 0.85
     raster = raster_of(made, torch.ones(len(made.z), dtype=torch.bool), place.spacing)
@@ -155,7 +155,7 @@ def test_points_on_unusable_pixels_keep_the_scans_colours():
     assert not place.views[0].known()[:, 32:].any() and place.views[0].known()[:, :32].all()
 
 
-def test_only_the_place_used_last_holds_its_scan():
+def test_only_the_place_used_last_keeps_its_scan():
     loads = []
 
     def load(name):
@@ -177,11 +177,11 @@ def test_photographs_make_training_pairs():
         assert np.array_equal(pair.truth[:3].transpose(1, 2, 0), place.views[0].rgb()) and (pair.truth[4] == 255).mean() > 0.99
     dense = max(pairs, key=lambda pair: pair.where["density"])
     measured = dense.measured[3] > 0
-    assert np.abs(dense.measured[:3] * 255 - dense.truth[:3])[:, measured].mean() < 25  # tones aside, the same picture
+    assert np.abs(dense.measured[:3] * 255 - dense.truth[:3])[:, measured].mean() < 25  # equal except for the tones
 
 
-def test_a_neighbouring_picture_of_a_photographed_place_shows_the_photographs_colours_too(monkeypatch):
-    """Or the network would be told to show in one what only the other was given: the scan's colours for the photograph's."""
+def test_the_neighbour_of_a_photographed_picture_has_the_photographs_colours(monkeypatch):
+    """Otherwise a difference between scan and photograph would count as instability of the network."""
     monkeypatch.setattr("model.data.pairs._density", lambda rng: 1.0)
     scan, lens = wall_scan(), Lens("PINHOLE", 96, 72, 60, 60, 48, 36)
     view = replace(straight_view(1), z=cast(rays_of(lens), look(1))[1].astype(np.float32))
@@ -196,7 +196,7 @@ def test_a_neighbouring_picture_of_a_photographed_place_shows_the_photographs_co
     assert both.sum() > 500 and apart < 0.2 * otherwise
 
 
-def test_a_lens_that_no_pinhole_fits_into_is_told_with_its_picture():
+def test_a_lens_without_a_fitting_pinhole_is_refused_naming_its_picture():
     lens = replace(LENSES[0], cy=-500.0)
     with pytest.raises(DataError, match=r"^room/bent\.png: .*no pinhole picture fits"):
         assert Photograph(Path("room/bent.png"), lens, np.eye(4)).fl

@@ -1,4 +1,4 @@
-"""Procedural places: seeded, void where nothing is, and scans that lie on what the true pictures show."""
+"""Procedural places: seeds, background, and scans that agree with the true pictures."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def place(request):
     return _small(request.param)
 
 
-def test_the_same_seed_is_the_same_place_and_another_is_not(place):
+def test_a_place_is_determined_by_its_seed(place):
     again, other = _small(place.kind), _small(place.kind, 2)
     assert all(np.array_equal(a.rgb(), b.rgb()) for a, b in zip(place.views, again.views, strict=True))
     assert np.array_equal(place.scan(5).xyz, again.scan(5).xyz)
@@ -25,20 +25,20 @@ def test_the_same_seed_is_the_same_place_and_another_is_not(place):
     assert not np.array_equal(place.views[0].rgb(), other.views[0].rgb())
 
 
-def test_nothing_is_covered_where_nothing_is(place):
+def test_pixels_without_a_surface_are_not_covered(place):
     for view in place.views:
         coverage, depth = view.coverage(), view.depth()
         if place.kind == "room":
             assert coverage is None or (coverage == 1).all()
             continue
-        # one ray through the middle of each pixel makes both: they must agree to the pixel
+        # both are traced through the centres of pixels, so they must agree exactly
         assert np.array_equal(coverage > 0, np.isfinite(depth))
     if place.kind == "thing":
         assert all(0.005 < view.coverage().mean() < 0.7 for view in place.views)
 
 
-def test_the_scan_lies_on_what_the_pictures_show(place):
-    """Points nearer than the picture's surface float in the air; hidden ones lie behind it."""
+def test_the_scan_agrees_with_the_pictures(place):
+    """No point is nearer than the picture's surface; hidden points are behind it."""
     scan = place.scan(3)
     floating = total = 0
     for view in place.views:
@@ -60,7 +60,7 @@ def test_exposures_have_a_mean_of_one():
         assert exposures(seed, 2 + seed % 3).mean() == 1.0
 
 
-def test_people_are_in_one_stations_scan_and_in_no_picture(monkeypatch):
+def test_people_appear_in_one_stations_scan_only(monkeypatch):
     import model.data.procedural as module
 
     place = _small("street", 4)
@@ -74,20 +74,20 @@ def test_people_are_in_one_stations_scan_and_in_no_picture(monkeypatch):
     assert all(np.array_equal(view.rgb(), before) for view, before in zip(place.views, pictures, strict=True))
 
 
-def test_places_make_pairs_with_void(tmp_path):
+def test_places_make_pairs_with_background(tmp_path):
     count = build([_small("thing"), _small("street")], tmp_path / "out", scans=1, variants=1)
     truth = np.load(tmp_path / "out" / "truth.npy")
     assert count == 4 and (truth[:2, 3] == 0).mean() > 0.3 and (truth[:, 4] == 255).all()
 
 
-def test_nothing_is_traced_for_what_is_known_without(monkeypatch):
-    """Of forty places all pictures were made, for half an hour and without a word, to know how large they are."""
+def test_picture_sizes_are_known_without_rendering(monkeypatch):
+    """Rendering the pictures of forty places to learn their sizes would take half an hour."""
     monkeypatch.setattr(ProceduralPlace, "place", property(lambda self: pytest.fail("a place was built")))
     places = list(procedural_places(range(40)))
     assert by_size(places) == [places] and {view.width for place in places for view in place.views} == {640}
 
 
-def test_pictures_and_scans_are_made_once_while_a_place_is_in_use(monkeypatch):
+def test_pictures_and_scans_of_a_place_in_use_are_cached(monkeypatch):
     place, made = _small("thing", 7), []
     once, traced = ProceduralPlace.picture, ProceduralPlace.traced
     monkeypatch.setattr(ProceduralPlace, "picture", lambda self, number: made.append(number) or once(self, number))

@@ -1,4 +1,4 @@
-"""The torch twin against a plain loop: rasterising with the soft z-buffer, fill, void and the network's input."""
+"""The reference implementation in torch against plain loops: soft z-buffer, fill and network input."""
 
 from types import SimpleNamespace
 
@@ -19,7 +19,7 @@ CAMERA = SimpleNamespace(width=9, height=7, fx=5.0, fy=5.5, cx=4.5, cy=3.5)
        st.booleans(), st.booleans(), st.booleans())
 @settings(max_examples=60, deadline=None)
 def test_rasteriser_equals_a_plain_loop(seed, tolerance, rounded, linear, unlit):
-    """Depths in steps, so that some lie just as far behind the nearest as may be; colours black, and black but for blue."""
+    """Depths are quantised, so that some lie exactly at the tolerance; colours include black and nearly black."""
     rng = np.random.default_rng(seed)
     points = rng.normal(0, 2, (300, 3))
     points[:, 2] = np.round(8 * points[:, 2]) / 8
@@ -53,20 +53,20 @@ def test_rasteriser_equals_a_plain_loop(seed, tolerance, rounded, linear, unlit)
 
 
 def test_sums_of_many_points_in_a_pixel_are_exact():
-    """float32 would add 256 for 255 beyond a few ten thousand."""
+    """In float32 the sum would be wrong beyond some ten thousand points."""
     count = 300_000
     raster = rasterise(torch.zeros(count, dtype=torch.int64), torch.ones(count), torch.full((count, 3), 255), 1, 1, SoftZ(0, 0))
     assert raster.colour.flatten().tolist() == [255] * 3 and raster.count.item() == count
 
 
-def test_light_becomes_the_nearest_level_and_ties_go_up():
+def test_linear_light_is_rounded_to_the_nearest_srgb_level():
     for light in range(LEVELS):
         apart = np.abs(TO_LINEAR - light)
         assert TO_SRGB[light] == np.flatnonzero(apart == apart.min())[-1]
 
 
-def test_in_float64_the_lens_is_so_too():
-    """A long lens with its axis far outside: float32 would put the point a column beside."""
+def test_float64_points_use_a_float64_lens():
+    """A long lens with a distant principal point: in float32 the point would be one column off."""
     camera = SimpleNamespace(width=9, height=7, fx=2.0**24 + 1, fy=2.0**24 + 3, cx=4.5 - 2.0**24, cy=3.5 - 2.0**24)
     one = torch.ones(1, dtype=torch.float64)
     index, inside = pixels(one, one, one, camera)
@@ -80,7 +80,7 @@ def test_unpack_reads_every_field():
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (17, 12), (64, 64)])
-def test_fill_leaves_measured_pixels_and_stays_within_their_range(shape):
+def test_fill_keeps_measured_pixels_and_stays_within_their_range(shape):
     rng = np.random.default_rng(4)
     image = torch.from_numpy(rng.random((3, *shape)))
     mask = torch.from_numpy(rng.random(shape) < 0.2)
@@ -98,7 +98,7 @@ def test_fill_of_a_constant_is_constant_and_of_nothing_is_zero():
 
 
 def pillar(spacing: int) -> tuple[torch.Tensor, torch.Tensor]:
-    """A pillar, columns 72 to 88 at depth 2, before a wall at depth 4 of which 32 columns on each side are in shadow.
+    """A pillar, columns 72 to 88 at depth 2, in front of a wall at depth 4 with a shadow of 32 columns on each side.
 
     Returns the image (5, H, W), of a grey for each surface, depth feature and that grey again, and the mask.  spacing: of the
     points, pixels at the pillar."""
@@ -124,7 +124,7 @@ def test_a_shadow_beside_a_pillar_is_filled_from_the_wall_behind_it(spacing):
     assert (made[0, :, 80 - 2 : 80 + 2] - 0.2).abs().max() < 0.02
 
 
-def test_other_channels_decide_nothing_in_the_fill_and_follow_it(seed):
+def test_fill_depends_on_depth_alone_and_applies_to_all_channels(seed):
     rng = np.random.default_rng(seed)
     image, mask = pillar(2)
     weight = torch.where(mask, torch.from_numpy(rng.random(mask.shape)), 0.0)
@@ -134,7 +134,7 @@ def test_other_channels_decide_nothing_in_the_fill_and_follow_it(seed):
     assert torch.equal(pull_push(torch.cat([image[:4], other[None]]), weight)[:4], made[:4])
 
 
-def test_at_one_depth_the_fill_is_the_plain_one(seed):
+def test_at_constant_depth_the_fill_is_plain_pull_push(seed):
     rng = np.random.default_rng(seed)
     mask = torch.from_numpy(rng.random((70, 51)) < 0.02)
     image = torch.from_numpy(rng.random((4, 70, 51)))
@@ -142,7 +142,7 @@ def test_at_one_depth_the_fill_is_the_plain_one(seed):
     assert torch.allclose(pull_push(image, mask)[:3], pull_push(image[:3], mask), atol=1e-12)
 
 
-def test_the_farthest_sample_always_counts(seed):
+def test_the_farthest_sample_always_has_weight_1(seed):
     features = torch.from_numpy(np.random.default_rng(seed).uniform(-2, 2, (4, 1000)))
     for level in range(12):
         kept = torch.stack(background(list(features), level))
@@ -169,7 +169,7 @@ def test_soft_z_is_in_the_units_of_the_file():
     assert SoftZ.preset("paper-text", 0.5, 3.0) == SoftZ(0.0, pytest.approx(0.06))
 
 
-def test_a_pixel_without_a_colour_is_no_part_of_the_mask():
+def test_a_pixel_without_a_colour_is_not_in_the_mask():
     index, z, rgb = torch.tensor([0, 1]), torch.ones(2), torch.tensor([[0, 0, 0], [0, 0, 9]])
     for unlit in (True, False):
         raster, mask = frame(index, z, rgb, SimpleNamespace(width=3, height=1), SoftZ(0.01, 0.0, unlit=unlit), preset="off")

@@ -1,4 +1,4 @@
-"""Whole trainings by one command: a recipe followed to its end on a tiny room and gone on with; train's command line."""
+"""Recipes: one is run to its end on a tiny room and continued; the command line of ``train``."""
 
 import json
 import shutil
@@ -21,7 +21,7 @@ def room(tmp_path_factory):
     return make_room(tmp_path_factory.mktemp("data") / "box", view=(72, 96))
 
 
-def test_the_shares_of_every_recipe_add_up_and_its_stages_can_be_had():
+def test_the_shares_of_every_recipe_add_up_and_its_stages_exist():
     for recipe in RECIPES.values():
         assert recipe.data_share + sum(stage.share for stage in recipe.stages) == pytest.approx(1.0)
         made = set()
@@ -31,7 +31,7 @@ def test_the_shares_of_every_recipe_add_up_and_its_stages_can_be_had():
         assert {f"{q}-{i}" for q in ("fast", "balanced") for i in ("filtered", "unfiltered")} <= made
 
 
-def test_a_recipe_is_followed_to_its_end_and_kept_when_asked_again(room, tmp_path):
+def test_a_finished_recipe_trains_no_further_when_repeated(room, tmp_path):
     made = follow(TINY, [room], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=0)
     headers = [load_weights(path)[1] for path in made]
     assert [h["input"] for h in headers] == ["filtered", "unfiltered"]
@@ -43,21 +43,21 @@ def test_a_recipe_is_followed_to_its_end_and_kept_when_asked_again(room, tmp_pat
     steps = json.loads(headers[0]["notes"])["step"]
     follow(TINY, [room], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=0)
     assert [p.stat().st_mtime_ns for p in pairs] == before
-    assert json.loads(load_weights(made[0])[1]["notes"])["step"] == steps  # its time is spent
+    assert json.loads(load_weights(made[0])[1]["notes"])["step"] == steps  # its time is used up
 
 
-def test_every_place_of_a_recipe_lacks_points_in_its_own_way(room, tmp_path):
-    """With one seed for all of them, a thousand places had the densities, patches and missing stations of one."""
+def test_every_place_of_a_recipe_is_degraded_differently(room, tmp_path):
+    """A common seed would give all places the same densities, patches and missing stations."""
     other = shutil.copytree(room, tmp_path / "data" / "another")
     for job in (_Job("folder-box", str(room)), _Job("folder-another", str(other))):
         _make(job, str(tmp_path), ("unfiltered",), 1, None)
-    told = [json.loads((tmp_path / "pairs" / "unfiltered" / f"folder-{name}-1" / "pairs.json").read_text())["pairs"]
+    stored = [json.loads((tmp_path / "pairs" / "unfiltered" / f"folder-{name}-1" / "pairs.json").read_text())["pairs"]
             for name in ("box", "another")]  # fmt: skip
-    densities = [{pair["density"] for pair in pairs} - {1.0, 0.1} for pairs in told]
+    densities = [{pair["density"] for pair in pairs} - {1.0, 0.1} for pairs in stored]
     assert min(map(len, densities)) > 3 and not densities[0] & densities[1]
 
 
-def test_train_from_the_command_line_resumes_and_says_where_the_weights_are(room, tmp_path, capsys):
+def test_train_from_the_command_line_resumes_and_prints_the_path_of_the_weights(room, tmp_path, capsys):
     line = ["train", str(room), "--out", str(tmp_path / "run"), "--quality", "fast", "--batch", "2", "--crop", "32",
             "--device", "cpu", "--minutes", "10"]
     assert main([*line, "--steps", "2"]) == 0
@@ -69,14 +69,14 @@ def test_train_from_the_command_line_resumes_and_says_where_the_weights_are(room
     assert notes["step"] == 3 and notes["steps"] == 3
 
 
-@pytest.mark.parametrize("line, said", [
+@pytest.mark.parametrize("line, message", [
     ([], "--out DIR is missing"), (["--out", "OUT"], "no training data"), (["NOWHERE", "--out", "OUT"], "no such folder"),
     (["EMPTY", "--out", "OUT"], "neither scene.json"), (["--tune", "NOWHERE"], "no such file"),
 ])
-def test_bad_training_input_is_one_line_and_leaves_nothing(tmp_path, capsys, line, said):
+def test_bad_training_input_gives_one_line_and_leaves_no_files(tmp_path, capsys, line, message):
     (tmp_path / "EMPTY").mkdir()
     names = {name: str(tmp_path / name) for name in ("OUT", "NOWHERE", "EMPTY")}
     assert main(["train", *(names.get(word, word) for word in line)]) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    assert message in error and error.count("\n") == 1
     assert not (tmp_path / "OUT").exists()

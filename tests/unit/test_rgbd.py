@@ -1,4 +1,4 @@
-"""RGB-D folders as places to learn from, in each form that is read."""
+"""RGB-D folders as training data, in each supported format."""
 
 import json
 
@@ -101,7 +101,7 @@ FORMS = {
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_rgbd_frames_make_a_scan_that_lies_on_the_walls_and_on_the_held_out_views(form, tmp_path):
+def test_the_scan_of_rgbd_frames_agrees_with_walls_and_held_out_views(form, tmp_path):
     folder = tmp_path / "room"
     FORMS[form](folder)
     place = load_rgbd(folder, held_out=6)
@@ -126,7 +126,7 @@ def test_rgbd_frames_make_a_scan_that_lies_on_the_walls_and_on_the_held_out_view
     assert finite.mean() > 0.85 and np.quantile(np.abs(depth - truth)[finite] / truth[finite], 0.95) < 0.03
 
 
-def test_rgbd_scan_holds_one_point_a_voxel_and_no_held_out_frame(tmp_path):
+def test_the_rgbd_scan_has_one_point_per_voxel_and_no_held_out_frame(tmp_path):
     write_nerfstudio(tmp_path / "room", PLAIN)
     thin = load_rgbd(tmp_path / "room", held_out=6, voxel=0.2).unspoiled()
     full = load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6).unspoiled()
@@ -134,12 +134,12 @@ def test_rgbd_scan_holds_one_point_a_voxel_and_no_held_out_frame(tmp_path):
     assert len(np.unique(voxels, axis=0)) == len(thin.xyz) == len(np.unique(there, axis=0)) < len(full.xyz) / 5
     spare = load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6, step=2).unspoiled()
     assert 3.8 < len(full.xyz) / len(spare.xyz) < 4.2
-    for number in (3, 9, 15):  # the held-out frames: black, they must leave the scan as it is
+    for number in (3, 9, 15):  # held-out frames: black ones must not change the scan
         Image.new("RGB", (80, 60)).save(tmp_path / "room" / "images" / f"{number:03d}.png")
     assert np.array_equal(load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6).unspoiled().rgb, full.rgb)
 
 
-def test_rgbd_refuses_what_it_cannot_use_by_name(tmp_path):
+def test_unusable_rgbd_folders_are_refused_by_name(tmp_path):
     room = tmp_path / "room"
     room.mkdir()
     with pytest.raises(DataError, match=r"neither transforms\.json"):
@@ -165,14 +165,14 @@ def test_rgbd_refuses_what_it_cannot_use_by_name(tmp_path):
         load_rgbd(room)
 
 
-def test_tum_and_posed_folders_say_what_they_lack(tmp_path):
+def test_incomplete_tum_and_posed_folders_are_refused_by_name(tmp_path):
     write_tum(tmp_path / "tum")
     (tmp_path / "tum" / "calibration.txt").unlink()
     with pytest.raises(DataError, match="not 640x480"):
         load_rgbd(tmp_path / "tum", held_out=6)
     poses = tmp_path / "tum" / "groundtruth.txt"
     poses.write_text(poses.read_text().replace("13050311", "23050311"))
-    with pytest.raises(DataError, match="of one clock"):
+    with pytest.raises(DataError, match="use the same clock"):
         load_rgbd(tmp_path / "tum", held_out=6)
     write_seven_scenes(tmp_path / "seven")
     (tmp_path / "seven" / "camera-intrinsics.txt").unlink()
@@ -180,5 +180,5 @@ def test_tum_and_posed_folders_say_what_they_lack(tmp_path):
         load_rgbd(tmp_path / "seven", held_out=6)
     (tmp_path / "seven" / "intrinsics.txt").write_text("55 55 40 30")
     np.savetxt(tmp_path / "seven" / "frame-000002.pose.txt", 2 * np.eye(4))
-    with pytest.raises(DataError, match=r"frame-000002\.pose\.txt: its pose is no rotation"):
+    with pytest.raises(DataError, match=r"frame-000002\.pose\.txt: its pose is not a rotation"):
         load_rgbd(tmp_path / "seven", held_out=6)

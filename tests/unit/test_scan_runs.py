@@ -1,4 +1,4 @@
-"""Runs of points photographed apart: their gains undone at any scale and in any format, and nothing else touched."""
+"""Runs with different exposures: their gains are compensated at any scale and in any format, other colours are unchanged."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ from viewer.grid.scene import unpack
 
 
 def _swept(rng, *, runs=40, length=3_000, apart=1.2, spread=0.25, noise=1.5):
-    """A printed floor swept by runs, each over its own patch with its own gains: xyz, true colours, colours, run."""
+    """A floor with texture, measured in runs, each with its own patch and gains: xyz, true colours, colours, run."""
     xyz, run = [], np.repeat(np.arange(runs), length)
     for _ in range(runs):
         low = rng.uniform(0, apart, 2)
@@ -36,13 +36,13 @@ def _swept(rng, *, runs=40, length=3_000, apart=1.2, spread=0.25, noise=1.5):
 
 
 def _between(rgb, true):
-    """How far colours are from a multiple of the true ones, as a root mean square of log ratios."""
+    """Root mean square of the log ratios between colours and the best multiple of the true ones."""
     ratio = np.log(rgb.astype(float) + LOG_OFFSET) - np.log(true + LOG_OFFSET)
     return float(np.sqrt(((ratio - ratio.mean(0)) ** 2).mean()))
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e5])
-def test_gains_of_runs_are_undone_and_print_stays_sharp(seed, scale):
+def test_gains_of_runs_are_compensated_and_texture_stays_sharp(seed, scale):
     rng = np.random.default_rng(seed)
     xyz, true, rgb, run = _swept(rng)
     found = solve_run_gains(xyz * scale + 100 * scale, rgb, np.arange(len(xyz)))
@@ -57,11 +57,11 @@ def test_gains_of_runs_are_undone_and_print_stays_sharp(seed, scale):
 
 
 def test_blocks_are_as_long_as_the_runs_allow(seed):
-    """Short ones would follow the print: what whole stations differ by is told by long ones."""
+    """Short blocks would fit the texture; differences of complete stations need long ones."""
     rng = np.random.default_rng(seed)
     lengths = []
     for runs, length in ((3, 60_000), (60, 3_000), (1500, 120)):
-        xyz, true, rgb, _ = _swept(rng, runs=runs, length=length, apart=0.2)  # all runs meet
+        xyz, true, rgb, _ = _swept(rng, runs=runs, length=length, apart=0.2)  # all runs overlap
         found = solve_run_gains(xyz, rgb, np.arange(len(xyz)))
         assert found.worthwhile
         lengths.append(len(xyz) / len(found.at))
@@ -69,7 +69,7 @@ def test_blocks_are_as_long_as_the_runs_allow(seed):
     assert lengths[0] > 1000 and lengths[0] >= lengths[1] > lengths[2]
 
 
-def test_one_run_equal_runs_and_no_order_keep_every_colour(seed):
+def test_one_run_equal_runs_and_random_order_keep_every_colour(seed):
     rng = np.random.default_rng(seed)
     xyz, _, alike, run = _swept(rng, spread=0.0)
     _, _, rgb, _ = _swept(np.random.default_rng(seed))
@@ -89,29 +89,29 @@ def test_few_points_in_one_place(count):
     assert not found.worthwhile
 
 
-def test_solver_agrees_with_its_plain_twin(seed):
+def test_the_solver_equals_its_reference_implementation(seed):
     rng = np.random.default_rng(seed)
     count, voxels, blocks = 3_000, 150, 40
     log = rng.normal(4, 0.2, (count, 3)).astype(np.float32)
     voxel, block = rng.integers(voxels, size=count), np.sort(rng.integers(blocks, size=count))
     gains = np.zeros((blocks, 3))
     before, after = _alternate(log, voxel, block, voxels, gains, ITERATIONS)
-    twin, weight, variances = np.zeros((blocks, 3)), np.ones(count), []
+    reference, weight, variances = np.zeros((blocks, 3)), np.ones(count), []
     shared = np.array([len(np.unique(block[voxel == v])) > 1 for v in range(voxels)])[voxel]
     for iteration in range(-SETTLE_ITERATIONS, ITERATIONS + 1):
-        rest = log - twin[block]
+        rest = log - reference[block]
         mean = np.stack([np.bincount(voxel, weight * rest[:, c], voxels) for c in range(3)], 1)
         rest = (rest - (mean / np.bincount(voxel, weight, voxels)[:, None])[voxel])[shared]
         weight[shared] = np.minimum(HUBER_LIMIT / np.abs(rest).mean(1), 1)
         variances.append((weight[shared] * (rest**2).sum(1)).sum())
         if 0 <= iteration < ITERATIONS:
             change = np.stack([np.bincount(block[shared], weight[shared] * rest[:, c], blocks) for c in range(3)], 1)
-            twin += change / (np.bincount(block[shared], weight[shared], blocks) + PRIOR_POINTS)[:, None]
-    assert np.abs(gains - twin).max() < 1e-4
+            reference += change / (np.bincount(block[shared], weight[shared], blocks) + PRIOR_POINTS)[:, None]
+    assert np.abs(gains - reference).max() < 1e-4
     assert (before, after) == pytest.approx((variances[SETTLE_ITERATIONS], variances[-1]), rel=1e-4)
 
 
-def test_applying_agrees_with_interpolation(seed):
+def test_applied_gains_equal_interpolation(seed):
     rng = np.random.default_rng(seed)
     at, factors = np.sort(rng.uniform(0, 5_000, 60)), rng.uniform(0.5, 2, (60, 3))
     rgb = rng.integers(0, 256, (4_000, 3), dtype=np.uint8)
@@ -126,7 +126,7 @@ def test_applying_agrees_with_interpolation(seed):
 
 
 @pytest.mark.parametrize("kind", ["laz", "laz 16-bit", "ply", "two plys"])
-def test_a_merged_scan_is_matched_on_opening_and_left_alone_when_asked(tmp_path, seed, kind):
+def test_a_merged_scan_is_compensated_on_opening_unless_disabled(tmp_path, seed, kind):
     xyz, true, rgb, _ = _swept(np.random.default_rng(seed), length=2_000)
     xyz = np.round(xyz * 65536) / 65536
     if kind.startswith("laz"):
@@ -139,7 +139,7 @@ def test_a_merged_scan_is_matched_on_opening_and_left_alone_when_asked(tmp_path,
     matched, plain = (open_scene(files, cache=False, match=match) for match in (True, False))
     assert facts(matched)["passes"]["applied"] and "photographed apart" in format_text(facts(matched))
     assert facts(plain).get("passes") is None and "photographed apart" not in format_text(facts(plain))
-    # both scenes hold the same points in the same order: the true colours are those of the nearest given point
+    # both scenes have the same points in the same order; true colours are those of the nearest input point
     from scipy.spatial import KDTree
 
     points, colours, _, _ = unpack(matched)
@@ -147,8 +147,8 @@ def test_a_merged_scan_is_matched_on_opening_and_left_alone_when_asked(tmp_path,
     assert _between(colours, true[near]) < 0.5 * _between(unpack(plain)[1], true[near])
 
 
-def test_materials_written_one_after_the_other_keep_their_colours(seed):
-    """Leaves and bark mixed in one surface, by class: runs explain nearly all that differs, but not as exposures do."""
+def test_materials_written_in_sequence_keep_their_colours(seed):
+    """Leaves and bark mixed in one surface, ordered by class: runs explain nearly all variance, but not as exposures do."""
     rng = np.random.default_rng(seed)
     xyz = rng.random((60_000, 3)) * (2.0, 2.0, 0.01)
     colour = np.repeat([[60, 150, 40], [150, 70, 60]], len(xyz) // 2, axis=0)
@@ -156,7 +156,7 @@ def test_materials_written_one_after_the_other_keep_their_colours(seed):
     assert not solve_run_gains(xyz, rgb, np.arange(len(xyz))).worthwhile
 
 
-def test_a_handful_of_points_tells_nothing(seed):
+def test_a_few_points_give_no_estimate(seed):
     rng = np.random.default_rng(seed)
     xyz = rng.random((150, 3)) * 0.1
     rgb = np.repeat([[90, 90, 90], [180, 180, 180]], 75, axis=0).astype(np.uint8)

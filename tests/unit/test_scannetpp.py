@@ -1,4 +1,4 @@
-"""ScanNet++ folders as places to learn from: what is read, what is refused, what pairs are made of it."""
+"""ScanNet++ folders as training data: reading, refusals and pairs."""
 
 from types import SimpleNamespace
 
@@ -20,7 +20,7 @@ def scannetpp(tmp_path):
     return write_scannetpp(tmp_path / "root")
 
 
-def test_scannetpp_photographs_lie_on_the_scan(scannetpp):
+def test_scannetpp_photographs_agree_with_the_scan(scannetpp):
     place = load_scannetpp(scannetpp, "aa11bb22cc")
     assert scenes(scannetpp, "train") == scenes(scannetpp, "nvs_sem_train") == ["aa11bb22cc"]
     assert place.name == "aa11bb22cc/dslr" and len(place.views) == 13  # one is bad
@@ -64,7 +64,7 @@ def test_scannetpp_parts_masks_and_anonymised_points(scannetpp):
     assert len(load_scannetpp(scannetpp, "aa11bb22cc").views) == 11
 
 
-def test_scannetpp_mesh_is_scattered_with_its_colours(scannetpp):
+def test_points_on_the_scannetpp_mesh_have_its_colours(scannetpp):
     scans = scannetpp / "data" / "aa11bb22cc" / "scans"
     (scans / "pc_aligned.ply").unlink()
     corners = np.array([[0, 0, 0], [4, 0, 0], [4, 3, 0], [0, 3, 0]], float)
@@ -79,9 +79,9 @@ def test_scannetpp_mesh_is_scattered_with_its_colours(scannetpp):
     assert cells.min() > 1500 and cells.max() < 1850  # 1667 each
 
 
-def test_scannetpp_refuses_before_anything_starts(scannetpp):
+def test_unusable_scannetpp_folders_are_refused_before_training(scannetpp):
     home = scannetpp / "data" / "aa11bb22cc"
-    with pytest.raises(DataError, match="there are: nvs_sem_train, nvs_sem_val"):
+    with pytest.raises(DataError, match="found: nvs_sem_train, nvs_sem_val"):
         scenes(scannetpp, "nvs_test")
     with pytest.raises(DataError, match="no such scene"):
         load_scannetpp(scannetpp, "nowhere")
@@ -107,7 +107,7 @@ def test_scannetpp_refuses_before_anything_starts(scannetpp):
     assert str(refused.value).count("is missing") == 10 and "and 4 more" in str(refused.value)
 
 
-def test_scannetpp_refuses_torn_scans_and_poses(scannetpp):
+def test_truncated_scannetpp_scans_and_poses_are_refused(scannetpp):
     home = scannetpp / "data" / "aa11bb22cc"
     cloud = home / "scans" / "pc_aligned.ply"
     data = cloud.read_bytes()
@@ -121,7 +121,7 @@ def test_scannetpp_refuses_torn_scans_and_poses(scannetpp):
     images = home / "dslr" / "colmap" / "images.txt"
     text = images.read_text()
     images.write_text(text.replace("10.5 12.25 -1\n", "", 1))
-    with pytest.raises(DataError, match=r"images\.txt: line 2: the line below"):
+    with pytest.raises(DataError, match=r"images\.txt: line 2: the next line"):
         load_scannetpp(scannetpp, "aa11bb22cc")
     images.write_text(text.replace(" 1 DSC00002", " 7 DSC00002"))
     with pytest.raises(DataError, match=r"line 6: camera '7' is not in cameras\.txt"):
@@ -133,8 +133,8 @@ def test_scannetpp_refuses_torn_scans_and_poses(scannetpp):
 
 
 @pytest.mark.parametrize("preset", ["auto", "off"])
-def test_training_pairs_take_the_photographs_colours(scannetpp, tmp_path, preset):
-    """The paper's recipe: where a point in front is measured, input and truth agree far better than with the scan's colours."""
+def test_training_pairs_have_the_photographs_colours(scannetpp, tmp_path, preset):
+    """The paper's method: at measured points in front, input and truth agree far better than with the scan's colours."""
     place = load_scannetpp(scannetpp, "aa11bb22cc", every=6)
     gaps = []
     for recipe in (True, False):

@@ -1,4 +1,4 @@
-"""How far apart a scan's points are said to be, against scans made so, a search tree and plain counting."""
+"""Point spacing against scans of known density, a search tree and plain counting."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_spacing_is_one_over_the_root_of_density(density):
 
 
 @pytest.mark.parametrize(("points", "times"), [(5_000, 2), (5_000, 7), (150_000, 2), (150_000, 7)])
-def test_a_scan_given_several_times_is_no_denser(points, times):
+def test_duplicate_points_do_not_increase_density(points, times):
     """Whole, and of cells whose points are too many to look at all."""
     xyz = np.column_stack([np.random.default_rng(6).random((points, 2)), np.zeros(points)])
     repeated = np.tile(xyz, (times, 1))

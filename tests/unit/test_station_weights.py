@@ -1,4 +1,4 @@
-"""Weights by where the scanners stood, and how far a pixel is trusted beside its neighbours: the plain definitions."""
+"""View-dependent blending against its definition: station weights, confidence and tone matching."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ from viewer.grid.open_scene import scene_from_arrays
 
 
 def by_definition(xyz: np.ndarray, station: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """In float64, from the angle itself."""
+    """Weights in float64, computed from the angle."""
     out = []
     for point, number in zip(xyz, station, strict=True):
         if number >= len(places) or np.isnan(places[number]).any():
@@ -66,20 +66,20 @@ def test_a_power_of_two_changes_no_weight(seed, power):
     assert np.array_equal(scaled, weights(xyz, station, places))
 
 
-def test_the_eye_in_the_scanner_sees_its_points_heaviest_and_the_scanner_itself_least():
+def test_a_camera_at_the_scanner_gives_its_points_the_largest_weight():
     xyz = np.array([[0.0, 0.0, 3.0], [1.0, -1.0, 2.0], [0.5, 0.5, 0.5]])
     places = np.array([[0.0, 0.0, 0.0], [0.5, 0.5, 0.5]])
     assert weights(xyz, np.array([0, 0, 1]), places).tolist() == [HEAVIEST, HEAVIEST, 1]
 
 
-def test_unknown_places_weigh_the_same_wherever_the_eye_is(seed):
+def test_unknown_scanner_positions_have_a_constant_weight(seed):
     xyz, _, places = random_points(seed)
     for number in (4, 6, 255):
         assert set(weights(xyz, np.full(len(xyz), number), places)) == {UNPLACED}
 
 
-def trust_by_definition(weight: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Pixel by pixel, with the tent over the four nearest blocks written out."""
+def confidence_by_definition(weight: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Pixel by pixel, with explicit bilinear weights of the four nearest blocks."""
     own = np.minimum(weight, HEAVIEST) * mask
     height, width = own.shape
     rows, columns = -(-height // CONFIDENCE_BLOCK), -(-width // CONFIDENCE_BLOCK)
@@ -100,22 +100,22 @@ def trust_by_definition(weight: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 9), (16, 24), (23, 31)])
 @pytest.mark.parametrize("share", [0.05, 0.5, 1.0])
-def test_trust_is_the_weight_by_the_mean_around(seed, size, share):
+def test_confidence_is_the_weight_over_the_local_mean(seed, size, share):
     rng = np.random.default_rng(seed)
     weight, mask = rng.integers(1, 3 * HEAVIEST, size), rng.random(size) < share
     got = confidence_of(torch.from_numpy(weight), torch.from_numpy(mask)).numpy()
     assert got.dtype == np.float32 and np.all(got[~mask] == 0) and np.all(got[mask] > 0)
-    assert np.abs(got - trust_by_definition(weight, mask)).max() <= 0.5 / 255 + 1e-6
+    assert np.abs(got - confidence_by_definition(weight, mask)).max() <= 0.5 / 255 + 1e-6
 
 
-def test_where_one_station_saw_a_place_alone_all_is_trusted(seed):
+def test_pixels_of_a_single_station_have_full_confidence(seed):
     rng = np.random.default_rng(seed)
     mask = torch.from_numpy(rng.random((40, 50)) < 0.3)
     for weight in (1, 4, HEAVIEST, 1000):
         assert torch.equal(confidence_of(torch.full((40, 50), weight), mask), mask.float())
 
 
-def toned_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def matched_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pixel by pixel; colour (H, W, 3), share (H, W) in 255ths."""
     height, width = share.shape
     tone, settled = colour.copy(), share.copy()
@@ -143,17 +143,17 @@ def toned_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarr
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 9), (16, 24), (19, 21)])
 @pytest.mark.parametrize("kept", [0.05, 0.5, 1.0])
-def test_tones_are_those_of_the_definition(seed, size, kept):
+def test_matched_tones_equal_the_definition(seed, size, kept):
     rng = np.random.default_rng(seed)
     colour, share = rng.integers(0, 256, (*size, 3)).astype(float), rng.integers(17, 256, size) * (rng.random(size) < kept)
     tone, settled = match_tone(torch.from_numpy(colour).permute(2, 0, 1).float(), torch.from_numpy(share / 255).float())
-    wanted = toned_by_definition(colour, share.astype(float))
+    wanted = matched_by_definition(colour, share.astype(float))
     assert np.abs(tone.permute(1, 2, 0).numpy() - wanted[0]).max() <= 0.501
     assert np.abs(255 * settled.numpy() - wanted[1]).max() <= 0.501
     assert torch.equal(tone, tone.round()) and not settled[torch.from_numpy(share == 0)].any()
 
 
-def test_what_is_trusted_keeps_its_colour_and_one_station_alone_all_of_them(seed):
+def test_confident_pixels_keep_their_colour(seed):
     rng = np.random.default_rng(seed)
     colour, share = torch.from_numpy(rng.integers(0, 256, (3, 30, 41))).float(), torch.from_numpy(rng.random((30, 41))).float()
     share[rng.random((30, 41)) < 0.5] = 1.0
@@ -163,8 +163,8 @@ def test_what_is_trusted_keeps_its_colour_and_one_station_alone_all_of_them(seed
     assert all(torch.equal(a, b) for a, b in zip(match_tone(colour, ones), (colour, ones), strict=True))
 
 
-def test_another_light_is_taken_off_and_the_boards_stay(seed):
-    """A floor that a far station saw in full, under another light, and the near one in every twelfth pixel."""
+def test_matching_removes_different_light_and_keeps_texture(seed):
+    """A floor measured completely by a far station in different light, and by the near one in every twelfth pixel."""
     rng = np.random.default_rng(seed)
     boards = 100.0 + 20.0 * np.sign(np.sin(np.arange(96) * 0.8))[None, :] + np.zeros((64, 1))
     glare = 40.0 + np.linspace(0, 40, 96)[None, :]
@@ -173,11 +173,11 @@ def test_another_light_is_taken_off_and_the_boards_stay(seed):
     colour, share = torch.from_numpy(np.stack([seen] * 3)).float(), torch.from_numpy(np.where(near, 1.0, 0.1)).float()
     (tone, settled), few = match_tone(colour, share), share * torch.from_numpy(near)
     wrong = {name: np.abs(pull_push(c, w)[0].numpy() - boards)[8:-8, 8:-8].mean()
-             for name, c, w in (("toned", tone, settled), ("weighed", colour, share), ("the near one", colour, few))}
-    assert wrong["toned"] < 0.45 * wrong["weighed"] and wrong["toned"] < wrong["the near one"]
+             for name, c, w in (("toned", tone, settled), ("weighted", colour, share), ("the near one", colour, few))}
+    assert wrong["toned"] < 0.45 * wrong["weighted"] and wrong["toned"] < wrong["the near one"]
 
 
-def test_a_hidden_pixel_changes_the_trust_of_none(seed):
+def test_a_hidden_pixel_changes_no_confidence(seed):
     rng = np.random.default_rng(seed)
     weight, mask = torch.from_numpy(rng.integers(1, 16, (33, 41))), torch.from_numpy(rng.random((33, 41)) < 0.5)
     other = torch.where(mask, weight, torch.from_numpy(rng.integers(1, 16, (33, 41))))
@@ -198,13 +198,13 @@ def test_equal_weights_give_the_plain_mean_and_unequal_ones_the_weighted(seed):
     plain, same = rasterise(index, z, rgb, 10, 6, soft), rasterise(index, z, rgb, 10, 6, soft, torch.full((500,), 7))
     assert torch.equal(plain.colour, same.colour) and torch.equal(7 * plain.count, same.count)
     heavy = torch.from_numpy(rng.integers(1, 16, 500))
-    repeated = torch.repeat_interleave(torch.arange(500), heavy)  # a point of weight w is w points
-    weighed = rasterise(index, z, rgb, 10, 6, soft, heavy)
+    repeated = torch.repeat_interleave(torch.arange(500), heavy)  # a point of weight w equals w points
+    weighted = rasterise(index, z, rgb, 10, 6, soft, heavy)
     crowd = rasterise(index[repeated], z[repeated], rgb[repeated], 10, 6, soft)
-    assert torch.equal(weighed.colour, crowd.colour) and torch.equal(weighed.count, crowd.count)
+    assert torch.equal(weighted.colour, crowd.colour) and torch.equal(weighted.count, crowd.count)
 
 
-def test_two_stations_are_told_apart_only_where_both_are_known_and_differ():
+def test_stations_differ_only_if_two_known_positions_differ():
     nan = np.nan
     assert stations_differ(np.array([(0, 0, 0), (0, 0, 1e-3)], float))
     assert stations_differ(np.array([(0, 0, 0), (nan, nan, nan), (1, 2, 3)], float))
@@ -212,7 +212,7 @@ def test_two_stations_are_told_apart_only_where_both_are_known_and_differ():
         assert not stations_differ(places)
 
 
-def test_a_projected_scan_has_weights_where_its_stations_are_known_and_apart(seed):
+def test_a_projected_scan_has_weights_only_with_different_known_stations(seed):
     rng = np.random.default_rng(seed)
     xyz = rng.uniform(-1, 1, (3000, 3)) + (0, 0, -3)
     scan = Scan(xyz, rng.integers(0, 256, (3000, 3)).astype(np.uint8), rng.integers(0, 2, 3000).astype(np.uint8))
@@ -233,8 +233,8 @@ def test_a_projected_scan_has_weights_where_its_stations_are_known_and_apart(see
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_scanner_farther_off_than_any_can_stand_is_not_known(axis, side):
-    """As a pose of zeros beside map coordinates: 20 times the scan's largest extent from the points, 4 here."""
+def test_an_implausibly_distant_scanner_position_is_unknown(axis, side):
+    """For example a pose of zeros with map coordinates: 20 times the scan's largest extent from the points, here 4."""
     xyz = np.random.default_rng(0).uniform(-1, 1, (200, 3)) * (2, 1, 0.5) + (500, 600, 70)
     scene = scene_from_arrays(xyz, np.full((200, 3), 9, np.uint8))
     edge, reach = (scene.bounds[max(side, 0), axis], 20 * np.ptp(scene.bounds[:, 0]))

@@ -1,4 +1,4 @@
-"""Training again into the same folder: the same goes on, other arguments are refused, every network has its own checkpoint."""
+"""Repeated training into one folder: equal facts continue, others are refused, each network has its own checkpoint."""
 
 import json
 import shutil
@@ -52,8 +52,8 @@ def _contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_moved_together_with_its_rooms_it_goes_on(rooms, tmp_path, capsys):
-    """As on a machine that mounts a job's folder elsewhere every time."""
+def test_a_training_moved_together_with_its_rooms_continues(rooms, tmp_path, capsys):
+    """As on a cluster that mounts a job's folder at a different path each time."""
     here, there = tmp_path / "job1", tmp_path / "job2"
     shutil.copytree(rooms[0], here / "one")
     shutil.copytree(rooms[1], tmp_path / "apart" / "one")
@@ -63,20 +63,20 @@ def test_moved_together_with_its_rooms_it_goes_on(rooms, tmp_path, capsys):
     assert torch.load(there / "run" / "fast-filtered" / "checkpoint.pt", weights_only=True)["step"] == 5
     capsys.readouterr()
     assert main(_line(there / "run", tmp_path / "apart" / "one", steps=6)) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1 and str(here / "one") in said and "choose another --out" in said
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1 and str(here / "one") in message and "choose another --out" in message
 
 
 @pytest.mark.parametrize("torn", [b"", b"\x80\x04]q\x00."])
 @pytest.mark.filterwarnings("error")
-def test_what_is_no_checkpoint_is_one_line(rooms, run, capsys, torn):
+def test_an_invalid_checkpoint_gives_one_line(rooms, run, capsys, torn):
     (run / "fast-filtered" / "checkpoint.pt").write_bytes(torn)
     assert main(_line(run, rooms[0], steps=4)) == 2
-    said = capsys.readouterr().err
-    assert "checkpoint.pt: not a checkpoint of this training" in said and said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert "checkpoint.pt: not a checkpoint of this training" in message and message.count("\n") == 1
 
 
-def test_the_unfiltered_network_after_the_filtered_learns_by_itself(rooms, run, tmp_path):
+def test_the_unfiltered_network_trains_separately_in_the_same_folder(rooms, run, tmp_path):
     assert main(_line(run, rooms[0], "--unfiltered")) == 0
     assert main(_line(tmp_path / "alone", rooms[0], "--unfiltered")) == 0
     both = [_state(run / f"fast-{kind}.safetensors") for kind in ("filtered", "unfiltered")]
@@ -86,33 +86,33 @@ def test_the_unfiltered_network_after_the_filtered_learns_by_itself(rooms, run, 
     assert [_notes(run / f"fast-{kind}.safetensors")["step"] for kind in ("filtered", "unfiltered")] == [4, 3]
 
 
-@pytest.mark.parametrize(("other", "said"), [
+@pytest.mark.parametrize(("other", "message"), [
     (("ONE", "--seed", 77), "--seed 1 (not 77)"), (("ONE", "--batch", 3), "--batch 2 (not 3)"),
     (("ONE", "--rate", 0.1), "--rate 0.001 (not 0.1)"), (("ONE", "--start-from", "WEIGHTS"), "--start-from none (not weights "),
 ])
-def test_other_arguments_are_refused_and_nothing_changes(rooms, run, tmp_path, capsys, other, said):
+def test_other_arguments_are_refused_and_nothing_changes(rooms, run, tmp_path, capsys, other, message):
     shutil.copy(run / "fast-filtered.safetensors", tmp_path / "w.safetensors")
     before = _contents(run)
     names = {"ONE": rooms[0], "WEIGHTS": tmp_path / "w.safetensors"}
     assert main(_line(run, *(names.get(word, word) for word in other), steps=6)) == 2
     error = capsys.readouterr().err
-    assert said in error and str(run) in error and "choose another --out" in error and error.count("\n") == 1
+    assert message in error and str(run) in error and "choose another --out" in error and error.count("\n") == 1
     assert before == _contents(run)
 
 
-@pytest.mark.parametrize(("folders", "said"), [
+@pytest.mark.parametrize(("folders", "message"), [
     (("TWO",), "/one (not /"), (("ONE", "TWO"), "no folder /"), (("/nonexistent/room",), "(not /nonexistent/room)"),
     (("ONE", "--procedural", 1), "--procedural 0 (not 1)"),
 ])
-def test_other_folders_are_refused_by_name(rooms, run, capsys, folders, said):
+def test_other_folders_are_refused_by_name(rooms, run, capsys, folders, message):
     names, before = {"ONE": rooms[0], "TWO": rooms[1]}, _contents(run)
     assert main(_line(run, *(names.get(word, word) for word in folders), steps=5)) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1 and _contents(run) == before
+    assert message in error and error.count("\n") == 1 and _contents(run) == before
 
 
 def test_a_room_whose_files_have_changed_is_refused_by_name(rooms, tmp_path, capsys):
-    """Its pairs are those of what it was: a picture added later would never be learned from, without a word."""
+    """Its pairs belong to the old files; a picture that was added later would silently be ignored."""
     room, run = shutil.copytree(rooms[0], tmp_path / "room"), tmp_path / "room" / "run"
     assert main(_line(run, room)) == 0
     (room / ".hidden").write_text("not data")
@@ -129,7 +129,7 @@ def test_a_room_whose_files_have_changed_is_refused_by_name(rooms, tmp_path, cap
     assert main(_line(tmp_path / "gone" / "run", room, steps=5)) == 0, "pairs that are there need no room any more"
 
 
-def test_weights_name_no_folder_of_the_machine_they_were_made_on(rooms, run):
+def test_weights_contain_no_paths(rooms, run):
     with safe_open(str(run / "fast-filtered.safetensors"), "pt") as file:
         header = json.dumps(file.metadata())
     assert str(rooms[0].parent) not in header and str(run.parent) not in header and "/tmp" not in header
@@ -138,14 +138,14 @@ def test_weights_name_no_folder_of_the_machine_they_were_made_on(rooms, run):
     assert json.loads((run / "fast-filtered" / "config.json").read_text())["sources"] == [str(rooms[0])]
 
 
-def test_the_same_room_by_another_path_goes_on(rooms, run, monkeypatch):
+def test_the_same_room_by_another_path_continues(rooms, run, monkeypatch):
     monkeypatch.chdir(rooms[0].parent)
     moved = run.rename(run.with_name("moved"))
     assert main(_line(moved, "one/../one", steps=4)) == 0
     assert _notes(moved / "fast-filtered.safetensors")["step"] == 4
 
 
-def test_pairs_that_were_begun_for_another_room_are_not_taken(rooms, tmp_path, monkeypatch, capsys):
+def test_incomplete_pairs_of_another_room_are_not_reused(rooms, tmp_path, monkeypatch, capsys):
     from model.data import pairs
 
     build = pairs.build
@@ -164,7 +164,7 @@ def test_pairs_that_were_begun_for_another_room_are_not_taken(rooms, tmp_path, m
 
 
 @pytest.mark.parametrize("left", ["other crops", "no facts", "no record", "a checkpoint beside the weights"])
-def test_what_an_earlier_version_left_is_refused_and_stays(rooms, run, capsys, left):
+def test_files_of_an_earlier_version_are_refused_and_unchanged(rooms, run, capsys, left):
     path = run / "fast-filtered" / "checkpoint.pt"
     saved = torch.load(path, weights_only=True)
     if left == "no record":
@@ -184,7 +184,7 @@ def test_what_an_earlier_version_left_is_refused_and_stays(rooms, run, capsys, l
     assert before == _contents(run)
 
 
-def test_weights_are_known_by_their_contents(rooms, run, tmp_path, capsys):
+def test_initial_weights_are_identified_by_their_contents(rooms, run, tmp_path, capsys):
     first, same, other = (tmp_path / f"{name}.safetensors" for name in "abc")
     for path in (first, same):
         shutil.copy(run / "fast-filtered.safetensors", path)

@@ -1,4 +1,4 @@
-"""Training stopped by Ctrl-C or a kill: nothing done is lost, nothing is done twice, and nobody is shown a traceback."""
+"""Training interrupted by Ctrl-C or a kill: no step is lost or repeated, and there is no traceback."""
 
 import json
 import os
@@ -65,15 +65,15 @@ def _step_of(out):
 
 @pytest.fixture(params=STOPS, ids=["ctrl-c", "sigterm"])
 def stop(request):
-    """Ctrl-C, or SIGTERM as the command line has it."""
+    """Ctrl-C, or SIGTERM as the command line handles it."""
     before = signal.signal(request.param, signal.default_int_handler)
     yield request.param
     signal.signal(request.param, before)
 
 
 @pytest.mark.parametrize("within", [False, True])
-def test_a_stop_keeps_every_step_that_was_done(pairs, tmp_path, monkeypatch, within, stop):
-    """Between two steps, or within one, which is then finished: the weights are those of a run that nobody stopped."""
+def test_an_interrupt_keeps_every_completed_step(pairs, tmp_path, monkeypatch, within, stop):
+    """Between two steps, or within one, which is then completed; the weights equal those of an uninterrupted run."""
     advance = Trainer.advance
 
     def pressed(self, *rest):
@@ -93,8 +93,8 @@ def test_a_stop_keeps_every_step_that_was_done(pairs, tmp_path, monkeypatch, wit
     assert signal.getsignal(stop) is signal.default_int_handler and not list(tmp_path.rglob("*.partial"))
 
 
-def test_half_a_step_is_not_kept(pairs, tmp_path, monkeypatch):
-    """A second Ctrl-C stops within a step: the checkpoint stays that of the last whole one."""
+def test_half_a_step_is_not_saved(pairs, tmp_path, monkeypatch):
+    """A second Ctrl-C interrupts a step: the checkpoint stays that of the last complete step."""
     step = torch.optim.AdamW.step
 
     def twice(self, *rest):
@@ -110,7 +110,7 @@ def test_half_a_step_is_not_kept(pairs, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("stop", [signal.SIGTERM], indirect=True)
-def test_a_scheduler_that_asks_twice_waits_for_the_step(stop):
+def test_repeated_sigterm_waits_for_the_step(stop):
     whole = []
     with pytest.raises(KeyboardInterrupt), finish_before_interrupt():
         _press(stop)
@@ -119,7 +119,7 @@ def test_a_scheduler_that_asks_twice_waits_for_the_step(stop):
     assert whole and signal.getsignal(stop) is signal.default_int_handler
 
 
-def test_an_error_that_ctrl_c_brought_about_is_a_ctrl_c():
+def test_an_error_caused_by_ctrl_c_is_reported_as_ctrl_c():
     with pytest.raises(KeyboardInterrupt), finish_before_interrupt():
         _press()
         raise RuntimeError("the other process is gone")
@@ -127,7 +127,7 @@ def test_an_error_that_ctrl_c_brought_about_is_a_ctrl_c():
         raise RuntimeError("something else")
 
 
-def test_the_log_holds_every_step_once_after_a_kill(pairs, tmp_path, monkeypatch):
+def test_the_log_has_every_step_once_after_a_kill(pairs, tmp_path, monkeypatch):
     monkeypatch.setattr(training_log, "EVERY", 1)
 
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
@@ -136,7 +136,7 @@ def test_the_log_holds_every_step_once_after_a_kill(pairs, tmp_path, monkeypatch
         if step == 6:
             raise MemoryError
 
-    with pytest.raises(MemoryError):  # nothing was saved: the next call begins anew
+    with pytest.raises(MemoryError):  # nothing was saved: the next call starts again
         train.train(_config(pairs, tmp_path), on_step=kill)
     train.train(_config(pairs, tmp_path, steps=3))
     log = tmp_path / "fast-filtered" / "log.jsonl"
@@ -149,8 +149,8 @@ def test_the_log_holds_every_step_once_after_a_kill(pairs, tmp_path, monkeypatch
     assert [event.step for event in board.Scalars("loss")] == [1, 2, 3, 4, 5]
 
 
-def test_every_room_of_a_recipe_is_learned_from(rooms, tmp_path):
-    """Rooms of one name, and rooms of two picture sizes in one folder."""
+def test_a_recipe_makes_pairs_of_every_room(rooms, tmp_path):
+    """Rooms with the same name, and rooms with two picture sizes in one folder."""
     make_room(tmp_path / "mixed" / "small", view=(72, 96))
     make_room(tmp_path / "mixed" / "large", view=(80, 112))
     made = follow(TINY, [*rooms, tmp_path / "mixed"], tmp_path / "run", minutes=0.05, perceptual=None, device="cpu",
@@ -167,7 +167,7 @@ def test_every_room_of_a_recipe_is_learned_from(rooms, tmp_path):
 
 
 def test_crops_of_a_recipe_fit_into_its_pictures(tmp_path):
-    """Half of a procedural picture is 240 pixels high, the GPU's crops are 256: it was refused when its pairs were made."""
+    """Half of a procedural picture is 240 pixels high, less than the GPU recipe's crops of 256."""
     folders = []
     for height in (480, 240):
         folders.append(tmp_path / str(height))
@@ -178,7 +178,7 @@ def test_crops_of_a_recipe_fit_into_its_pictures(tmp_path):
     assert [recipes._crop(stage, some) for some in (folders[:1], folders)] == [256, 240]
 
 
-def test_pairs_are_not_added_to_once_they_are_learned_from(rooms, tmp_path, monkeypatch):
+def test_no_pairs_are_added_once_training_has_begun(rooms, tmp_path, monkeypatch):
     def stopped(_config):
         raise KeyboardInterrupt
 
@@ -192,8 +192,8 @@ def test_pairs_are_not_added_to_once_they_are_learned_from(rooms, tmp_path, monk
     assert sorted(tmp_path.glob("pairs/*/*")) == before and len(made) == 2
 
 
-def test_what_is_left_of_the_time_for_pairs_is_spent_and_no_more(tmp_path, monkeypatch):
-    """The first call spends a part and is stopped; the second goes on with the next place, for the rest."""
+def test_a_resumed_recipe_spends_the_remaining_time_for_pairs(tmp_path, monkeypatch):
+    """The first call is interrupted; the second continues with the next place for the rest of the time."""
     clock, given = [0.0], []
 
     class Pool:
@@ -222,14 +222,14 @@ def test_what_is_left_of_the_time_for_pairs_is_spent_and_no_more(tmp_path, monke
     assert given == ["place-0", "place-1", "place-2"]
     assert json.loads((tmp_path / "recipe.json").read_text())["most"] == dict.fromkeys(("street", "thing", "room"), 10.0)
     stop, clock[0] = 1e9, 1000.0
-    (tmp_path / "pairs" / "filtered" / "place-2-2").rmdir()  # was under way
+    (tmp_path / "pairs" / "filtered" / "place-2-2").rmdir()  # was in progress
     made = recipes.make_pairs(TINY, [], tmp_path, facts, 50.0, 99)
     assert given[3:] == ["place-2", "place-3"] and len(made["filtered"]) == 8
     assert recipes.make_pairs(TINY, [], tmp_path, facts, 500.0, 99) == made and len(given) == 5
 
 
-def test_a_place_that_would_not_be_done_in_time_is_not_begun(tmp_path):
-    """A room takes ten times as long as a thing: begun in the last minute, it took the networks' time."""
+def test_a_place_that_would_not_finish_in_time_is_not_begun(tmp_path):
+    """A room takes ten times as long as an object; begun in the last minute, it would take the networks' time."""
     clock = [0.0]
     progress = recipes._Progress(tmp_path / "recipe.json", {"pairs": None, "seconds": 0.0})
     progress.spent = lambda: clock[0]  # type: ignore[method-assign]
@@ -251,8 +251,8 @@ def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
 
     again(tmp_path, rooms[0])
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
-    for said, folders, seed in ((r"a/room \(not .*b/room", rooms[1:], 1), (r"--seed 1 \(not 2\)", rooms[:1], 2)):
-        with pytest.raises(DataError, match=said):
+    for message, folders, seed in ((r"a/room \(not .*b/room", rooms[1:], 1), (r"--seed 1 \(not 2\)", rooms[:1], 2)):
+        with pytest.raises(DataError, match=message):
             again(tmp_path, *folders, seed=seed)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
     (tmp_path / "recipe.json").unlink()
@@ -261,8 +261,8 @@ def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
 
 
 @pytest.mark.parametrize(("number", "to"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.killpg), (signal.SIGTERM, os.kill)])
-def test_a_recipe_stopped_before_a_place_is_done_leaves_nothing_and_says_one_line(tmp_path, number, to):
-    """Ctrl-C as a terminal sends it, to every process of the command; SIGTERM to all, or to the first one."""
+def test_a_recipe_interrupted_in_its_first_place_leaves_no_files_and_prints_one_line(tmp_path, number, to):
+    """Ctrl-C as a terminal sends it, to every process of the command; SIGTERM to all, or to the main process."""
     line = [sys.executable, "-m", "viewer", "train", "--recipe", "night", "--out", str(tmp_path / "rec"), "--device", "cpu"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(line, cwd=ROOT, start_new_session=True, **pipes)
@@ -276,8 +276,8 @@ def test_a_recipe_stopped_before_a_place_is_done_leaves_nothing_and_says_one_lin
     assert (process.returncode, error) == (130, "pointglass: stopped\n") and not list(tmp_path.iterdir())
 
 
-def test_learning_that_breaks_down_is_one_line_and_what_was_learned_stays(pairs, rooms, tmp_path, capsys, monkeypatch):
-    """A step whose gradient is not a number leaves no weight that is one: nothing to go on from, and nothing to draw with."""
+def test_divergence_gives_one_line_and_keeps_the_last_weights(pairs, rooms, tmp_path, capsys, monkeypatch):
+    """A step with a gradient of NaN would turn every weight into NaN."""
     train.train(_config(pairs, tmp_path, steps=3))
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.suffix in (".safetensors", ".pt")}
     make, made = train.Objective.forward, []
@@ -299,7 +299,7 @@ def test_learning_that_breaks_down_is_one_line_and_what_was_learned_stays(pairs,
     assert not (tmp_path / "wild" / "fast-filtered.safetensors").exists()
 
 
-def test_weights_that_half_precision_cannot_hold_are_not_written(tmp_path):
+def test_weights_beyond_half_precision_are_not_written(tmp_path):
     trainer = Trainer(TrainConfig((), str(tmp_path), quality="fast", device="cpu"), Process(0, 1, torch.device("cpu")))
     trainer.config.state.mkdir()
     with torch.no_grad():
@@ -309,7 +309,7 @@ def test_weights_that_half_precision_cannot_hold_are_not_written(tmp_path):
     assert not [path for path in tmp_path.rglob("*") if path.is_file()]
 
 
-def test_a_log_holds_the_means_of_its_steps(tmp_path, monkeypatch):
+def test_a_log_has_the_means_of_its_steps(tmp_path, monkeypatch):
     monkeypatch.setattr(training_log, "EVERY", 4)
     with training_log.TrainingLog(tmp_path, 0, shown=True) as log:
         for step in range(1, 9):

@@ -1,4 +1,4 @@
-"""The steps of a training: how large they are, what bounds them, the average of the networks, and which of them is kept."""
+"""Training steps: learning rate, gradient clipping, weight average and checkpoints."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -38,19 +38,19 @@ def _batch() -> Batch:
 
 
 def _pull(strength: float):
-    """In the place of the objective: the picture is to be dark."""
+    """Replaces the objective: rewards dark pictures."""
     def objective(made, _beside, _batch):
         return strength * made.square().mean(), {}
 
     return objective
 
 
-def test_whatever_decides_the_weights_is_part_of_the_facts(tmp_path):
-    """All but how long is trained, where, with what, and what is told of by its contents."""
+def test_facts_contain_everything_that_determines_the_weights(tmp_path):
+    """Except the duration, paths, devices, and files that are identified by their contents."""
     others = {"pairs", "out", "steps", "minutes", "perceptual_path", "start_from", "save_every", "device", "loaders",
               "sources"}  # fmt: skip
-    told = TrainConfig((), str(tmp_path)).facts("squares")
-    assert {field.name for field in fields(TrainConfig)} - others == set(told) - {"crops", "pairs", "perceptual", "start_from"}
+    known = TrainConfig((), str(tmp_path)).facts("squares")
+    assert {field.name for field in fields(TrainConfig)} - others == set(known) - {"crops", "pairs", "perceptual", "start_from"}
 
 
 def test_the_rate_warms_up_and_falls_by_a_cosine_to_a_fiftieth():
@@ -61,8 +61,8 @@ def test_the_rate_warms_up_and_falls_by_a_cosine_to_a_fiftieth():
 
 
 @pytest.mark.parametrize("steps, minutes, done", [(1000, 1.0, 10), (4, 1.0, 4), (4, 0.0, 4)])
-def test_the_rate_falls_with_what_runs_out_first(tmp_path, monkeypatch, made_up, steps, minutes, done):
-    """A clock on which a step takes six seconds."""
+def test_the_rate_follows_steps_or_minutes_whichever_ends_first(tmp_path, monkeypatch, made_up, steps, minutes, done):
+    """With a clock on which a step takes six seconds."""
     clock, rates = [100.0], []
 
     def advance(trainer, _batch, _objective, rate):
@@ -78,8 +78,8 @@ def test_the_rate_falls_with_what_runs_out_first(tmp_path, monkeypatch, made_up,
     assert rates == pytest.approx([config.learning_rate(k, k / done) for k in range(done)])
 
 
-def test_the_average_follows_soon_and_then_slowly(tmp_path):
-    trainer = _trainer(tmp_path, average=0.25)  # met at the third step
+def test_the_average_follows_quickly_at_first_and_then_slowly(tmp_path):
+    trainer = _trainer(tmp_path, average=0.25)  # the limit applies from the third step
     expected = {name: value.clone() for name, value in trainer.averaged.state_dict().items()}
     for step in range(6):
         trainer.advance(_batch(), _pull(1.0), 1e-3)
@@ -92,7 +92,7 @@ def test_the_average_follows_soon_and_then_slowly(tmp_path):
 
 
 @pytest.mark.parametrize("strength", [1e-3, 1e6])
-def test_no_step_follows_a_slope_steeper_than_one(tmp_path, strength):
+def test_gradients_are_clipped_to_norm_1(tmp_path, strength):
     torch.manual_seed(1)
     trainer = _trainer(tmp_path)
     trainer.advance(_batch(), _pull(strength), 1e-3)
@@ -100,7 +100,7 @@ def test_no_step_follows_a_slope_steeper_than_one(tmp_path, strength):
     assert norm == pytest.approx(1.0, abs=1e-3) if strength > 1 else 0 < norm < 0.1
 
 
-def test_the_weights_that_are_kept_are_the_average(tmp_path):
+def test_the_saved_weights_are_the_average(tmp_path):
     trainer = _trainer(tmp_path)
     with torch.no_grad():
         for p in trainer.averaged.parameters():
@@ -128,8 +128,8 @@ def test_a_checkpoint_that_cannot_be_written_leaves_the_older_one(tmp_path, monk
 
 
 @pytest.mark.parametrize("half", [True, False])
-def test_half_a_step_is_never_kept(tmp_path, monkeypatch, made_up, half):
-    """Stopped when the network has taken its third step and the average has not; or between two."""
+def test_half_a_step_is_never_saved(tmp_path, monkeypatch, made_up, half):
+    """Interrupted when the network is updated and the average is not, or between two steps."""
     take, taken = torch.optim.AdamW.step, []
 
     def stopped(*given):
@@ -138,14 +138,14 @@ def test_half_a_step_is_never_kept(tmp_path, monkeypatch, made_up, half):
         if half and len(taken) == 3:
             raise KeyboardInterrupt
 
-    def told(step):
+    def known(step):
         if step == 3:
             raise KeyboardInterrupt
 
     monkeypatch.setattr(torch.optim.AdamW, "step", stopped)
     config = TrainConfig((), str(tmp_path), quality="fast", device="cpu", steps=5)
     with pytest.raises(KeyboardInterrupt):
-        train(config, on_step=told)
+        train(config, on_step=known)
     path = config.state / "checkpoint.pt"
     assert len(taken) == 3 and path.exists() == (not half)
     assert half or torch.load(path, weights_only=True)["step"] == 3

@@ -1,4 +1,4 @@
-"""Training: pairs, crops, the objective; exact resume after a kill; two processes that learn as one."""
+"""Training: pairs, crops, the loss; exact resume after a kill; equality of one and two processes."""
 
 import json
 import os
@@ -64,12 +64,12 @@ def test_training_resumes_exactly_after_a_kill(pairs, tmp_path):
     assert not list(tmp_path.rglob("*.partial"))
 
 
-def test_another_seed_trains_other_weights(pairs, tmp_path):
+def test_another_seed_gives_other_weights(pairs, tmp_path):
     a, b = (_state(train(_config(pairs, tmp_path / str(seed), seed=seed))) for seed in (1, 2))
     assert any(not torch.equal(a[k], b[k]) for k in a)
 
 
-def test_a_checkpoint_of_another_network_is_refused_by_name(pairs, tmp_path):
+def test_an_invalid_checkpoint_is_refused_by_name(pairs, tmp_path):
     (tmp_path / "fast-filtered").mkdir()
     (tmp_path / "fast-filtered" / "checkpoint.pt").write_bytes(b"not a checkpoint")
     with pytest.raises(DataError, match=r"checkpoint\.pt: not a checkpoint") as caught:
@@ -77,7 +77,7 @@ def test_a_checkpoint_of_another_network_is_refused_by_name(pairs, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_two_processes_learn_from_the_mean_of_their_gradients(pairs, tmp_path):
+def test_two_processes_average_their_gradients(pairs, tmp_path):
     script = tmp_path / "both.py"
     script.write_text(
         "import sys; sys.path.insert(0, sys.argv[1])\n"
@@ -119,11 +119,11 @@ def test_two_processes_learn_from_the_mean_of_their_gradients(pairs, tmp_path):
 
     train(_config(pairs, tmp_path / "alone", steps=2, batch=1, neighbours=0, warmup=1))
     alone = torch.load(tmp_path / "alone" / "fast-filtered" / "checkpoint.pt", weights_only=True)["network"]
-    # Adam's first steps are nearly signs of gradients, so rounding moves a few weights far: norms, not maxima
+    # Adam's first steps are nearly the signs of gradients, so rounding changes a few weights much: compare norms
     assert apart(one, two) < 0.2 * apart(one, start) < 0.2 * 2 * apart(one, alone)
 
 
-def test_a_batch_depends_on_seed_step_and_process_alone(pairs):
+def test_a_batch_depends_only_on_seed_step_and_process(pairs):
     crops, again = Crops([pairs], 32, 5), Crops([pairs], 32, 5)
     for _ in range(3):
         again.batch(99, 2)
@@ -132,7 +132,7 @@ def test_a_batch_depends_on_seed_step_and_process_alone(pairs):
     assert not torch.equal(a.x, crops.batch(8, 3, 1).x) and not torch.equal(a.x, crops.batch(7, 3, 1, process=1).x)
 
 
-def test_crops_lie_anywhere_in_a_picture_and_may_be_as_high_as_it(tmp_path):
+def test_crops_are_anywhere_in_a_picture_and_may_have_its_height(tmp_path):
     np.save(tmp_path / "measured.npy", np.zeros((1, 6, 32, 36), np.float16))
     truth = np.broadcast_to(np.arange(36), (1, 5, 32, 36)).astype(np.uint8)
     np.save(tmp_path / "truth.npy", truth)
@@ -141,14 +141,14 @@ def test_crops_lie_anywhere_in_a_picture_and_may_be_as_high_as_it(tmp_path):
     assert set(first.tolist()) == {0, 1, 2, 3, 4}
 
 
-def test_flow_leads_to_the_same_surface_however_a_crop_is_turned(tmp_path):
-    """A pattern and the same pattern moved unevenly: brought back along the flow it must be the first again."""
+def test_flow_leads_to_the_same_surface_in_rotated_and_mirrored_crops(tmp_path):
+    """A pattern and the same pattern moved unevenly: warped by the flow it must equal the first."""
     j, i = np.mgrid[0:60, 0:80].astype(float)
     flow = np.stack([3 + 2 * np.sin(j / 9), -2 + 1.5 * np.cos(i / 11)])
 
     def pattern(x, y):
         planes = [0.3 + 0.1 * np.sin(x / 5 + c) + 0.1 * np.cos(y / 7 - c) for c in range(6)]
-        planes[3] = np.ones_like(x)  # all is measured
+        planes[3] = np.ones_like(x)  # everything is measured
         return np.stack(planes)
 
     np.save(tmp_path / "neighbours.npy", pattern(i, j).astype(np.float16)[None])
@@ -162,21 +162,21 @@ def test_flow_leads_to_the_same_surface_however_a_crop_is_turned(tmp_path):
         assert gap.max() < 0.01 < (batch.neighbour - batch.x).abs().max()
 
 
-def test_flow_is_the_motion_of_a_plane_and_stops_at_what_hides(tmp_path):
+def test_flow_is_the_motion_of_a_plane_and_nan_where_occluded(tmp_path):
     pose = np.diag([1.0, 1.0, 1.0, 1.0])
     depth = np.full((60, 80), 4.0, np.float32)
     depth[:, 40:] = 2.0  # a nearer half to the right
     shot = MemoryPicture(np.zeros((60, 80, 3), np.uint8), 50.0, pose, depth)
     moved = pose.copy()
-    moved[0, 3] = -0.2  # to the left: the near half slides right by 5 pixels, the far one by 2.5, and uncovers
+    moved[0, 3] = -0.2  # to the left: the near half moves right by 5 pixels, the far one by 2.5
     flow = flow_to(shot, moved, SimpleNamespace(width=80, height=60, fx=50.0, fy=50.0, cx=40.0, cy=30.0), 1).astype(float)
     assert np.allclose(flow[0, 5:-5, 5:30], 2.5, atol=0.01) and np.allclose(flow[0, 5:-5, 45:70], 5.0, atol=0.01)
-    moved[0, 3] = 0.2  # to the right: the near half slides left over the far one
+    moved[0, 3] = 0.2  # to the right: the near half moves left and occludes the far one
     flow = flow_to(shot, moved, SimpleNamespace(width=80, height=60, fx=50.0, fy=50.0, cx=40.0, cy=30.0), 1).astype(float)
     assert np.isnan(flow[0, 5:-5, 39]).all() and np.allclose(flow[0, 5:-5, 10:30], -2.5, atol=0.01)
 
 
-def test_the_objective_ignores_what_is_not_known_and_rewards_steadiness(pairs):
+def test_the_loss_ignores_unknown_pixels_and_rewards_temporal_stability(pairs):
     batch = Crops([pairs], 32, 1).batch(0, 2, 1)
     objective = Objective(None, 0.1, 0.5, 1.0)
     perfect = torch.cat([batch.colour, torch.ones(2, 1, 32, 32)], 1)
@@ -194,7 +194,7 @@ def test_the_objective_ignores_what_is_not_known_and_rewards_steadiness(pairs):
     assert steady < shaken
 
 
-def test_pairs_keep_coverage_and_what_is_unknown(tmp_path):
+def test_pairs_store_coverage_and_unknown_pixels(tmp_path):
     scene = load_scene(make_room(tmp_path / "box"))
     shot = scene.views[0]
     covered = np.ones((shot.height, shot.width), np.float32)
@@ -214,7 +214,7 @@ def test_pairs_keep_coverage_and_what_is_unknown(tmp_path):
     assert (truth[0, 4, :, :3] == 0).all() and (truth[0, 4, :, 3:] == 255).all()
 
 
-def test_pairs_that_could_not_be_made_leave_nothing(tmp_path):
+def test_pairs_that_fail_leave_no_files(tmp_path):
     scene = load_scene(make_room(tmp_path / "box"))
     before = sorted(tmp_path.rglob("*"))
 
@@ -231,13 +231,13 @@ def test_pairs_that_could_not_be_made_leave_nothing(tmp_path):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_true_pictures_made_smaller_are_the_mean_of_the_light_that_covers_them():
+def test_downsampled_true_pictures_average_linear_light_by_coverage():
     colour = np.zeros((6, 8, 3), np.uint8)
     colour[:4] = np.random.default_rng(0).integers(0, 256, (4, 8, 3))
     colour[4:] = [[[255, 200, 0]], [[0, 100, 0]]]
     covered = np.random.default_rng(1).choice([0, 0.25, 1.0], (6, 8)).astype(np.float32)
     covered[4:] = 1.0
-    covered[:2, :2] = 0.0  # a void
+    covered[:2, :2] = 0.0  # background
     known = np.random.default_rng(2).random((6, 8)) < 0.5
     made = _truth(MemoryPicture(colour, 9.0, np.eye(4), covered=covered, usable=known), 2)
     assert (made[:3, 2] == np.array([188, 160, 0])[:, None]).all(), "half the light of 255 is 188 in sRGB"
@@ -253,7 +253,7 @@ def test_true_pictures_made_smaller_are_the_mean_of_the_light_that_covers_them()
     assert np.array_equal(_truth(whole, 1)[:3].transpose(1, 2, 0), colour), "at full size nothing is changed"
 
 
-def test_the_same_points_survive_in_every_picture_of_a_scan(tmp_path):
+def test_decimation_keeps_the_same_points_in_every_picture(tmp_path):
     scene = load_scene(make_room(tmp_path / "box"))
     scan, shot = scene.scan(1), scene.views[0]
     number = np.arange(len(scan.xyz))
@@ -267,8 +267,8 @@ def test_the_same_points_survive_in_every_picture_of_a_scan(tmp_path):
     assert torch.equal(seen[0].rank[first], seen[1].rank[second]) and seen[0].rank.unique().numel() > 0.99 * len(numbers[0])
 
 
-def test_a_neighbour_lacks_the_station_that_its_picture_lacks_and_flow_stops_at_patches(tmp_path, monkeypatch):
-    """What only one of both lacks would be taken for a change that the network has to make up for."""
+def test_a_neighbour_lacks_the_same_station_and_flow_is_nan_in_patches(tmp_path, monkeypatch):
+    """A difference between the two pictures would count as instability of the network."""
     def lacking(width, height, stations, density, _rng):
         patches = np.ones((height, width), np.float32)
         patches[10:20, 5:25] = 0.4
@@ -288,7 +288,7 @@ def test_a_neighbour_lacks_the_station_that_its_picture_lacks_and_flow_stops_at_
 
 
 @pytest.mark.parametrize("neighbours", [True, False])
-def test_a_picture_of_fewer_points_is_made_with_their_own_spacing(tmp_path, monkeypatch, neighbours):
+def test_a_decimated_picture_uses_the_spacing_of_its_points(tmp_path, monkeypatch, neighbours):
     scene, given = load_scene(make_room(tmp_path / "box")), []
     raster_of, measured_input = pairs_module.raster_of, pairs_module.measured_input
     monkeypatch.setattr(pairs_module, "raster_of", lambda seen, keep, apart: (
@@ -301,8 +301,8 @@ def test_a_picture_of_fewer_points_is_made_with_their_own_spacing(tmp_path, monk
     assert given == pytest.approx(expected) and len({pair.where["density"] for pair in made}) > 3
 
 
-def test_some_scans_do_not_say_where_their_stations_stood(tmp_path, monkeypatch):
-    """As LAS and PLY never do: their points weigh alike."""
+def test_some_scans_have_no_scanner_positions(tmp_path, monkeypatch):
+    """As LAS and PLY files: their points have equal weights."""
     scene, given = load_scene(make_room(tmp_path / "box")), []
     monkeypatch.setattr(pairs_module, "project_scan", lambda scan, *rest: (
         given.append(scan.places is not None), project_scan(scan, *rest))[1])
@@ -310,7 +310,7 @@ def test_some_scans_do_not_say_where_their_stations_stood(tmp_path, monkeypatch)
     assert given == [pair.where["placed"] for pair in made] and {True, False} == set(given)
 
 
-def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
+def test_invalid_pairs_are_refused_by_name(pairs, tmp_path):
     with pytest.raises(DataError, match=r"measured\.npy.*cannot be read"):
         Crops([tmp_path], 32, 1)
     np.save(tmp_path / "measured.npy", np.zeros((2, 4, 40, 40), np.float16))
@@ -324,7 +324,7 @@ def test_pairs_that_do_not_fit_are_refused_by_name(pairs, tmp_path):
         Crops([pairs], 320, 1)
 
 
-def test_some_scans_have_exposures_far_apart(tmp_path):
+def test_some_scans_have_widely_different_exposures(tmp_path):
     scene = load_scene(make_room(tmp_path / "box"))
 
     def ratio(seed):
@@ -336,7 +336,7 @@ def test_some_scans_have_exposures_far_apart(tmp_path):
     assert (ratios > 0.3).any() and np.median(ratios) < 0.2
 
 
-def test_batches_made_ahead_are_the_same(pairs):
+def test_batches_prepared_by_workers_are_the_same(pairs):
     crops = Crops([pairs], 32, 4)
     with Ahead(crops, 2, 1, 0, 2) as ahead:
         made = [ahead.batch(step) for step in range(3, 7)]
@@ -364,8 +364,8 @@ def test_scalars_and_pictures_reach_tensorboard(pairs, tmp_path, monkeypatch):
     assert (picture.width, picture.height) == (3 * 32, 2 * 32)
 
 
-def test_pictures_for_tensorboard_leave_the_averaged_network_as_it_is(tmp_path, monkeypatch):
-    """The paper's has running statistics, which a network in training takes from whatever it is shown."""
+def test_pictures_for_tensorboard_do_not_change_the_averaged_network(tmp_path, monkeypatch):
+    """The paper's network has running statistics, which it updates in training mode."""
     monkeypatch.setattr("model.train.trainer.make_network", lambda _quality: PaperUNet(4))
     averaged = Trainer(TrainConfig((), str(tmp_path), quality="paper"), Process(0, 1, torch.device("cpu"))).averaged
     before = {name: value.clone() for name, value in averaged.state_dict().items()}
