@@ -122,37 +122,35 @@ def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass,
            sample: NoiseSample | None, clock: _Clock) -> _Placed:  # fmt: skip
     """Pass 2, repeated with finer cells where points lie too close together for the packed positions.  Fills ``points``."""
 
-    def placed(counts: CellCounts, layout: Layout, sample: NoiseSample | None) -> np.ndarray:
-        return scatter(sources, colours, first.scans, counts, layout, points, pool, processors(), first.attributes, sample)
-
-    counts, layout, coarsest = first.counts, choose_layout(first.counts), None
-    for attempt in range(_ATTEMPTS):
+    def place(counts: CellCounts, layout: Layout, sample: NoiseSample | None) -> tuple[_Placed, float]:
+        """The points in these cells, and the share of coinciding points."""
         clock.lap("cells")
-        boxes = placed(counts, layout, sample if attempt == 0 else None)
+        boxes = scatter(sources, colours, first.scans, counts, layout, points, pool, processors(), first.attributes, sample)
         clock.lap("place")
         steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
         clock.lap("spacing")
-        found = _Placed(counts, layout, steps, boxes), coinciding
-        resolved = steps >= _LEAST_STEPS and coinciding <= _COINCIDING
-        if resolved or attempt == _ATTEMPTS - 1 or not np.ptp(counts.bounds, axis=0).any():
+        return _Placed(counts, layout, steps, boxes), coinciding
+
+    counts = first.counts
+    found, coinciding = coarsest, most_coinciding = place(counts, choose_layout(counts), sample)
+    if 0 < found.steps < _LEAST_STEPS:  # too coarse: these cells are never taken after all
+        coarsest = None
+    for _ in range(_ATTEMPTS - 1):
+        resolved = found.steps >= _LEAST_STEPS and coinciding <= _COINCIDING
+        if resolved or not np.ptp(counts.bounds, axis=0).any():
             break
         # dense clusters far apart: the cells are too coarse for points this close, so once more with finer ones
-        if attempt == 0 and (steps >= _LEAST_STEPS or not steps):
-            coarsest = found
-        smallest = _FINEST_STEPS if coinciding > _COINCIDING else max(steps, _FINEST_STEPS)
-        size = power_of_two(layout.cell_size * smallest / (4 * _LEAST_STEPS))
+        smallest = _FINEST_STEPS if coinciding > _COINCIDING else max(found.steps, _FINEST_STEPS)
+        size = power_of_two(found.layout.cell_size * smallest / (4 * _LEAST_STEPS))
         if counts.cell_size > size:
             finer = count_cells(sources, cell_size=size)
-            if finer.count != counts.count or finer.cell_size >= layout.cell_size:
+            if finer.count != counts.count or finer.cell_size >= found.layout.cell_size:
                 break
             counts = finer
-        layout = choose_layout(counts, size)
-    if coarsest and coarsest[0].layout is not found[0].layout and found[1] > _UNPARTED * coarsest[1]:
-        kept = coarsest[0]  # the same points over and over: no cells separate them
-        boxes = placed(kept.counts, kept.layout, None)
-        clock.lap("place")
-        return _Placed(kept.counts, kept.layout, kept.steps, boxes)
-    return found[0]
+        found, coinciding = place(counts, choose_layout(counts, size), None)
+    if coarsest and coarsest is not found and coinciding > _UNPARTED * most_coinciding:
+        return place(coarsest.counts, coarsest.layout, None)[0]  # the same points over and over: no cells separate them
+    return found
 
 
 def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points: np.ndarray, facts: dict,
