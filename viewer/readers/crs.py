@@ -1,23 +1,31 @@
-"""Units and names of coordinate reference systems, from the WKT and GeoTIFF records a LAS file carries.
+"""Units and names of coordinate reference systems: from the WKT and GeoTIFF records of files, or assigned by a person.
 
-Only what a viewer needs, the length of one file unit in metres and a name to show, so that no projection library is.
+WKT is read by patterns and not by pyproj, for two reasons: many files hold abbreviated definitions that PROJ refuses, and
+pyproj takes 0.1 s to import, which opening most files does without.  EPSG codes and PROJ strings are looked up in pyproj.
 """
 
+import logging
 import re
+
+from viewer.errors import InputError
 
 _LENGTHS = {9001: ("metre", 1.0), 9002: ("foot", 0.3048), 9003: ("US survey foot", 1200 / 3937)}
 _LENGTHS |= {9005: ("Clarke's foot", 0.3047972654), 9036: ("kilometre", 1000.0)}
+"""Unit name and metres per unit by EPSG code of the unit."""
 _NUMBER = r"\+?((?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)"
 _UNIT = re.compile(rf'\b(?:LENGTHUNIT|UNIT)\s*\[\s*"([^"]*)"\s*,\s*{_NUMBER}\s*[\],]', re.IGNORECASE)
 _ANGLES = re.compile("degree|radian|grad|gon|second|minute", re.IGNORECASE)
 _VERTICAL = re.compile(r"\b(?:VERT_CS|VERTCRS|VERTICALCRS)\s*\[", re.IGNORECASE)
 _PROJECTED = re.compile(r'\b(?:PROJCS|PROJCRS|PROJECTEDCRS|LOCAL_CS|ENGCRS|GEOCCS)\s*\[\s*"([^"]*)"', re.IGNORECASE)
 _GEOGRAPHIC = re.compile(r'\b(?:GEOGCS|GEOGCRS|GEODCRS|GEOGRAPHICCRS)\s*\[\s*"([^"]*)"', re.IGNORECASE)
-# EPSG blocks known to be in metres: UTM on NAD83, on WGS 84 north and south, on ETRS89
-_METRIC = (range(26901, 26924), range(32601, 32661), range(32701, 32761), range(25828, 25839))
+_EPSG = re.compile(r"\s*(?:EPSG\s*:{1,2}\s*)?(\d{1,6})\s*", re.IGNORECASE)
+_USER_DEFINED = 32767  # in GeoTIFF, instead of an EPSG code
+_LONGEST_NAME = 80  # characters of a name that are shown; chosen by hand
 
 Reference = tuple[str | None, str, float | None]
 """Name of the reference system or None, name of the unit, metres per unit or None."""
+UNKNOWN: Reference = (None, "unknown", None)
+_log = logging.getLogger(__name__)
 
 
 def from_wkt(text: str) -> Reference:
@@ -26,30 +34,96 @@ def from_wkt(text: str) -> Reference:
     horizontal = _VERTICAL.split(text)[0]
     if match := _PROJECTED.search(horizontal):
         lengths = [(name, float(value)) for name, value in _UNIT.findall(horizontal) if not _ANGLES.search(name)]
-        unit, metres = (
-            lengths[-1] if lengths else ("unknown", None)
-        )  # the last is the projection's own, not the ellipsoid's
+        unit, metres = lengths[-1] if lengths else ("unknown", None)  # the last is the projection's, not the ellipsoid's
         return match[1], unit, metres if metres and 0 < metres < float("inf") else None
     if match := _GEOGRAPHIC.search(horizontal):
         return match[1], "degree", None
-    return None, "unknown", None
+    return UNKNOWN
+
+
+def from_text(text: str) -> Reference:
+    """Reads WKT, an EPSG code or a PROJ string; any other text is a name without units."""
+    found = from_wkt(text)
+    if found[0] is not None or not text.strip():
+        return found
+    name = " ".join(text.split())[:_LONGEST_NAME]
+    if (match := _EPSG.fullmatch(text)) or text.lstrip().startswith("+"):
+        return name, *_units(f"EPSG:{match[1]}" if match else text)
+    return name, "unknown", None
 
 
 def from_geokeys(
     keys: dict[int, int], ascii_text: str = "", ascii_spans: dict[int, tuple[int, int]] | None = None
 ) -> Reference:
     """Reads GeoTIFF keys: the short values, and (offset, length) of those that are texts in ``ascii_text``."""
-    code = keys.get(3072, 32767)
-    name = f"EPSG:{code}" if code not in (0, 32767) else None
+    code = keys.get(3072, _USER_DEFINED)
+    name = f"EPSG:{code}" if code not in (0, _USER_DEFINED) else None
     for key in (1026, 3073, 2049):
         if name is None and ascii_spans and key in ascii_spans:
             offset, length = ascii_spans[key]
             name = ascii_text[offset : offset + length].strip("|\0 ") or None
     if keys.get(1024) == 2:
-        return name or (f"EPSG:{keys[2048]}" if keys.get(2048, 32767) != 32767 else None), "degree", None
+        geographic = keys.get(2048, _USER_DEFINED)
+        return name or (f"EPSG:{geographic}" if geographic != _USER_DEFINED else None), "degree", None
     unit = keys.get(3076) or keys.get(4099)
     if unit in _LENGTHS:
         return name, *_LENGTHS[unit]
-    if any(code in block for block in _METRIC):
-        return name, "metre", 1.0
-    return name, "unknown", None
+    return (name, *_units(name)) if name is not None and name.startswith("EPSG:") else (name, "unknown", None)
+
+
+def assigned(text: str) -> Reference:
+    """The reference system that a person assigns: an EPSG code ("EPSG:25832" or "25832").  Replaces ``crs``, ``units`` and
+    ``metres_per_unit`` of a scan; coordinates are not changed.
+
+    Raises InputError where there is no such code, it is not a system of positions, or pyproj cannot be loaded.
+    """
+    match = _EPSG.fullmatch(text)
+    if match is None:
+        raise InputError(f"{text[:30]!a} is not an EPSG code; give a number such as EPSG:25832 (see epsg.io)")
+    code = f"EPSG:{match[1]}"
+    try:
+        return code, *_looked_up(code)
+    except ImportError as error:
+        raise InputError(f"{code}: pyproj, which knows the codes, cannot be loaded ({error}); pip install pyproj") from None
+    except ValueError:
+        raise InputError(f"{code}: there is no such horizontal reference system; see epsg.io for its code") from None
+
+
+def title(code: str) -> str | None:
+    """The full name of an EPSG code, "EPSG:25832" -> "ETRS89 / UTM zone 32N"; None where it is not known."""
+    match = _EPSG.fullmatch(code)
+    try:
+        return _crs(f"EPSG:{match[1]}").name if match else None
+    except (ImportError, ValueError) as error:
+        _log.info("%s has no name: %s", code, error)
+        return None
+
+
+def _units(definition: str) -> tuple[str, float | None]:
+    """Unit and metres per unit of a definition in a file; unknown where pyproj does not know it, which the log says."""
+    try:
+        return _looked_up(definition)
+    except (ImportError, ValueError) as error:
+        _log.info("units of %s are unknown: %s", definition[:_LONGEST_NAME], error)
+        return "unknown", None
+
+
+def _looked_up(definition: str) -> tuple[str, float | None]:
+    """Unit and metres per unit of the horizontal axes.  Raises ValueError where PROJ knows no such system."""
+    axes = [axis for axis in _crs(definition).axis_info if axis.direction not in ("up", "down")]
+    if not axes:
+        raise ValueError("it has no horizontal axes")
+    if any(axis.unit_name == "degree" for axis in axes):
+        return "degree", None
+    return axes[0].unit_name, float(axes[0].unit_conversion_factor)
+
+
+def _crs(definition: str):
+    """pyproj's object.  Raises ValueError, ImportError."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    try:
+        return CRS.from_user_input(definition)
+    except CRSError as error:
+        raise ValueError((str(error).splitlines() or ["not known"])[0][:_LONGEST_NAME]) from None

@@ -67,14 +67,9 @@ class OctreeSource(ColumnSource):
             yield 0, _joined(kept)
 
     def _crs(self, text: object) -> None:
-        """Units and name of the reference system from WKT or a proj4 string, as far as it says."""
-        if not isinstance(text, str) or not text.strip():
-            return
-        self.crs, self.units, self.metres_per_unit = crs.from_wkt(text)
-        if self.crs is None:
-            self.crs = " ".join(text.split())[:80]
-        if "+units=m" in text.split() or ("+proj=utm" in text.split() and "+units" not in text):
-            self.units, self.metres_per_unit = "metre", 1.0
+        """Sets units and name of the reference system from WKT, an EPSG code or a PROJ string."""
+        if isinstance(text, str) and text.strip():
+            self.crs, self.units, self.metres_per_unit = crs.from_text(text)
 
     def _damaged(self, what: str, file: Path | None = None) -> InputError:
         return InputError(f"{file or self.entry}: damaged: {what}; copy or convert the scan again")
