@@ -7,10 +7,12 @@ from viewer import cli
 from viewer.errors import InputError
 from viewer.grid.open_scene import open_scene, scene_from_arrays
 from viewer.grid.scene import unpack
-from viewer.tools.clip import contains
+from viewer.tools.clip import Box, contains
+from viewer.tools.document import Document, ScanFile
 from viewer.tools.exporting.command import export
 from viewer.tools.exporting.point_writers import WRITERS
 from viewer.tools.exporting.selection import Selection, clips_of, parse_box
+from viewer.tools.project import write_project
 
 
 def random_scene(seed, count=30_000, origin=(0.0, 0.0, 0.0), size=12.0, scans=2):
@@ -133,3 +135,34 @@ def test_classes_are_kept(tmp_path):
     held = attributes_of(scene).classification
     assert held is not None and np.array_equal(laspy.read(tmp_path / "b.laz").classification, held)
     assert sorted(np.unique(held)) == [2, 6, 17]
+
+
+@pytest.mark.parametrize("seed", [21, 22])
+def test_a_project_is_exported_as_it_is_seen(tmp_path, seed):
+    """Its clips, hidden stations and ``--clip``: the file holds exactly the points in sight, with their attributes."""
+    sources = [tmp_path / "one.laz", tmp_path / "two.laz", tmp_path / "three.laz"]
+    for number, source in enumerate(sources):
+        export(Selection(random_scene(seed + 10 * number, count=8_000, scans=1)), source)
+    keeps = Box((5.0, 6.0, 0.0), (3.5, 4.0, 2.0))
+    removes = Box((5.0, 6.0, 0.0), (1.0, 1.0, 2.0), removes=True)
+    project, hidden = tmp_path / "work.pointglass", (1,)
+    scene = open_scene(sources[:2], match=False, cache=False)
+    scans = (*(ScanFile(str(source)) for source in sources[:2]), ScanFile(str(sources[2]), visible=False))
+    write_project(project, Document(scans, hidden_stations=hidden, clips=(keeps, removes)))
+    out = tmp_path / "seen.ply"
+    assert cli.main(["export", str(project), "--out", str(out), "--no-cache", "--exposures", "as-scanned",
+                     "--clip", "0,0,-9,9,7,9"]) == 0
+    xyz, _, _, station = unpack(scene)
+    keep = (np.abs(xyz - keeps.centre) <= keeps.half).all(1) & ~(np.abs(xyz - removes.centre) <= removes.half).all(1)
+    keep &= ((xyz >= (0, 0, -9)) & (xyz <= (9, 7, 9))).all(1) & ~np.isin(station, hidden)
+    import plyfile
+
+    rows_ = plyfile.PlyData.read(str(out))["vertex"].data
+    found = np.column_stack([rows_[name] for name in ("x", "y", "z", "red", "green", "blue", "intensity")])
+    assert 0 < keep.sum() < (station == 0).sum() < scene.count
+    assert np.array_equal(found[np.lexsort(found.T)], rows(scene, keep))
+
+
+def test_a_project_beside_a_scan_is_refused(tmp_path, capsys):
+    assert cli.main(["export", str(tmp_path / "a.pointglass"), str(tmp_path / "b.las"), "--out", str(tmp_path / "c.laz")]) == 2
+    assert "opened by itself" in capsys.readouterr().err

@@ -1,4 +1,7 @@
-"""``pointglass export``: measured points only; never a filled pixel or a colour that the network made."""
+"""``pointglass export``: measured points only; never a filled pixel or a colour that the network made.
+
+A project is exported as it is seen: without hidden scans and stations, and only what its clips leave.
+"""
 
 import argparse
 import shutil
@@ -9,6 +12,7 @@ from viewer.errors import InputError
 from viewer.text import bytes_text, counted
 from viewer.tools.exporting.point_writers import WRITERS, bytes_needed, writer_for
 from viewer.tools.exporting.selection import Selection, clips_of
+from viewer.tools.open_project import opened
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -54,11 +58,8 @@ def _with_ending(beside: Path, out: Path, write) -> None:
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
     writer_for(options.out)
-    clips = clips_of(options.clip)
-
-    from viewer.grid.open_scene import open_scene
-
-    scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
-    count = export(Selection(scene, clips), options.out)
+    boxes = clips_of(options.clip)
+    scene, document = opened(options)
+    count = export(Selection(scene, document.clips, boxes, frozenset(document.hidden_stations)), options.out)
     print(f"{counted(count, 'point')} in {options.out}")
     return 0

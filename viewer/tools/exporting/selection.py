@@ -35,10 +35,15 @@ class Block:
 
 @dataclass(frozen=True)
 class Selection:
-    """The points of a scene that the clips leave."""
+    """The points of a scene that are in sight: not of a hidden station, left by ``clips`` and, separately, by ``within``.
+
+    clips: of the project.  within: of ``--clip``.  hidden: numbers of stations that are left out.
+    """
 
     scene: "Scene"
     clips: tuple[Clip, ...] = ()
+    within: tuple[Clip, ...] = ()
+    hidden: frozenset[int] = frozenset()
 
     def blocks(self, label: str) -> Iterator[Block]:
         """Every point once, in the order of the grid (coarse layers first), with a progress bar."""
@@ -49,9 +54,15 @@ class Selection:
             xyz, rgb, intensity, station = unpack(scene, slice(start, stop))
             classes = attributes_of(scene, slice(start, stop)).classification
             classes = np.zeros(len(xyz), np.uint8) if classes is None else classes
-            kept = contains(self.clips, xyz) if self.clips else slice(None)
+            kept = self._kept(xyz, station) if self.clips or self.within or self.hidden else slice(None)
             if len(xyz[kept]):
                 yield Block(xyz[kept], rgb[kept], intensity[kept], station[kept], classes[kept])
+
+    def _kept(self, xyz: np.ndarray, station: np.ndarray) -> np.ndarray:
+        """(n,) bool: which points are in sight."""
+        hidden = np.zeros(256, bool)
+        hidden[list(self.hidden)] = True
+        return ~hidden[station] & contains(self.clips, xyz) & contains(self.within, xyz)
 
     def _runs(self, label: str) -> Iterator[tuple[int, int]]:
         scene = self.scene
@@ -65,10 +76,11 @@ class Selection:
 
     def _possible_cells(self) -> np.ndarray | None:
         """(C,) bool: cells that may hold a point left by the clips; None without clips."""
-        if not self.clips:
+        if not (self.clips or self.within):
             return None
         half = self.scene.cell_size / 2
-        return may_contain(self.clips, self.scene.cell_min + half, half)
+        centre = self.scene.cell_min + half
+        return may_contain(self.clips, centre, half) & may_contain(self.within, centre, half)
 
     def _cells_of(self, start: int, stop: int) -> np.ndarray:
         """The cells that a run of points touches, some of them more than once."""
@@ -84,7 +96,7 @@ class Selection:
             found += np.bincount(block.station, minlength=256)
         if not found.any():
             low, high = self.scene.bounds
-            raise InputError("the clips leave no point; the scan lies between "
+            raise InputError("the clips and hidden stations leave no point; the scan lies between "
                              f"{_triple(low)} and {_triple(high)} (file coordinates)")
         return found
 

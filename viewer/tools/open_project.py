@@ -1,0 +1,32 @@
+"""Scans or a project from the command line, opened for a tool that works on measured points: export and sections."""
+
+import argparse
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from viewer.tools.document import Document, ScanFile
+from viewer.tools.project import check_projects, is_project, read_project, scans_of
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+
+
+def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
+    """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
+
+    options: as viewer.options.add_scans and add_exposures make them.  Raises InputError where a project is damaged, holds no
+    visible scan, or is not alone.
+    """
+    from viewer.grid.open_scene import open_scene
+
+    check_projects(list(options.scans))
+    if is_project(options.scans[0]):
+        document = read_project(options.scans[0])
+        scans = scans_of(options.scans[0], document)
+    else:
+        document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
+    scene = open_scene(scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
+    assigned = next((scan.metres_per_unit for scan in document.scans if scan.metres_per_unit), None)
+    if assigned is not None:
+        scene = replace(scene, meta={**scene.meta, "metres_per_unit": assigned})
+    return scene, document
