@@ -20,7 +20,7 @@ LONGER: dict[str, str] = {
 """Modules longer than MOST_LINES, each with its reason."""
 SAME_NAME: dict[str, str] = {
     "__init__": "packages",
-    "command": "the command line's part of a folder: training, evaluation, film, export",
+    "command": "the command line's part of a folder: training, evaluation, film, export, section",
     "demo": "the demo scan is made by model/synth and shown by viewer/tools",
     "errors": "the base class in model/common, and the viewer's classes",
     "heldout": "held-out points as data, and their judging",
