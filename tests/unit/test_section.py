@@ -46,7 +46,7 @@ def test_the_picture_holds_exactly_the_points_of_the_slab(kind, metre, offset):
     scene = room(points=20_000, metre=metre, offset=offset)
     cut = CUTS[kind](np.array(offset), metre)
     drawing = draw(Selection(scene), cut, 0.02 * metre)
-    xyz, rgb, _, _ = unpack(scene)
+    xyz, _, _, _ = unpack(scene)
     way = xyz - np.array(cut.origin)
     depth, along = way @ np.array(cut.forward), way @ np.array(cut.right)
     inside = (depth >= cut.near) & (depth <= cut.far) & (along >= cut.left) & (along <= cut.rightmost)

@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     where.add_argument("--line", metavar="X1,Y1,X2,Y2",
                        help="an upright section between two places; the first is left on the sheet")
     parser.add_argument("--thickness", type=float, metavar="T",
-                        help=f"of the slab, in the scan's units, centred on the plane (default {THICKNESS:g} m); of an elevation "
-                             "the part nearest to the eye (default: everything)")
+                        help=f"of the slab, in the scan's units, centred on the plane (default {THICKNESS:g} m); of an "
+                             "elevation the part nearest to the eye (default: everything)")
     parser.add_argument("--scale", default=f"1:{SCALE:g}", metavar="1:N", help=f"scale on paper (default 1:{SCALE:g})")
     parser.add_argument("--dpi", type=int, default=DPI, metavar="N", help=f"pixels an inch of paper (default {DPI})")
     parser.add_argument("--out", type=Path, required=True, metavar="F.png|F.pdf", help="the sheet to write")
