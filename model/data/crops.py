@@ -151,7 +151,7 @@ class Crops:
         return turned(x), turned(y), turned(near), flow
 
 
-class Ahead:
+class Prefetcher:
     """Batches of consecutive steps, prepared by ``workers`` processes, or on demand with 0 workers; the batches are the
     same."""
 
@@ -160,7 +160,7 @@ class Ahead:
         self.pool: ProcessPoolExecutor | None = None
         self.coming: dict[int, Future[Batch]] = {}
 
-    def __enter__(self) -> "Ahead":
+    def __enter__(self) -> "Prefetcher":
         if self.workers > 0:
             self.pool = ProcessPoolExecutor(self.workers, get_context("spawn"), _start_worker, (self.crops,))
         return self

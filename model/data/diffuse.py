@@ -18,19 +18,19 @@ RELATIVE, METRES = 0.015, 0.01
 hand."""
 
 
-def diffuse(seen: Projected, scan: Scan, shot: TruePicture) -> Projected:
-    """The projected points, with those on the visible surfaces in the colours of ``shot`` at its full resolution.
+def diffuse(seen: Projected, scan: Scan, view: TruePicture) -> Projected:
+    """The projected points, with those on the visible surfaces in the colours of ``view`` at its full resolution.
 
-    Points behind or in front of these surfaces keep the scan's colours.  Without depth in the shot nothing changes.
+    Points behind or in front of these surfaces keep the scan's colours.  Without depth in the view nothing changes.
     """
-    depth = shot.depth()
+    depth = view.depth()
     if depth is None or not len(seen.point):
         return seen
     rows = seen.point.numpy()
-    local = (scan.xyz[rows] - shot.camera_to_world[:3, 3]) @ (shot.camera_to_world[:3, :3] * (1.0, -1.0, -1.0))
+    local = (scan.xyz[rows] - view.camera_to_world[:3, 3]) @ (view.camera_to_world[:3, :3] * (1.0, -1.0, -1.0))
     z = local[:, 2]
-    column = np.clip((shot.fl * local[:, 0] / z + shot.cx).astype(np.int64), 0, shot.width - 1)
-    row = np.clip((shot.fl * local[:, 1] / z + shot.cy).astype(np.int64), 0, shot.height - 1)
+    column = np.clip((view.fl * local[:, 0] / z + view.cx).astype(np.int64), 0, view.width - 1)
+    row = np.clip((view.fl * local[:, 1] / z + view.cy).astype(np.int64), 0, view.height - 1)
     on_surface = np.abs(z - depth[row, column]) <= RELATIVE * z + METRES
-    rgb = np.where(on_surface[:, None], shot.rgb()[row, column], seen.rgb.numpy())
+    rgb = np.where(on_surface[:, None], view.rgb()[row, column], seen.rgb.numpy())
     return replace(seen, rgb=torch.from_numpy(rgb))

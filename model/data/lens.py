@@ -20,7 +20,7 @@ MODELS = {  # number of focal lengths and of distortion parameters, COLMAP's nam
 
 @dataclass(frozen=True)
 class Lens:
-    """A camera model.  fx, fy, cx, cy: pixels.  bend: distortion parameters in COLMAP's order; OPENCV may have a fifth, k3."""
+    """A camera model.  fx, fy, cx, cy: pixels.  distortion: in COLMAP's order; OPENCV may have a fifth parameter, k3."""
 
     model: str
     width: int
@@ -29,30 +29,30 @@ class Lens:
     fy: float
     cx: float
     cy: float
-    bend: tuple[float, ...] = ()
+    distortion: tuple[float, ...] = ()
 
     @staticmethod
     def colmap(where: str, model: str, width: int, height: int, parameters: Sequence[float]) -> "Lens":
         """A lens from a line of cameras.txt.  where: file and line, for the DataError of an invalid one."""
         if model not in MODELS:
             raise DataError(f"{where}: camera model {model!r} is not supported ({', '.join(MODELS)} are)")
-        focals, bends = MODELS[model]
-        if len(parameters) != focals + 2 + bends:
-            raise DataError(f"{where}: {model} has {focals + 2 + bends} parameters, not {len(parameters)}")
+        focals, distortions = MODELS[model]
+        if len(parameters) != focals + 2 + distortions:
+            raise DataError(f"{where}: {model} has {focals + 2 + distortions} parameters, not {len(parameters)}")
         fx, fy = parameters[0], parameters[focals - 1]
         if not (np.all(np.abs(parameters) < MAX_FOCAL) and fx > 0 and fy > 0 and width > 0 and height > 0):
             raise DataError(f"{where}: {width}x{height} pixels, parameters {list(parameters)}: not a valid camera")
-        return Lens(model, width, height, fx, fy, *parameters[focals : focals + 2], bend=tuple(parameters[focals + 2 :]))
+        return Lens(model, width, height, fx, fy, *parameters[focals : focals + 2], distortion=tuple(parameters[focals + 2 :]))
 
     @property
     def plain(self) -> bool:
         """Whether it is a pinhole with square pixels, without distortion."""
-        return not any(self.bend) and self.model != "OPENCV_FISHEYE" and abs(self.fx - self.fy) <= 1e-6 * self.fx
+        return not any(self.distortion) and self.model != "OPENCV_FISHEYE" and abs(self.fx - self.fy) <= 1e-6 * self.fx
 
     @property
     def _radial(self) -> tuple[float, ...]:
         """k1, k2, ... of t (1 + k1 t^2 + k2 t^4 + ...)."""
-        return (*self.bend[:2], *self.bend[4:]) if self.model == "OPENCV" else self.bend
+        return (*self.distortion[:2], *self.distortion[4:]) if self.model == "OPENCV" else self.distortion
 
     @cached_property
     def limit(self) -> float:
@@ -75,14 +75,14 @@ class Lens:
         scale = np.where(t <= self.limit, scale, np.nan)
         u, v = x * scale, y * scale
         if self.model == "OPENCV":
-            p1, p2 = self.bend[2:4] if self.bend else (0.0, 0.0)
+            p1, p2 = self.distortion[2:4] if self.distortion else (0.0, 0.0)
             r2 = r * r
             u, v = u + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), v + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
         return self.fx * u + self.cx, self.fy * v + self.cy
 
 
 @lru_cache(maxsize=64)
-def straight_focal(lens: Lens) -> float:
+def pinhole_focal(lens: Lens) -> float:
     """Focal length, pixels, of the widest centred pinhole of the same size whose view lies inside the lens's picture."""
     w, h = lens.width, lens.height
     i, j = np.arange(w) + 0.5 - w / 2, np.arange(h) + 0.5 - h / 2
@@ -103,17 +103,17 @@ def straight_focal(lens: Lens) -> float:
 
 
 @lru_cache(maxsize=2)
-def straight_map(lens: Lens) -> np.ndarray:
+def undistortion_map(lens: Lens) -> np.ndarray:
     """(2, H, W) float32: row and column in the lens's picture, pixel centres at integers, of each undistorted pixel."""
-    focal = straight_focal(lens)
+    focal = pinhole_focal(lens)
     y, x = np.mgrid[0 : lens.height, 0 : lens.width] + 0.5
     u, v = lens.pixel((x - lens.width / 2) / focal, (y - lens.height / 2) / focal)
     return np.stack([v - 0.5, u - 0.5]).astype(np.float32)
 
 
-def straighten(picture: np.ndarray, lens: Lens) -> np.ndarray:
-    """Undistorts a picture (H, W) or (H, W, C) uint8 to the pinhole of :func:`straight_focal`, bilinear."""
+def undistort(picture: np.ndarray, lens: Lens) -> np.ndarray:
+    """Undistorts a picture (H, W) or (H, W, C) uint8 to the pinhole of :func:`pinhole_focal`, bilinear."""
     layers = picture[..., None] if picture.ndim == 2 else picture
-    where = straight_map(lens)
+    where = undistortion_map(lens)
     out = [map_coordinates(layers[..., c].astype(np.float32), where, order=1, mode="nearest") for c in range(layers.shape[2])]
     return np.rint(np.stack(out, -1)).astype(np.uint8).reshape(picture.shape)

@@ -63,7 +63,7 @@ BEHIND = 1.02
 
 
 @dataclass(frozen=True)
-class Spoiling:
+class Degradation:
     """Degradation of a scan as seen in one picture; shares multiply.
 
     density: share of all points.  patches (H, W): share at each pixel, 1 outside the patches.  stations (S,): share of each
@@ -82,7 +82,7 @@ class Spoiling:
         return seen.rank < share
 
 
-def spoil(width: int, height: int, stations: int, density: float, rng: np.random.Generator) -> Spoiling:
+def degrade(width: int, height: int, stations: int, density: float, rng: np.random.Generator) -> Degradation:
     """Random degradation: patches removed or thinned, a station missing or thinned (paper, "Training Data Generation")."""
     share = np.ones((height, width), np.float32)
     rows, columns = np.mgrid[0:height, 0:width]
@@ -99,47 +99,47 @@ def spoil(width: int, height: int, stations: int, density: float, rng: np.random
     if stations > 1 and rng.random() < 0.5:  # missing, or thinned to single points on other stations' surfaces
         thin = 0.0 if rng.random() < 0.4 else np.exp(rng.uniform(np.log(0.03), np.log(0.5)))
         weights[rng.integers(stations)] = thin
-    return Spoiling(density, share, weights)
+    return Degradation(density, share, weights)
 
 
 def _density(rng: np.random.Generator) -> float:
     return float(rng.choice([1.0, 0.1]) if rng.random() < 0.35 else np.exp(rng.uniform(np.log(0.03), 0)))
 
 
-def _truth(shot: TruePicture, reduce: int, rgb: np.ndarray | None = None) -> np.ndarray:
-    """(5, H / reduce, W / reduce) uint8: colour, coverage, known.  rgb: replaces the shot's colours."""
-    colour, coverage, known = shot.rgb() if rgb is None else rgb, shot.coverage(), shot.known()
+def _truth(view: TruePicture, reduce: int, rgb: np.ndarray | None = None) -> np.ndarray:
+    """(5, H / reduce, W / reduce) uint8: colour, coverage, known.  rgb: replaces the view's colours."""
+    colour, coverage, known = view.rgb() if rgb is None else rgb, view.coverage(), view.known()
     full = np.ones(colour.shape[:2], bool)
     shares = [reduced_share(full if share is None else share, reduce) for share in (coverage, known)]
     return np.ascontiguousarray(np.dstack([reduced_colour(colour, coverage, reduce), *shares]).transpose(2, 0, 1))
 
 
-def _neighbour_pose(shot: TruePicture, middle: float, rng: np.random.Generator) -> np.ndarray:
+def _neighbour_pose(view: TruePicture, middle: float, rng: np.random.Generator) -> np.ndarray:
     """camera_to_world of a neighbouring camera, slightly moved and rotated.  middle: median depth of the picture."""
     turn = np.radians(NEIGHBOUR_TURN) * rng.normal(size=3)
     x, y, z = turn
     skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    moved = shot.camera_to_world.copy()
+    moved = view.camera_to_world.copy()
     left, _, right = np.linalg.svd(moved[:3, :3] @ (np.eye(3) + skew))
     moved[:3, :3] = left @ right
     moved[:3, 3] += NEIGHBOUR_SHIFT * middle * rng.normal(size=3)
     return moved
 
 
-def flow_to(shot: TruePicture, pose: np.ndarray, camera: SimpleNamespace, reduce: int) -> np.ndarray:
+def flow_to(view: TruePicture, pose: np.ndarray, camera: SimpleNamespace, reduce: int) -> np.ndarray:
     """(2, H, W) float16: optical flow, pixels, from each true pixel to the picture from ``pose``.
 
     NaN where there is no surface, where it leaves the picture, moves more than MAX_FLOW pixels, or is occluded there by another
     surface of the true picture.
     """
-    depth = shot.depth()
+    depth = view.depth()
     if depth is None:
         return np.full((2, camera.height, camera.width), np.nan, np.float16)
     z = depth[reduce // 2 :: reduce, reduce // 2 :: reduce][: camera.height, : camera.width].astype(np.float64)
     j, i = np.mgrid[0 : camera.height, 0 : camera.width] + 0.5
     local = np.stack([(i - camera.cx) / camera.fx * z, -(j - camera.cy) / camera.fy * z, -z], -1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        world = local @ shot.camera_to_world[:3, :3].T + shot.camera_to_world[:3, 3]
+        world = local @ view.camera_to_world[:3, :3].T + view.camera_to_world[:3, 3]
         there = (world - pose[:3, 3]) @ (pose[:3, :3] * (1.0, -1.0, -1.0))
         u = camera.fx * there[..., 0] / there[..., 2] + camera.cx
         v = camera.fy * there[..., 1] / there[..., 2] + camera.cy
@@ -179,19 +179,19 @@ class _Colouring:
     """The colours of one picture's points and truth.  painting: of the place; None: not painted."""
 
     scan: Scan
-    shot: TruePicture
+    view: TruePicture
     spacing: float
     diffuse: bool
     painting: Painting | None
 
     def truth(self) -> np.ndarray:
         """(H, W, 3) uint8."""
-        return self.shot.rgb() if self.painting is None else paint_picture(self.painting, self.shot)
+        return self.view.rgb() if self.painting is None else paint_picture(self.painting, self.view)
 
     def coloured(self, seen: Projected) -> Projected:
         """The points with their colours."""
         if self.diffuse:
-            seen = diffuse(seen, self.scan, self.shot)
+            seen = diffuse(seen, self.scan, self.view)
         if self.painting is not None:
             xyz = self.scan.xyz[seen.point.numpy()]
             gain = self.painting.gain(xyz, np.full(len(xyz), POINT_FOOTPRINT * self.spacing))
@@ -222,22 +222,22 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
             scan = replace(scan, places=None)
         stations = int(scan.station.max(initial=0)) + 1
         paint = make_painting(textures, scan.xyz, rng) if len(textures) and len(scan.xyz) and not photographs else None
-        for index, shot in enumerate(place.views):
+        for index, view in enumerate(place.views):
             rank_seed = int(rng.integers(2**31))
             is_diffuse = not photographs and bool(rng.random() < DIFFUSE_SHARE)
             painting = paint if rng.random() < PAINTED_SHARE else None
-            colouring = _Colouring(scan, shot, spacing, is_diffuse, painting)
-            seen = colouring.coloured(project_scan(scan, shot, rank_seed, reduce))
+            colouring = _Colouring(scan, view, spacing, is_diffuse, painting)
+            seen = colouring.coloured(project_scan(scan, view, rank_seed, reduce))
             if isinstance(place, PhotographedPlace):
-                seen = place.photographed(seen, shot, seed * 1000 + number, toned=not matched)
-            truth = _truth(shot, reduce, colouring.truth())
+                seen = place.photographed(seen, view, seed * 1000 + number, toned=not matched)
+            truth = _truth(view, reduce, colouring.truth())
             camera = seen.camera
             for _ in range(variants):
                 density = _density(rng)
-                spoiling = spoil(camera.width, camera.height, stations, density, rng)
+                degradation = degrade(camera.width, camera.height, stations, density, rng)
                 strength = float(np.exp(rng.uniform(-0.4, 0.4)))
                 apart = spacing / density**0.5
-                raster = raster_of(seen, spoiling.keep(seen), apart)
+                raster = raster_of(seen, degradation.keep(seen), apart)
                 made = measured_input(raster, keep_mask(raster.depth, preset, strength=strength), camera.fx, apart)
                 where = {"scene": place.name, "view": index, "scan": number, "density": density, "matched": matched,
                          "placed": placed, "diffuse": is_diffuse, "painted": painting is not None}
@@ -246,13 +246,13 @@ def place_pairs(place: TruePlace, *, seed: int, scans: int, variants: int, prese
                     yield Pair(where, made.numpy().astype(np.float16), truth, noise=sigma)
                     continue
                 finite = raster.depth[torch.isfinite(raster.depth)]
-                pose = _neighbour_pose(shot, float(finite.median()) if len(finite) else 1.0, rng)
+                pose = _neighbour_pose(view, float(finite.median()) if len(finite) else 1.0, rng)
                 # with this picture's colours: a difference in colour would count as instability of the network
-                beside = project_scan(scan, shot, rank_seed, reduce, pose).coloured_as(seen)
-                other = raster_of(beside, spoiling.keep(beside, patches=False), apart)
+                beside = project_scan(scan, view, rank_seed, reduce, pose).coloured_as(seen)
+                other = raster_of(beside, degradation.keep(beside, patches=False), apart)
                 kept = keep_mask(other.depth, preset, strength=strength)
-                flow = flow_to(shot, pose, camera, reduce)
-                flow[:, spoiling.patches < 1] = np.nan  # only one of the two pictures has the patch
+                flow = flow_to(view, pose, camera, reduce)
+                flow[:, degradation.patches < 1] = np.nan  # only one of the two pictures has the patch
                 yield Pair(where, made.numpy().astype(np.float16), truth,
                            measured_input(other, kept, camera.fx, apart).numpy().astype(np.float16), flow)
 

@@ -58,7 +58,7 @@ class PhotoPlace:
         self._scan = scan
         self.views: Sequence[TruePicture] = [CoveredPicture(self, photograph) for photograph in photographs]
 
-    def unspoiled(self) -> Scan:
+    def original_scan(self) -> Scan:
         """The scan with its original colours."""
         if isinstance(self._scan, Scan):
             return self._scan
@@ -70,12 +70,12 @@ class PhotoPlace:
     @cached_property
     def spacing(self) -> float:
         """Median point spacing of the full scan, metres."""
-        return scan_spacing(self.unspoiled())
+        return scan_spacing(self.original_scan())
 
     def scan(self, seed: int) -> Scan:
         """The scan with random tones of its stations.  A scan of one station is divided among artificial stations, where near
         stations are more likely, so that they overlap as in merged scans."""
-        scan = self.unspoiled()
+        scan = self.original_scan()
         if not len(scan.xyz):
             raise DataError(f"{self.name}: its scan has no points; do its depth pictures, lenses and poses belong together?")
         tones, own = self._tones(seed)
@@ -87,7 +87,7 @@ class PhotoPlace:
 
         The means of the tones are neutral; otherwise the network would be judged by a brightness that it cannot know."""
         rng = np.random.default_rng([seed, 2])
-        stations = int(self.unspoiled().station.max(initial=0)) + 1
+        stations = int(self.original_scan().station.max(initial=0)) + 1
         count = stations if stations > 1 else int(rng.integers(SETS[0], SETS[1] + 1))
         brightness, contrast = rng.uniform(-BRIGHTNESS, BRIGHTNESS, count), 1 + rng.uniform(-CONTRAST, CONTRAST, count)
         return Tones(brightness - brightness.mean(), contrast / contrast.mean()), stations > 1
@@ -118,7 +118,7 @@ class PhotoPlace:
 
     def covered(self, view: TruePicture) -> np.ndarray:
         """(H, W) bool: pixels where the full scan has points, with gaps between them closed."""
-        seen = project_scan(self.unspoiled(), view)
+        seen = project_scan(self.original_scan(), view)
         hit = np.zeros(view.width * view.height, bool)
         hit[seen.index.numpy()] = True
         apart = view.fl * self.spacing / float(seen.z.median()) if len(seen.z) else 1.0

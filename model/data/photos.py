@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from model.data.dataset import DataError
-from model.data.lens import Lens, straight_focal, straighten
+from model.data.lens import Lens, pinhole_focal, undistort
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Photograph:
     def fl(self) -> float:
         """Focal length, pixels.  Raises DataError where no pinhole fits inside the lens's picture."""
         try:
-            return self.lens.fx if self.lens.plain else straight_focal(self.lens)
+            return self.lens.fx if self.lens.plain else pinhole_focal(self.lens)
         except DataError as error:
             raise DataError(f"{self.path}: {error}") from None
 
@@ -54,7 +54,7 @@ class Photograph:
     def rgb(self) -> np.ndarray:
         """(H, W, 3) uint8, sRGB."""
         picture = np.asarray(Image.open(self.path).convert("RGB"))
-        return picture if self.lens.plain else straighten(picture, self.lens)
+        return picture if self.lens.plain else undistort(picture, self.lens)
 
     def depth(self) -> np.ndarray | None:
         """None: a photograph has no depth."""
@@ -69,7 +69,7 @@ class Photograph:
         if self.mask is None:
             return None
         usable = np.asarray(Image.open(self.mask).convert("L"))
-        return (usable if self.lens.plain else straighten(usable, self.lens)) == 255
+        return (usable if self.lens.plain else undistort(usable, self.lens)) == 255
 
 
 MAX_NAMED = 10

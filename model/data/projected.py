@@ -57,18 +57,18 @@ class Projected:
         return rasterise(self.index, self.z, self.rgb, self.camera.width, self.camera.height, soft, self.weight)
 
 
-def project_scan(scan: Scan, shot: TruePicture, seed: int = 0, reduce: int = 1,
+def project_scan(scan: Scan, view: TruePicture, seed: int = 0, reduce: int = 1,
                  camera_to_world: np.ndarray | None = None) -> Projected:
     """Projects a scan into a picture ``reduce`` times smaller: relative to the camera in float64, then in float32 like the
     renderer.
 
-    The rank of a point depends on seed and scan only, not on the camera.  camera_to_world: replaces the shot's.
+    The rank of a point depends on seed and scan only, not on the camera.  camera_to_world: replaces the view's.
     """
-    matrix = shot.camera_to_world if camera_to_world is None else camera_to_world
+    matrix = view.camera_to_world if camera_to_world is None else camera_to_world
     to_view = matrix[:3, :3] * (1.0, -1.0, -1.0)
     camera = SimpleNamespace(
-        width=shot.width // reduce, height=shot.height // reduce, fx=shot.fl / reduce, fy=shot.fl / reduce,
-        cx=shot.cx / reduce, cy=shot.cy / reduce,
+        width=view.width // reduce, height=view.height // reduce, fx=view.fl / reduce, fy=view.fl / reduce,
+        cx=view.cx / reduce, cy=view.cy / reduce,
     )
     rank = torch.rand(len(scan.xyz), generator=torch.Generator().manual_seed(seed))
     lens = np.array((camera.fx, camera.cx, camera.cy, camera.width, camera.height), np.float64)

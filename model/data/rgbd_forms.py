@@ -33,7 +33,9 @@ TUM_UNIT = 1 / 5000
 TUM_ROS = (525.0, 525.0, 319.5, 239.5)
 """fx, fy, cx, cy, pixels, that TUM recommends for all its sequences: their depth was registered with these values."""
 TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))
-_NERFSTUDIO_BENDS = {"PINHOLE": (), "OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4")}
+"""OpenCV to OpenGL camera axes."""
+_NERFSTUDIO_DISTORTIONS = {"PINHOLE": (), "OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4")}
+"""nerfstudio's camera models and their distortion parameters."""
 INTRINSICS = ("intrinsic/intrinsic_color.txt", "intrinsic_color.txt", "intrinsics.txt", "camera-intrinsics.txt",
               "calibration.txt", "camera.txt")
 
@@ -80,14 +82,14 @@ def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
 
 def _nerfstudio_lens(where: str, facts: dict) -> Lens:
     model = str(facts.get("camera_model", "OPENCV"))
-    if model not in _NERFSTUDIO_BENDS or (model == "OPENCV" and facts.get("k4")):
+    if model not in _NERFSTUDIO_DISTORTIONS or (model == "OPENCV" and facts.get("k4")):
         raise DataError(f"{where}: camera {model} is not supported (OPENCV without k4, OPENCV_FISHEYE and PINHOLE are)")
     fx = float(facts["fl_x"])
     values = [fx, float(facts.get("fl_y", fx)), float(facts["cx"]), float(facts["cy"])]
-    bend = [float(facts.get(key, 0.0)) for key in _NERFSTUDIO_BENDS[model]]
-    lens = Lens.colmap(where, model, int(facts["w"]), int(facts["h"]), values + bend)
+    distortion = [float(facts.get(key, 0.0)) for key in _NERFSTUDIO_DISTORTIONS[model]]
+    lens = Lens.colmap(where, model, int(facts["w"]), int(facts["h"]), values + distortion)
     k3 = float(facts.get("k3", 0.0))
-    return replace(lens, bend=(*bend, k3)) if model == "OPENCV" and k3 else lens
+    return replace(lens, distortion=(*distortion, k3)) if model == "OPENCV" and k3 else lens
 
 
 def _tum(folder: Path, unit: float | None) -> list[Frame]:

@@ -157,7 +157,7 @@ def paper_table(
     seconds: dict[_Key, list[tuple[float, float]]] = {}
     skipped, points = 0, []
     for place in places:
-        scan = place.unspoiled() if isinstance(place, PhotoPlace) else place.scan(seed)  # real scans need no spoiling
+        scan = place.original_scan() if isinstance(place, PhotoPlace) else place.scan(seed)  # real scans need no spoiling
         scan = replace(scan, places=None)  # every point counts the same in the published pictures
         points.append(len(scan.xyz))
         spacing = scan_spacing(scan)

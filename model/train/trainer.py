@@ -22,7 +22,7 @@ from torch import nn
 from model.common.atomic_write import write_atomic
 from model.common.folders import made_folder, replace_text
 from model.common.interrupts import finish_before_interrupt
-from model.data.crops import Ahead, Crops
+from model.data.crops import Crops, Prefetcher
 from model.data.dataset import DataError
 from model.reconstruct import fast_precision
 from model.train.manifest import EARLIER, Facts, pairs_facts, refuse_other, start_fact
@@ -40,6 +40,12 @@ the same."""
 
 CROPS = 4
 """Version of the drawing of crops; increased when the same seed draws different crops."""
+WEIGHT_DECAY = 1e-4
+"""AdamW's weight decay.  Chosen by hand."""
+MAX_GRADIENT = 1.0
+"""Norm at which gradients are clipped.  Chosen by hand."""
+LAST_RATE = 0.02
+"""Share of the learning rate at the end of the cosine.  Chosen by hand."""
 
 
 @dataclass(frozen=True)
@@ -104,9 +110,9 @@ class TrainConfig:
         }
 
     def learning_rate(self, step: int, done: float) -> float:
-        """Linear warm-up, then a cosine to 2 % of the rate.  done: share of the run, 0..1, by steps or by minutes."""
+        """Linear warm-up, then a cosine to LAST_RATE.  done: share of the run, 0..1, by steps or by minutes."""
         warm = min(1.0, (step + 1) / self.warmup)
-        return self.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))))
+        return self.rate * warm * (LAST_RATE + (1 - LAST_RATE) * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))))
 
 
 class Trainer:
@@ -127,7 +133,7 @@ class Trainer:
                 raise DataError(f"{config.start_from}: cannot be the start of a {config.quality} network ({error})") from None
         self.averaged = make_network(config.quality).to(process.device).requires_grad_(False).eval()
         self.averaged.load_state_dict(self.network.state_dict())
-        self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=1e-4)
+        self.optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=WEIGHT_DECAY)
         self.step, self.spent, self.saved, self.between_steps = 0, 0.0, 0, True
         # without bf16 multiplication in hardware a step in bf16 takes three times as long as in fp32
         self.mixed = process.device.type == "cuda" or fast_precision("cpu") == "bf16"
@@ -200,7 +206,7 @@ class Trainer:
             loss, terms = objective(made[: len(batch.x)], made[len(batch.x) :], batch)
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        if not torch.nn.utils.clip_grad_norm_(self.network.parameters(), 1.0).isfinite():
+        if not torch.nn.utils.clip_grad_norm_(self.network.parameters(), MAX_GRADIENT).isfinite():
             raise self._diverged(f"loss {float(loss.detach()):g}")
         self.optimiser.step()
         keep = min(self.config.average, (1 + self.step) / (10 + self.step))
@@ -243,7 +249,7 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
          save, on_step) -> None:
     start, last_save, limit = time.monotonic() - trainer.spent, time.monotonic(), config.minutes * 60
     loaders = config.loaders if config.loaders >= 0 else (os.cpu_count() or 1) - 1 if process.device.type == "cuda" else 0
-    with Ahead(crops, config.batch, config.neighbours, process.rank, loaders) as ahead:
+    with Prefetcher(crops, config.batch, config.neighbours, process.rank, loaders) as ahead:
         try:
             while trainer.step < config.steps:
                 trainer.spent = of_the_first(process, trainer.spent)

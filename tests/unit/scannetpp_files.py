@@ -29,7 +29,7 @@ def write_ply(path, xyz, rgb, faces=None):
 def colmap_text(folder, lens, poses):
     """poses: name -> camera_to_world, OpenGL axes."""
     folder.mkdir(parents=True)
-    numbers = " ".join(str(v) for v in (lens.fx, lens.fy, lens.cx, lens.cy, *lens.bend))
+    numbers = " ".join(str(v) for v in (lens.fx, lens.fy, lens.cx, lens.cy, *lens.distortion))
     (folder / "cameras.txt").write_text(f"# cameras\n1 {lens.model} {lens.width} {lens.height} {numbers}\n")
     lines = ["# images"]
     for number, (name, matrix) in enumerate(poses.items(), 1):
@@ -70,7 +70,7 @@ def write_scannetpp(root):
     )
     facts = {"fl_x": FISHEYE.fx, "fl_y": FISHEYE.fy, "cx": FISHEYE.cx, "cy": FISHEYE.cy,
              "w": FISHEYE.width, "h": FISHEYE.height, "camera_model": FISHEYE.model,
-             **{f"k{n + 1}": k for n, k in enumerate(FISHEYE.bend)}}
+             **{f"k{n + 1}": k for n, k in enumerate(FISHEYE.distortion)}}
     frames = [{"file_path": n, "mask_path": f"{n[:-4]}.png", "is_bad": n == names[3],
                "transform_matrix": nerfstudio_world(poses[n]).tolist()} for n in names]
     (home / "dslr" / "nerfstudio").mkdir()

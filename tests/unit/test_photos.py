@@ -40,7 +40,7 @@ def test_the_pinhole_is_the_widest_that_the_lens_covers():
         corner = []
         for focal in (photograph.fl, photograph.fl * 0.99):
             v, u = np.mgrid[0 : lens.height, 0 : lens.width] + 0.5
-            x, y = bend(lens.model, lens.bend, (u - lens.width / 2) / focal, (v - lens.height / 2) / focal)
+            x, y = bend(lens.model, lens.distortion, (u - lens.width / 2) / focal, (v - lens.height / 2) / focal)
             column, row = lens.fx * x + lens.cx, lens.fy * y + lens.cy
             corner.append(((column >= 0) & (column <= lens.width) & (row >= 0) & (row <= lens.height)).all())
         assert corner == [True, False], lens.model
@@ -82,9 +82,9 @@ def test_scans_get_the_papers_tones_by_seed():
     for seed in range(12):
         scan, again = place.scan(seed), place.scan(seed)
         assert np.array_equal(scan.rgb, again.rgb) and np.array_equal(scan.station, again.station)
-        assert np.array_equal(scan.xyz, place.unspoiled().xyz)
+        assert np.array_equal(scan.xyz, place.original_scan().xyz)
         counts.add(int(scan.station.max()) + 1)
-        before = place.unspoiled().rgb.astype(float)
+        before = place.original_scan().rgb.astype(float)
         brightness, contrast = [], []
         for station in range(int(scan.station.max()) + 1):
             mine = (scan.station == station)[:, None] & (scan.rgb > 0) & (scan.rgb < 255)
@@ -96,7 +96,7 @@ def test_scans_get_the_papers_tones_by_seed():
     assert counts == {2, 3, 4, 5}
     assert not np.array_equal(place.scan(1).rgb, place.scan(2).rgb)
     stations = np.arange(20_000) % 3
-    own = PhotoPlace("own", replace(place.unspoiled(), station=stations.astype(np.uint8)), [straight_view(0)])
+    own = PhotoPlace("own", replace(place.original_scan(), station=stations.astype(np.uint8)), [straight_view(0)])
     assert np.array_equal(own.scan(4).station, stations)
 
 
@@ -164,7 +164,7 @@ def test_only_the_place_used_last_keeps_its_scan():
 
     first, second = (PhotoPlace(name, lambda name=name: load(name), [straight_view(0)]) for name in "ab")
     for place in (first, first, second, second, first):
-        place.unspoiled()
+        place.original_scan()
     assert loads == ["a", "b", "a"]
 
 

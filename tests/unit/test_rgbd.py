@@ -40,7 +40,7 @@ def write_nerfstudio(folder, lens, depth_step=1, unit=0.001, **facts):
     names = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4")}[model]
     (folder / "transforms.json").write_text(json.dumps({
         "fl_x": lens.fx, "fl_y": lens.fy, "cx": lens.cx, "cy": lens.cy, "w": lens.width, "h": lens.height,
-        "camera_model": model, **dict(zip(names, lens.bend)), "frames": entries, **facts,
+        "camera_model": model, **dict(zip(names, lens.distortion)), "frames": entries, **facts,
     }))
 
 
@@ -110,7 +110,7 @@ def test_the_scan_of_rgbd_frames_agrees_with_walls_and_held_out_views(form, tmp_
     assert len(place.views) == len(expected) == 3
     for view, pose in zip(place.views, expected, strict=True):
         assert np.allclose(view.camera_to_world, pose, atol=2e-4)
-    scan = place.unspoiled()
+    scan = place.original_scan()
     assert len(scan.xyz) > 1500
     to_wall = np.minimum(np.abs(scan.xyz), np.abs(SIZE - scan.xyz)).min(1)
     assert np.quantile(to_wall, 0.95) < 0.004
@@ -128,15 +128,15 @@ def test_the_scan_of_rgbd_frames_agrees_with_walls_and_held_out_views(form, tmp_
 
 def test_the_rgbd_scan_has_one_point_per_voxel_and_no_held_out_frame(tmp_path):
     write_nerfstudio(tmp_path / "room", PLAIN)
-    thin = load_rgbd(tmp_path / "room", held_out=6, voxel=0.2).unspoiled()
-    full = load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6).unspoiled()
+    thin = load_rgbd(tmp_path / "room", held_out=6, voxel=0.2).original_scan()
+    full = load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6).original_scan()
     voxels, there = (np.floor((scan.xyz - full.xyz.min(0)) / 0.2) for scan in (thin, full))
     assert len(np.unique(voxels, axis=0)) == len(thin.xyz) == len(np.unique(there, axis=0)) < len(full.xyz) / 5
-    spare = load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6, step=2).unspoiled()
+    spare = load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6, step=2).original_scan()
     assert 3.8 < len(full.xyz) / len(spare.xyz) < 4.2
     for number in (3, 9, 15):  # held-out frames: black ones must not change the scan
         Image.new("RGB", (80, 60)).save(tmp_path / "room" / "images" / f"{number:03d}.png")
-    assert np.array_equal(load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6).unspoiled().rgb, full.rgb)
+    assert np.array_equal(load_rgbd(tmp_path / "room", held_out=6, voxel=1e-6).original_scan().rgb, full.rgb)
 
 
 def test_unusable_rgbd_folders_are_refused_by_name(tmp_path):

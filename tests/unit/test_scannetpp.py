@@ -48,7 +48,7 @@ def test_scannetpp_parts_masks_and_anonymised_points(scannetpp):
     assert len(load_scannetpp(scannetpp, "aa11bb22cc", part="train").views) == 11
     assert len(load_scannetpp(scannetpp, "aa11bb22cc", part="train", every=4).views) == 3
     (home / "scans" / "pc_aligned_mask.txt").write_text("0 5 59999")
-    assert len(load_scannetpp(scannetpp, "aa11bb22cc").unspoiled().xyz) == 59_997
+    assert len(load_scannetpp(scannetpp, "aa11bb22cc").original_scan().xyz) == 59_997
     masks = home / "dslr" / "resized_anon_masks"
     masks.mkdir()
     half = np.full((FISHEYE.height, FISHEYE.width), 255, np.uint8)
@@ -72,7 +72,7 @@ def test_points_on_the_scannetpp_mesh_have_its_colours(scannetpp):
     write_ply(scans / "mesh_aligned_0.05.ply", corners, colours, np.array([[0, 1, 2], [0, 2, 3]]))
     with pytest.raises(DataError, match=r"pc_aligned\.ply: missing.*surface='mesh'"):
         load_scannetpp(scannetpp, "aa11bb22cc")
-    scan = load_scannetpp(scannetpp, "aa11bb22cc", surface="mesh", mesh_points=20_000).unspoiled()
+    scan = load_scannetpp(scannetpp, "aa11bb22cc", surface="mesh", mesh_points=20_000).original_scan()
     assert np.allclose(scan.rgb[:, 0], scan.xyz[:, 0] * 50, atol=0.6)
     assert np.allclose(scan.rgb[:, 1], scan.xyz[:, 1] * 100 / 3, atol=0.6)
     cells, _, _ = np.histogram2d(scan.xyz[:, 0], scan.xyz[:, 1], bins=(4, 3))

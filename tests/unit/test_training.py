@@ -15,7 +15,7 @@ from rooms import make_room
 
 from model.common.linear_light import to_linear, to_srgb
 from model.data import pairs as pairs_module
-from model.data.crops import Ahead, Crops
+from model.data.crops import Crops, Prefetcher
 from model.data.dataset import DataError, MemoryPicture
 from model.data.pairs import _truth, build, flow_to
 from model.data.projected import project_scan, scan_spacing
@@ -274,7 +274,7 @@ def test_a_neighbour_lacks_the_same_station_and_flow_is_nan_in_patches(tmp_path,
         patches[10:20, 5:25] = 0.4
         return pairs_module.Spoiling(density, patches, np.array([1, 0], np.float32))
 
-    monkeypatch.setattr(pairs_module, "spoil", lacking)
+    monkeypatch.setattr(pairs_module, "degrade", lacking)
     monkeypatch.setattr(pairs_module, "_density", lambda _rng: 1.0)
     scene = load_scene(make_room(tmp_path / "box"))
     seen, raster_of = [], pairs_module.raster_of
@@ -338,7 +338,7 @@ def test_some_scans_have_widely_different_exposures(tmp_path):
 
 def test_batches_prepared_by_workers_are_the_same(pairs):
     crops = Crops([pairs], 32, 4)
-    with Ahead(crops, 2, 1, 0, 2) as ahead:
+    with Prefetcher(crops, 2, 1, 0, 2) as ahead:
         made = [ahead.batch(step) for step in range(3, 7)]
     for step, batch in zip(range(3, 7), made, strict=True):
         alone = crops.batch(step, 2, 1)

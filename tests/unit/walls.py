@@ -74,7 +74,7 @@ def rays_of(lens, model=None, k=None, step=1):
     goal_x, goal_y = (u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy
     x, y = goal_x.copy(), goal_y.copy()
     for _ in range(300):
-        bx, by = bend(model or lens.model, lens.bend if k is None else k, x, y)
+        bx, by = bend(model or lens.model, lens.distortion if k is None else k, x, y)
         x, y = x + 0.5 * (goal_x - bx), y + 0.5 * (goal_y - by)
     return np.stack([x, y, np.ones_like(x)], -1)
 
@@ -95,7 +95,7 @@ def straight_view(number, width=96, height=72, focal=60.0):
 
 def registered(place, view, most=6.0):
     """Points of the place's own scan fall on their colours in the view, and from a camera turned by 8 degrees they do not."""
-    scan = place.unspoiled()
+    scan = place.original_scan()
     picture = view.rgb().reshape(-1, 3).astype(int)
 
     def apart(matrix):
