@@ -272,7 +272,7 @@ def test_a_neighbour_lacks_the_same_station_and_flow_is_nan_in_patches(tmp_path,
     def lacking(width, height, stations, density, _rng):
         patches = np.ones((height, width), np.float32)
         patches[10:20, 5:25] = 0.4
-        return pairs_module.Spoiling(density, patches, np.array([1, 0], np.float32))
+        return pairs_module.Degradation(density, patches, np.array([1, 0], np.float32))
 
     monkeypatch.setattr(pairs_module, "degrade", lacking)
     monkeypatch.setattr(pairs_module, "_density", lambda _rng: 1.0)
