@@ -100,7 +100,7 @@ def test_counting_begins_anew():
     counts = AttributeCounts()
     chunk = Chunk(np.zeros((3, 3)), None, np.array([4, 5, 6], np.uint16), classification=np.array([2, 2, 9], np.uint8))
     for _ in range(2):
-        counts.forget()
+        counts.reset()
         counts.add(0, 0, chunk)
     assert counts.layout() == AttributeLayout({2: 2, 9: 1}, 4, 6)
 

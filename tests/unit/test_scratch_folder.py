@@ -86,12 +86,12 @@ def test_what_keeps_a_folder_from_being_locked_is_said_and_leaves_nothing(tmp_pa
     def fails(_):
         raise error
 
-    monkeypatch.setattr(scratch, "_hold", fails)
+    monkeypatch.setattr(scratch, "_lock", fails)
     with pytest.raises(OSError, match=error.strerror):
         new(tmp_path)
     assert list(tmp_path.iterdir()) == []
-    monkeypatch.setattr(scratch, "_hold", lambda folder: folder.rmdir())
-    with pytest.raises(OSError, match="removed by others"):
+    monkeypatch.setattr(scratch, "_lock", lambda folder: folder.rmdir())
+    with pytest.raises(OSError, match="removed by another process"):
         new(tmp_path)
 
 

@@ -1,22 +1,22 @@
-"""Where in its cell a cell's points lie: the box of sixteenths that holds them all.
+"""The bounding box of a cell's points, in sixteenths of the cell.
 
-A wall fills a thin slice of the cells it crosses.  What is certain of a cell, whether it touches the picture, how near it
-comes, whether all of it hides behind something, is judged by this box instead of the cell's own.
+A wall fills a thin slice of the cells it crosses.  Culling uses this box instead of the cell: for the view frustum, the nearest
+depth and occlusion.
 """
 
 import numpy as np
 
 SHARE_BITS = 4
 SHARES = 1 << SHARE_BITS
-"""Of a cell's side."""
+"""Parts of a cell's side; chosen by hand: three axes of marks fit 64 bits."""
 WHOLE = np.array([0, 0, 0, SHARES - 1, SHARES - 1, SHARES - 1], np.uint8)
-"""The box of a cell of which nothing is known."""
+"""The box of a cell about which nothing is known."""
 
 
 def boxes_of(marks: np.ndarray) -> np.ndarray:
-    """(C, 6) uint8 of every cell: the first sixteenth that holds a point along x, y and z, and the last.
+    """(C, 6) uint8 for every cell: the first sixteenth that holds a point along x, y and z, and the last.
 
-    marks: (threads, C) int64, from viewer.grid.kernels.pack_points: bit SHARES * axis + sixteenth is set where there is one.
+    marks: (threads, C) int64, from viewer.grid.kernels.pack_points: bit SHARES * axis + sixteenth is set where a point lies.
     """
     together = np.bitwise_or.reduce(marks, axis=0)
     boxes = np.empty((len(together), 6), np.uint8)

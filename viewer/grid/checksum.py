@@ -6,5 +6,5 @@ import numpy as np
 
 
 def checksum(points: np.ndarray) -> int:
-    """CRC-32 of packed points (n, 3) uint32 as they lie in memory.  Leaves the interpreter's lock to others."""
+    """CRC-32 of packed points (n, 3) uint32 as they lie in memory.  Releases the interpreter's lock."""
     return zlib.crc32(points.data)

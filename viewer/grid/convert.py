@@ -1,4 +1,4 @@
-"""``pointglass convert``: the grid of some scans in a folder of one's own, to be opened like a scan."""
+"""``pointglass convert``: writes the grid of scans into a folder, which can then be opened like a scan."""
 
 import os
 from functools import partial
@@ -11,16 +11,15 @@ from viewer.grid.open_scene import as_paths, build_scene, each_once
 from viewer.grid.scene import Scene
 from viewer.text import counted
 
-_NAMED = 8  # of the scans that could not be read, besides the first
+_NAMED = 8  # scans that could not be read and are named in the message, besides the first; chosen by hand
 
 
 def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | None = None) -> Scene:
-    """Builds the grid of ``paths`` into the folder ``out`` and opens it from there.  match: scans to the same exposure.
-    columns: as for open_scene.
+    """Builds the grid of ``paths`` into the folder ``out`` and opens it from there.  match, columns: as for open_scene.
 
-    An earlier grid in ``out`` is replaced once the new one is whole; where ``out`` is a link, the folder it leads to.
-    Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad input;
-    nothing partial is left behind.
+    An earlier grid in ``out`` is replaced once the new one is complete.  Where ``out`` is a link, the folder it leads to is
+    replaced.  Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad
+    input; nothing partial is left behind.
     """
     from viewer.readers.formats import check_file
 
@@ -33,8 +32,8 @@ def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | 
 
 
 def _place_of(out: Path) -> Path:
-    """The folder that ``--out`` leads to, links followed.  Raises InputError where no grid can take its place."""
-    place = Path(os.path.realpath(out))  # renaming would replace a link, not what it leads to
+    """The folder that ``--out`` leads to, links followed.  Raises InputError where it cannot be replaced by a grid."""
+    place = Path(os.path.realpath(out))  # a rename would replace the link, not the folder
     if place.is_symlink():
         raise InputError(f"{out}: is a link that leads back to itself; give --out a folder that is not there yet")
     if place.exists() and not place.is_dir():
@@ -50,7 +49,7 @@ def _place_of(out: Path) -> Path:
 
 
 def scans_in(paths: list[Path]) -> list[Path]:
-    """Files as they are, folders as the scans directly inside them, by name.  Raises InputError where there are none."""
+    """The given files, and of each folder the scans directly inside it, by name.  Raises InputError where it holds none."""
     from viewer.readers.formats import KNOWN, entry_of, is_scan
 
     found: list[Path] = []
@@ -65,12 +64,12 @@ def scans_in(paths: list[Path]) -> list[Path]:
 def convert_each(
     paths: list[Path], out: Path, *, shard: tuple[int, int] = (0, 1), match: bool = True, columns: str | None = None
 ) -> list[Path]:
-    """Builds the grid of every scan by itself, into ``out/NAME``; returns the folders, those kept from earlier included.
+    """Builds the grid of each scan into ``out/NAME``; returns the folders, including those built earlier.
 
-    paths: files, or folders of scans.  shard: (i, n), only every n-th scan starting at the i-th, so that n processes or
-    machines share the work knowing nothing of each other.  A scan that cannot be read does not keep the others from being
-    converted.  Raises InputError at the end, naming such and what is wrong with the first, and at once where two scans
-    would share a name.
+    paths: files, or folders of scans.  shard: (i, n), only every n-th scan from the i-th on, so that n processes or machines
+    share the work without communicating.  If a scan cannot be read, the others are still converted; then InputError is raised
+    at the end, which names all such scans and the error of the first.  Raises it at once where two scans would have the same
+    name.
     """
     from viewer.readers.formats import name_of
 
@@ -79,7 +78,7 @@ def convert_each(
     for file in files:
         name = name_of(file)
         if name in names:
-            raise InputError(f"{file}: {names[name]} would have the same folder, {out / name}; convert them apart")
+            raise InputError(f"{file}: {names[name]} would have the same folder, {out / name}; convert them separately")
         names[name] = file
     made: list[Path] = []
     wrong: dict[str, str] = {}

@@ -1,22 +1,25 @@
-"""Density layers and the order of cells: how many layers, which points in which, cells along the Morton curve.
+"""Density layers and the order of cells: the number of layers, the points of each, cells along the Morton curve.
 
-A point's layer is drawn from a seeded hash of its running number, so it depends on nothing but the file's order.  Each layer
-has seven eighths of what it and all coarser ones hold.  The points of one layer and cell, a run, lie in PARTS parts: each takes
-every PARTS-th of them in the file's order, part after part from between those before it, so that the first few parts are
-spread as evenly as the whole.  Layers that double would give the same choice in far more and shorter runs, each a workgroup.
+A point's layer is drawn from a seeded hash of its running number, so it depends only on the order of the file.  Each layer
+holds seven eighths of the points of itself and all coarser layers.  The points of one layer and cell, a run, lie in PARTS
+parts.  Each part takes every PARTS-th point in the order of the file, and the parts are in bit-reversed order, so that the
+first few are spread as evenly as the whole run.  Layers that double would give the same choice of densities in more and shorter
+runs, each of which is a GPU workgroup.
 """
 
 import numpy as np
 
 COARSEST = 1 << 15
-"""Points the coarsest layer should hold, at least an eighth of it."""
+"""Points of the coarsest layer, at least an eighth of this; chosen by hand."""
 STEP = 3
-"""A layer and all coarser ones hold 2**STEP times what the coarser ones do."""
+"""A layer and all coarser ones hold 2**STEP times the points of the coarser ones; chosen by hand."""
 MAX_LAYERS = 6
+"""Layers of the largest scans; six cover 2**15 times the points of the coarsest.  Limited by the 16 geometric values of
+viewer.grid.kernels."""
 PARTS = 64
-"""Parts of a run."""
+"""Parts of a run; chosen by hand."""
 EARLIER_PARTS = 8
-"""Of folders that earlier versions converted, whose layers double."""
+"""Parts of a run in folders that earlier versions converted, whose layers double."""
 
 
 def _reversed(parts: int) -> np.ndarray:
@@ -26,8 +29,8 @@ def _reversed(parts: int) -> np.ndarray:
 
 
 def part_extra(parts: int) -> np.ndarray:
-    """(parts, parts + 1): in a run of n points part p begins at (n // parts) p + extra[n % parts, p]; p = parts: the end.
-    parts: a power of two; 1: nothing is divided."""
+    """(parts, parts + 1): in a run of n points part p begins at (n // parts) p + extra[n % parts, p]; p = parts is the end.
+    parts: a power of two; 1: runs are not divided."""
     first = _reversed(parts)
     return np.array([[(first[:part] < rest).sum() for part in range(parts + 1)] for rest in range(parts)])
 
@@ -45,7 +48,7 @@ def layer_count(points: int) -> int:
 def layer_sizes(counts: np.ndarray, layers: int) -> np.ndarray:
     """Points by layer and cell, (L, C) int64, from counts by cell and geometric value, (C, G) int64.
 
-    STEP values make a layer, those from 0 on the finest; what lies beyond the coarsest joins it.
+    STEP geometric values make a layer, from 0 in the finest; values beyond the coarsest layer are added to it.
     """
     sizes = np.empty((layers, len(counts)), np.int64)
     for layer in range(1, layers):
@@ -56,7 +59,7 @@ def layer_sizes(counts: np.ndarray, layers: int) -> np.ndarray:
 
 
 def morton_order(cells: np.ndarray) -> np.ndarray:
-    """(C,) indices that sort cells (C, 3) int32, none negative, along the 3-D Morton curve (x the lowest bit)."""
+    """(C,) indices that sort cells (C, 3) int32, not negative, along the 3-D Morton curve (x is the lowest bit)."""
     cells = cells.astype(np.uint64)
     x, y, z = cells.T
     mask, shift = np.uint64(0x1FFFFF), np.uint64(21)

@@ -18,6 +18,7 @@ from viewer.grid_folder import MAGIC, META
 from viewer.preprocess.point_attributes import layout_from
 
 VERSION = 4
+"""Of the folder's format."""
 _CONVERSION_ERRORS = (KeyError, TypeError, ValueError, OverflowError, AttributeError)
 
 
@@ -26,7 +27,7 @@ class DamagedGrid(Exception):
 
 
 class OtherGrid(DamagedGrid):
-    """The grid is of another version of the format, or of other files."""
+    """The grid was made by another version of the format, or from other files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +43,9 @@ class NoiseHeader:
 
 @dataclass(frozen=True, eq=False)
 class GridHeader:
-    """shapes: of each array.  sums: CRC-32 of each array but the points; None in folders of earlier versions, which had none.
-    Others as in Scene; noise: None where none was stored."""
+    """shapes: of each array.  sums: CRC-32 of each array except the points; None in folders of earlier versions, which have
+    none.
+    noise: None where none was stored.  Others as in Scene."""
 
     shapes: dict[str, tuple[int, ...]]
     sums: dict[str, int] | None
@@ -61,7 +63,7 @@ class GridHeader:
 def read_header(folder: Path, identity: list | None) -> GridHeader:
     """The header of the grid in ``folder``.  identity: of the files that it must have been made from; None: of any.
 
-    Raises OtherGrid where version or files are others, DamagedGrid where the file is missing or cannot be right.
+    Raises OtherGrid where version or files differ, DamagedGrid where the file is missing or damaged.
     """
     head = _object_in(folder / META)
     if head.get("magic") != MAGIC or head.get("version") != VERSION:
@@ -89,12 +91,12 @@ def read_header(folder: Path, identity: list | None) -> GridHeader:
 
 
 def checksum_of(head: dict) -> int:
-    """CRC-32 of what meta.json says, whatever its white space."""
+    """CRC-32 of the contents of meta.json, independent of its white space."""
     return zlib.crc32(json.dumps(head).encode())
 
 
 def first_line(error: Exception) -> str:
-    """The first line of an error, its class where it has no text."""
+    """The first line of an error's text, or its class where it has none."""
     return (str(error).splitlines() or [type(error).__name__])[0][:120]
 
 

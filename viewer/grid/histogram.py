@@ -1,8 +1,7 @@
-"""Pass 1: which cells are occupied, and by how many points of each geometric value; bounds; what was dropped.
+"""Pass 1: the occupied cells and their points of each geometric value, bounds, and dropped points.
 
-Cells start small and are merged two by two along each axis whenever too many are occupied.  Cells are aligned to
-multiples of their size, so merging is exact, and memory is bounded whatever the number of points.  Frame: file
-coordinates.
+Cells start small and are merged two by two along each axis whenever too many are occupied.  Cells are aligned to multiples of
+their size, so merging is exact, and memory is bounded for any number of points.  Frame: file coordinates.
 """
 
 from collections.abc import Iterable
@@ -15,16 +14,18 @@ from viewer.grid import kernels
 from viewer.preprocess.valid_positions import FARTHEST, is_position
 
 SLICES = 2
-"""Tables filled side by side, each on a thread of its own.  Fixed, not the number of processors, so that every machine builds
-the same grid: when a table is full, and cells are merged, depends on its own points alone."""
+"""Tables, each filled by its own thread.  Fixed, not the number of processors, so that every machine builds the same grid: when
+a table is full and its cells are merged depends on its own points only."""
 MAX_CELLS = 1 << 18
-_REACH = 1 << 30  # cells either side of the middle of the scan
-_DENSE = 1 << 24  # cells of a box looked up without searching
-_LOST = 0.01  # share of a chunk out of reach that is taken for a part of the scan and not for stray points
+"""Cells of a table, at most (50 MB with counts); chosen by hand."""
+_POINTS_PER_CELL, _LEAST_LIMIT = 1024, 8192  # points wanted per cell of the first sizes, cells wanted at least; chosen by hand
+_REACH = 1 << 30  # cells on either side of the median of the scan: within int32, with a factor of two to spare
+_DENSE = 1 << 24  # cells of a box that is looked up in a dense table (64 MB) instead of a hash table; chosen by hand
+_LOST = 0.01  # share of a chunk out of reach above which it belongs to the scan and is not outlier points; chosen by hand
 
 
 class OutOfReach(Exception):
-    """The scan is wider than its beginning suggested: count again from the start with ``cell_size``."""
+    """The scan is wider than its beginning: count again from the start with ``cell_size``."""
 
     def __init__(self, cell_size: float):
         super().__init__(cell_size)
@@ -39,7 +40,8 @@ def power_of_two(value: float) -> float:
 
 @dataclass
 class _Part:
-    """What one table takes of a chunk: its points from ``done`` to ``stop``.  lost: those dropped, by cause."""
+    """The points of a chunk that one table counts, from ``done`` to ``stop``.  lost: (2,) points dropped: not finite, out of
+    reach."""
 
     slice: int
     done: int
@@ -50,7 +52,7 @@ class _Part:
 
 @dataclass
 class _Counted:
-    """A chunk being counted.  first: running number of its first point."""
+    """A chunk that is being counted.  first: running number of its first point."""
 
     xyz: np.ndarray
     first: int
@@ -61,16 +63,15 @@ class _Counted:
 class Histogram:
     """Occupied cells of ``cell_size`` file units (a power of two, growing as needed) and their point counts.
 
-    Begin with the first chunk's points, (n, 3) float64, to learn where the scan lies; then ``add`` every chunk; then
-    ``result``; in a ``with`` block, since it owns threads.
-    expected: number of points to come, as far as known; more cells are kept the more points.  cell_size: to begin
-    with, if it is known.
-    reach: (2, 3) float64 file coordinates; points outside are stray: dropped and counted.  dropped: not finite, and out of
-    reach.  kept: points counted, by the key that came with their chunk.
+    Created with the first chunk's points, (n, 3) float64, which tell where the scan lies; then ``add`` every chunk; then
+    ``result``.  Use it in a ``with`` block, since it owns threads.
+    expected: number of points, as far as known; it determines the number of cells.  cell_size: to begin with, if known.
+    reach: (2, 3) float64 file coordinates; points outside are outlier points, dropped and counted.  dropped: (2,) points not
+    finite, out of reach.  kept: points counted, by the key given with their chunk.
     """
 
     def __init__(self, sample: np.ndarray, expected: int, cell_size: float | None = None):
-        wanted = int(np.clip(expected // 1024, 8192, MAX_CELLS // 4))
+        wanted = int(np.clip(expected // _POINTS_PER_CELL, _LEAST_LIMIT, MAX_CELLS // 4))
         sample = np.ascontiguousarray(sample[:: max(1, len(sample) // (8 * wanted))])
         sample = sample[is_position(sample)]
         if len(sample) == 0:
@@ -100,9 +101,9 @@ class Histogram:
             thread.shutdown(cancel_futures=True)
 
     def add(self, xyz: np.ndarray, key: tuple[int, int] | None = None) -> None:
-        """Counts a chunk, (n, 3) float64, while the next is being read.  key: under which its points are counted in ``kept``.
+        """Counts a chunk, (n, 3) float64, while the next is being read.  key: of its points in ``kept``.
 
-        Raises OutOfReach where more than stray points of it, or of the chunk before it, are out of reach.
+        Raises OutOfReach where more than outlier points of it, or of the chunk before it, are out of reach.
         """
         edges = [len(xyz) * i // SLICES for i in range(SLICES + 1)]
         chunk = _Counted(xyz, self.seen, key, [_Part(i, edges[i], edges[i + 1]) for i in range(SLICES)])
@@ -127,7 +128,7 @@ class Histogram:
         part.lost += tally[1:] - before
 
     def _settle(self) -> None:
-        """Waits for the first chunk that is being counted, merging cells where a table is full."""
+        """Waits for the oldest chunk that is being counted; merges cells where a table is full."""
         chunk = self._running[0]
         _wait(chunk.parts)
         while any(part.done < part.stop for part in chunk.parts):
@@ -145,19 +146,19 @@ class Histogram:
             self.kept[chunk.key] = self.kept.get(chunk.key, 0) + len(chunk.xyz) - int(nan + stray)
         if stray > _LOST * len(chunk.xyz):
             wider = self._wide_enough(chunk.xyz)
-            if wider > self.cell_size:  # else no size would do: what is out of reach is no position
+            if wider > self.cell_size:  # else the points out of reach are not positions, and no cell size would help
                 raise OutOfReach(wider)
 
     def _wide_enough(self, xyz: np.ndarray) -> float:
         near = xyz[is_position(xyz)]
         if len(near) == 0:
             return 0.0
-        # the furthest tolerated share stays stray
+        # the tolerated share farthest away remains out of reach
         distance = np.quantile(np.abs(near - self.reach.mean(axis=0)).max(axis=1), 1 - _LOST, method="higher")
         return 4 * power_of_two(float(distance) / _REACH)
 
     def _make_room(self) -> None:
-        """Cells twice as large."""
+        """Doubles the cell size."""
         base = np.floor(self.base / 2)
         for i in range(SLICES):
             cells = np.floor((self._cells(i) + self.base) / 2) - base
@@ -179,7 +180,8 @@ class Histogram:
         return self._counts[i][: self._tallies[i][0]]
 
     def result(self) -> tuple[np.ndarray, np.ndarray]:
-        """(C, 3) int32 cells relative to ``base`` and (C, GEOMETRIC) int64 counts; sets ``bounds``.  Raises as ``add`` does."""
+        """Returns (C, 3) int32 cells relative to ``base`` and (C, GEOMETRIC) int64 counts, and sets ``bounds``.  Raises as
+        ``add`` does."""
         while self._running:
             self._settle()
         lows, highs = zip(*self._bounds, strict=True)
@@ -195,19 +197,20 @@ def _wait(parts: Iterable[_Part]) -> None:
 
 
 def _quantiles(sample: np.ndarray, shares: tuple[float, ...]) -> np.ndarray:
-    """(len(shares), 3): of each coordinate of (n, 3) the values nearest to these shares.  As np.quantile's "nearest", which
-    takes five times as long as sorting the columns."""
+    """(len(shares), 3) quantiles of each coordinate of (n, 3), as np.quantile with "nearest", which takes five times as long as
+    sorting the columns."""
     columns = np.sort(np.ascontiguousarray(sample.T), axis=1)
     return columns[:, np.rint((len(sample) - 1) * np.array(shares)).astype(int)].T
 
 
 def _first_cell_size(sample: np.ndarray, low: np.ndarray, high: np.ndarray, wanted: int) -> float:
-    """The smallest cells of which the sample, (n, 3) finite, occupies no more than ``wanted``.  low, high: of its bulk.
+    """The smallest cell size at which the sample, (n, 3) finite, occupies at most ``wanted`` cells.  low, high: of its bulk.
 
-    Cells much finer than the final ones would cost time, coarser ones the choice; never finer than float64 can tell.
+    Cells much finer than the final ones cost time; coarser ones leave no choice of the final size.  Cells are never finer than
+    float64 can resolve.
     """
     extent = float((high - low).max()) or float(np.ptp(sample, axis=0).max())
-    # 2**16 positions of at least 2**-52 of the coordinate itself; of the bulk's, or one stray would decide for all
+    # 2**16 packed positions of at least 2**-52 of the coordinate; of the bulk, so that one outlier point does not decide
     finest = float(max(np.abs(low).max(), np.abs(high).max())) * 2.0**-36
     if not extent > 0:
         return power_of_two(max(1.0, finest))
@@ -225,7 +228,7 @@ def _table(limit: int) -> np.ndarray:
 
 
 def merge(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Adds up the counts of equal cells: (n, 3) int32, (n, G) int64 -> (C, 3) int32, (C, G) int64."""
+    """Sums the counts of equal cells: (n, 3) int32, (n, G) int64 -> (C, 3) int32, (C, G) int64."""
     low = cells.min(axis=0, initial=0).astype(np.int64)
     x, y, z = (cells - low).T
     if len(cells) and max(x.max(), y.max(), z.max()) < 1 << 21:
@@ -241,14 +244,14 @@ def merge(cells: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def table_of(cells: np.ndarray) -> np.ndarray:
-    """A look-up table for cells (C, 3) int32 that gives each its row number."""
+    """A hash table from cells (C, 3) int32 to their row numbers."""
     table = _table(max(len(cells), 1))
     kernels.fill_table(table, cells)
     return table
 
 
 def dense_table_of(cells: np.ndarray) -> np.ndarray:
-    """(X, Y, Z) int32 row numbers of cells (C, 3) int32 from 0; empty where their box is too large for memory."""
+    """(X, Y, Z) int32 row numbers of cells (C, 3) int32, which are not negative; empty where their box is too large."""
     sides = cells.max(axis=0).astype(np.int64) + 1
     if np.prod(sides.astype(np.float64)) > _DENSE:
         return np.empty((0, 0, 0), np.int32)

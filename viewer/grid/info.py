@@ -1,5 +1,6 @@
-"""What a person asks about a scan before opening it: ``pointglass info``.  All lengths in file units."""
+"""Facts about a scan: ``pointglass info``.  All lengths in file units."""
 
+import logging
 from pathlib import Path
 
 from model.common.scanner_positions import stations_differ
@@ -9,22 +10,25 @@ from viewer.grid.scene import Scene
 from viewer.preprocess.point_attributes import described
 from viewer.text import counted
 
+_log = logging.getLogger(__name__)
+
 
 def describe(paths: list[Path], full: bool = False, *, cache: bool = True, columns: str | None = None) -> dict:
-    """Facts about a scan, ready for JSON.  full: the grid too.  cache, columns: as for open_scene.
+    """Facts about a scan, ready for JSON.  full: include the grid.  cache, columns: as for open_scene.
 
-    The points are counted and their spacing measured, so the scan is read and its grid built, and kept in the cache
-    where that can be written.  Raises InputError as open_scene does.
+    Counting the points and measuring their spacing needs the grid, so the scan is read and its grid built, and stored in the
+    cache where that can be written.  Raises InputError as open_scene does.
     """
     try:
         scene = open_scene(paths, cache=cache, columns=columns)
-    except CacheError:
+    except CacheError as error:
+        _log.warning("%s; the grid is built in memory", error)
         scene = open_scene(paths, cache=False, columns=columns)
     return facts(scene, full)
 
 
 def facts(scene: Scene, full: bool = False) -> dict:
-    """The same for a scene already open."""
+    """Facts about an open scene, as from ``describe``."""
     meta = scene.meta
     low, high = scene.bounds.tolist()
     out = {
@@ -60,7 +64,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
 
 
 def format_text(info: dict) -> str:
-    """``describe``'s answer as lines for a terminal."""
+    """The facts of ``describe`` as lines for a terminal."""
     unit = {"metre": "m", "foot": "ft", "US survey foot": "ft (US survey)"}.get(info["units"], info["units"])
     unit = "units" if unit == "unknown" else unit
     metres = info["metres_per_unit"]
@@ -98,7 +102,7 @@ def format_text(info: dict) -> str:
 
 
 def _noise_facts(scene: Scene) -> dict | None:
-    """What --json says about noise: the standard deviation of a point's luma, 0..1, over the scan, by place and by luma."""
+    """The noise for --json: standard deviation of a point's luma, 0..1, over the scan, by place and by luma."""
     if (noise := scene.noise) is None:
         return None
     return {"sigma": noise.overall, "lowest": float(noise.sigma.min()), "highest": float(noise.sigma.max()),

@@ -1,6 +1,6 @@
-"""The compiled inner loops: find a point's cell, draw its layer, pack it, put it in its place.
+"""Compiled inner loops of the grid: find a point's cell, draw its layer, pack it, write it to its place.
 
-Serial and free of the interpreter's lock: callers run them on slices in a thread pool, which costs no parallel
+They are serial and release the interpreter's lock.  Callers run them on slices in a thread pool, which needs no parallel
 compilation and, unlike numba's own threads, is safe from any thread.  No result depends on the number of threads.
 
 Cells are numbered from an integer base: cell = floor(p / cell_size) - base, with p / cell_size exact, because the
@@ -15,21 +15,22 @@ from viewer.grid.density_layers import PART_EXTRA, PART_OF, PARTS, STEP
 
 GEOMETRIC = 16
 """Number of values the seeded geometric variable takes: 0..15."""
-_SEED = np.uint64(0x706F696E74676C61)  # any constant would do; fixed, so that a scan always gives the same layers
-_ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])  # of 2**n, by de Bruijn's sequence 0x09AF
+_SEED = np.uint64(0x706F696E74676C61)  # arbitrary ("pointgla" in ASCII); fixed, so that a scan always gives the same layers
+_ZEROS = np.array([0, 1, 2, 5, 3, 9, 6, 11, 15, 4, 8, 10, 14, 7, 13, 12])
+"""Trailing zeros of 2**n, by de Bruijn's sequence 0x09AF."""
 _BACK = _ZEROS // STEP  # layers back from the finest
 _PART_BITS, _PART_MASK = PARTS.bit_length() - 1, PARTS - 1
 _TO_SHARE = 16 - SHARE_BITS
 _ROWS = 64
-"""Points whose cells and packed positions are worked out at a time."""
+"""Points whose cells and packed positions are computed at a time; chosen by hand."""
 _SIDE_BIT = 4
-"""Of a bucket's number: which of two threads places its points.  Not the lowest: neighbouring buckets' counters lie in one line
-of the cache, and two threads that take turns at it are slower together than one alone."""
+"""The bit of a bucket's number that selects which of two threads places its points.  Not the lowest: the counters of
+neighbouring buckets share a cache line (false sharing), and two threads that write to it are slower together than one alone."""
 
 
 @compiled(inline="always")
 def _draw(index):
-    """Which entry of _ZEROS tells the trailing zeros of a seeded hash (splitmix64) of a point's running number."""
+    """The index into _ZEROS for the trailing zeros of a seeded hash (splitmix64) of a point's running number."""
     z = np.uint64(index) * np.uint64(0x9E3779B97F4A7C15) + _SEED
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -40,13 +41,14 @@ def _draw(index):
 
 @compiled(inline="always")
 def geometric(index):
-    """Those zeros: 0 for half of all points, 1 for a quarter, ..., at most GEOMETRIC - 1."""
+    """The trailing zeros of that hash: 0 for half of all points, 1 for a quarter, ..., at most GEOMETRIC - 1."""
     return _ZEROS[_draw(index)]
 
 
 @compiled(inline="always")
 def _slot(table, x, y, z):
-    """Where cell (x, y, z) is, or belongs, in an open-addressing table (2**k, 4) int32: x, y, z, number (-1: free)."""
+    """The row of cell (x, y, z), or the free row for it, in an open-addressing table (2**k, 4) int32: x, y, z, number (-1:
+    free)."""
     mask = np.uint64(table.shape[0] - 1)
     h = np.uint64(x) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(y) * np.uint64(0xC2B2AE3D27D4EB4F)
     h += np.uint64(z) * np.uint64(0x165667B19E3779F9)
@@ -58,11 +60,10 @@ def _slot(table, x, y, z):
 
 @compiled(nogil=True)
 def occupied(xyz, inverse, limit, seen):
-    """How many cells points xyz (n, 3) float64 occupy; stops beyond ``limit``.  In float64 and not by _slot: there is no base
-    yet to number cells from, and int32 would not hold them.
+    """The number of cells that points xyz (n, 3) float64 occupy; stops counting beyond ``limit``.
 
-    inverse: 1 / cell size, any that keeps the cells' numbers finite.  seen: scratch, (2**k, 3) float64, more rows than
-    ``limit``.
+    Cell numbers are float64 and not looked up by _slot: without a base they do not fit int32.
+    inverse: 1 / cell size, such that cell numbers are finite.  seen: scratch, (2**k, 3) float64, more rows than ``limit``.
     """
     seen[:, 0] = np.nan  # free
     mask, found = np.uint64(seen.shape[0] - 1), 0
@@ -85,7 +86,7 @@ def occupied(xyz, inverse, limit, seen):
 
 @compiled(nogil=True)
 def fill_table(table, cells):
-    """Enters cells (C, 3) int32, all different, under their row numbers into an empty table."""
+    """Enters cells (C, 3) int32, all different, into an empty table, each with its row number."""
     for i in range(cells.shape[0]):
         slot = _slot(table, cells[i, 0], cells[i, 1], cells[i, 2])
         table[slot, 0], table[slot, 1], table[slot, 2] = cells[i, 0], cells[i, 1], cells[i, 2]
@@ -99,7 +100,7 @@ def count_points(xyz, start, first, inverse, base, reach, table, counts, limit, 
     xyz: (n, 3) float64.  start: point to begin with.  first: running number of xyz[0].  inverse: 1 / cell size.
     base: (3,) float64 whole numbers.  reach: (2, 3) float64 box outside which a point is not counted.
     counts: (limit, GEOMETRIC) int64.  tally: [cells used, not finite, out of reach], updated.  bounds: (2, 3), updated.
-    Returns the number of points dealt with; less than n means that the next point needs a cell beyond the limit.
+    Returns the number of points processed; less than n means that the next point needs a cell beyond the limit.
     """
     used = tally[0]
     x0, y0, z0, x1, y1, z1 = bounds[0, 0], bounds[0, 1], bounds[0, 2], bounds[1, 0], bounds[1, 1], bounds[1, 2]
@@ -143,19 +144,19 @@ def add_rows(counts, order, number, sums):
 
 @compiled(nogil=True)
 def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, table, cells, layers, buckets, words, marks):
-    """Packs a slice of points and names each one's bucket, layer * cells + cell.
+    """Packs a slice of points and computes the bucket of each, layer * cells + cell.
 
     rgb: (n, 3) uint8.  attributes: (n,) uint16 (viewer.preprocess.point_attributes).  scan: (n,) uint8.  base: of the
-    cells.  dense: (X, Y, Z) int32 cell numbers, or empty, then ``table`` has them.  Others as in count_points.
+    cells.  dense: (X, Y, Z) int32 cell numbers; where it is empty, they are looked up in ``table``.  Others as in count_points.
     marks: (C,) int64, one bit set for each sixteenth of a cell that holds a point (viewer.grid.cell_boxes).
-    Writes buckets (n,) int32 and words (n, 3) uint32: points of one half of the buckets from the front in their order, those of
-    the other from the back in reverse, so that two threads can place them.
+    Writes buckets (n,) int32 and words (n, 3) uint32: points of one half of the buckets from the front in order, those of the
+    other half from the back in reverse, so that two threads can place them.
     Returns (points at the front, points at the back); points out of reach are left out.
     """
     n, direct = xyz.shape[0], dense.size > 0
     front, back = 0, n - 1
     coordinates, numbers = xyz.reshape(-1), dense.reshape(-1)
-    # Rows of points at a time, in loops that become vector instructions: coordinates as they lie, x, y and z in turn.
+    # _ROWS points at a time, in loops that compile to vector instructions over x, y, z, x, y, z, ... as stored
     low, high, lowest = np.empty(3 * _ROWS), np.empty(3 * _ROWS), np.empty(3 * _ROWS)
     sides, strides = np.empty(3 * _ROWS, np.int32), np.empty(3 * _ROWS, np.int32)
     for k in range(3 * _ROWS):
@@ -186,12 +187,12 @@ def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, 
             if not (held[x] & held[y] & held[z]):
                 continue
             cell = numbers[at[x] + at[y] + at[z]] if direct else table[_slot(table, at[x], at[y], at[z]), 3]
-            if cell < 0:  # only where a file changed since pass 1; the caller sees it from the totals
+            if cell < 0:  # only where the file changed since pass 1, which the caller detects by the totals
                 continue
             qx, qy, qz = np.uint32(steps[x]), np.uint32(steps[y]), np.uint32(steps[z])
             marks[cell] |= 1 << (qx >> _TO_SHARE) | 1 << (SHARES + (qy >> _TO_SHARE)) | 1 << (2 * SHARES + (qz >> _TO_SHARE))
             i, bucket = start + k, layer[k] * cells + cell
-            behind = bucket >> _SIDE_BIT & 1  # no branch, which could not be foreseen
+            behind = bucket >> _SIDE_BIT & 1  # without a branch, which could not be predicted
             place = front + (back - front) * behind
             front += 1 - behind
             back -= behind
@@ -223,10 +224,9 @@ def place_points(buckets, words, start, stop, stride, runs, points):
 
 @compiled(nogil=True)
 def gather_steps(points, starts, sizes, xyz):
-    """Positions in the cell of the points of some runs, one after the other as far as there is room.
+    """Unpacks the positions within their cell of the points of some runs, until ``xyz`` is full.
 
-    points: (N, 3) uint32 as in Scene.  starts, sizes: (R,) int64.  Writes xyz (3, n) float64, in packed
-    steps; returns how many.
+    points: (N, 3) uint32 as in Scene.  starts, sizes: (R,) int64.  Writes xyz (3, n) float64, in packed steps.
     """
     done = 0
     for run in range(starts.shape[0]):
@@ -239,12 +239,13 @@ def gather_steps(points, starts, sizes, xyz):
 
 @compiled(nogil=True)
 def neighbour_distances(xyz, queries, k, squared, out, tallies):
-    """Squared distance from each query (a column of xyz) to the k-th nearest place that holds other points, by full search.
-    Points in one and the same place count once: what is in a file twice lies no closer together.
+    """Squared distance from each query (a column of xyz) to the k-th nearest position of other points, by exhaustive search.
+    Points at the same position count once: duplicated points do not reduce the spacing.
 
-    xyz: (3, n) float64, n > k; rows, so that the first loop runs in vector instructions.  queries: (m,) int64.
-    squared: scratch, (n,) float64.  out: (m,) float64, of the last place where there are fewer than k, 0 where there is none.
-    tallies: (m, 3) int64, other points in the query's own place, places found, and points in these.
+    xyz: (3, n) float64, n > k, one row per axis, so that the first loop compiles to vector instructions.  queries: (m,) int64.
+    squared: scratch, (n,) float64.  out: (m,) float64, to the last position where there are fewer than k, 0 where there is
+    none.
+    tallies: (m, 3) int64: other points at the query's position, positions found, and points at these.
     """
     xs, ys, zs = xyz[0], xyz[1], xyz[2]
     nearest, which = np.empty(k), np.empty(k, np.int64)

@@ -1,9 +1,9 @@
-"""Pass 2 keeps whole small neighbourhoods of points, from which the noise of the scan's colours is told (model.noise).
+"""Pass 2 keeps complete small neighbourhoods of points, from which the noise of the scan's colours is estimated (model.noise).
 
 Colours are those shown, after exposure compensation.  Points are compared within their run or station: a scan of an E57, a
-point source of a LAS or LAZ file, a station told by the order of points, and a stretch of consecutive points.  In a file
-whose order tells nothing (shuffled), or puts all points of a place side by side (octree, voxel grid), exposures mixed point
-by point count as noise: nothing can tell them apart.  Frame: file coordinates.  Memory: twice model.noise.BUDGET points.
+point source of a LAS or LAZ file, an inferred station, and a stretch of consecutive points.  In a file that is shuffled or
+sorted by place (octree, voxel grid), points of different exposures are mixed; their differences count as noise, because nothing
+distinguishes them.  Frame: file coordinates.  Memory: twice model.noise.BUDGET points.
 """
 
 import numpy as np
@@ -13,16 +13,17 @@ from viewer.grid.count_points import CellCounts
 from viewer.readers.source import Chunk, Source
 
 RUN_SHARE, LEAST_RUN = 0.01, 4096
-"""A gap in the file order between two runs, as a share of the file and in points.  Neighbours on successive lines of one
-station are up to 26,000 of 3.2 million points apart in studio.laz and 20,000 of 11.6 million in plant_room.laz (12 and 12
-neighbourhoods looked at), those of two stations 50,000 and more and 90,000 and more."""
+"""The smallest gap in the file order between two runs, as a share of the file and in points.  Measured in 12 neighbourhoods
+each: neighbours on successive lines of one station are up to 26,000 of 3.2 million points apart in studio.laz and 20,000 of
+11.6 million in plant_room.laz; those of two stations at least 50,000 and 90,000."""
 ORDERED = 0.05
-"""Median gap in the file order between points of a neighbourhood, as a share of what it is in a shuffled file."""
-_LEAST_POINTS = 12  # of a neighbourhood that tells whether a file is ordered
+"""Median gap in the file order between points of a neighbourhood, as a share of that in a shuffled file, below which the file
+is ordered; chosen by hand."""
+_LEAST_POINTS = 12  # points of a neighbourhood that is used to decide whether a file is ordered; chosen by hand
 
 
 class NoiseSample:
-    """Takes the points of pass 2 (``add``), then tells their noise (``solve``)."""
+    """Samples the points of pass 2 (``add``), then estimates their noise (``solve``)."""
 
     def __init__(self, sources: list[Source], counts: CellCounts, seed: int = 0):
         self._counts, self._seed, self._sources = counts, seed, len(sources)
@@ -50,13 +51,13 @@ class NoiseSample:
             group |= np.asarray(chunk.station)[rows].astype(np.int64) << 8
         self._parts.append((xyz[rows], rgb[rows], boxes, group, np.full(len(rows), source, np.int64), first + rows))
         self._held += len(rows)
-        while self._held > self._sampler.most:  # more points lie in the boxes than their sizes promised
+        while self._held > self._sampler.most:  # the boxes hold more points than estimated
             limit = np.uint64(self._sampler.fewer())
             self._parts = [tuple(a[part[2] < limit] for a in part) for part in self._parts]
             self._held = sum(len(part[0]) for part in self._parts)
 
     def solve(self) -> NoiseModel:
-        """The noise of the points added.  Ends their keeping."""
+        """The noise of the points added, which are then freed."""
         parts, self._parts = self._parts, []
         if not parts:
             return no_noise()
@@ -65,7 +66,7 @@ class NoiseSample:
 
 
 def runs(boxes: np.ndarray, group: np.ndarray, source: np.ndarray, at: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(n,) int64 numbers of the runs of points: alike where neighbourhood, source, group and stretch of the file are.
+    """(n,) int64 number of each point's run: equal where neighbourhood, source, group and stretch of the file are.
 
     boxes (n,) uint64, group (n,), source (n,), at (n,): each point's neighbourhood, station, source and running number.
     points: (S,) how many points each source has.

@@ -1,8 +1,8 @@
 """A coarse scene of scan files within about a second, shown while the complete grid is being built.
 
-A sample spread over each file stands for all of it: formats that can seek give runs of points at even distances
-(``Source.sample``), of the others the points that can be read in the time are thinned.  What decides colours over whole files
-(exposure compensation, missing colour, scanner positions from the order of points) is left to the complete grid.
+A sample of points spread over each file represents it: most formats give runs of points from evenly spread places, or upper
+levels of an octree (``Source.sample``).  Of the others, the points that can be read in the time are thinned.  Decisions that
+need whole files (exposure compensation, missing colour, inferred scanner positions) are left to the complete grid.
 Frame: file coordinates.
 """
 
@@ -22,11 +22,13 @@ if TYPE_CHECKING:
     from viewer.readers.source import Chunk, Source
 
 LEAST_POINTS = 2000
-"""Fewer points than these show nothing that could be recognised."""
+"""Points that a preview must have; chosen by hand: fewer cannot be recognised."""
 LEAST_BYTES = 2 << 20
 """Smaller files are opened completely about as fast: studio.laz, 18 MB, takes 5.1 s on two cores, so 2 MiB take 0.6 s."""
 RUN = 1024
-"""Points read side by side: of a scanner's file about a scan line."""
+"""Points that are read in a row; chosen by hand: about one scan line."""
+_HEIGHT_PERCENTILES, _GREY_PERCENTILES = (2, 98), (1, 99)
+"""Range of the colours by height, chosen by hand, and of grey by intensity, as in viewer.preprocess.point_colour."""
 _log = logging.getLogger(__name__)
 
 
@@ -34,8 +36,8 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
                   least_bytes: int = LEAST_BYTES) -> "Scene | None":
     """A scene in memory of about ``points`` points, read in about ``seconds``.
 
-    None where the files are smaller than ``least_bytes`` together, cannot be read (the complete load says why), or show too
-    little.  columns: of text files.
+    Returns None where the files have fewer than ``least_bytes`` together, cannot be read (the complete load reports why), or
+    have too few points.  columns: of text files, as for open_scene.
     """
     from viewer.grid.open_scene import as_paths, facts_of, scene_from_arrays
     from viewer.preprocess.point_colour import height_colours
@@ -55,7 +57,7 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     xyz = np.concatenate([np.zeros((0, 3)), *(chunk.xyz for chunk in chunks)])
     if np.isfinite(xyz).all(axis=1).sum() < LEAST_POINTS:
         return None
-    heights = tuple(np.nanpercentile(xyz[:, 2], [2, 98]).tolist())
+    heights = tuple(np.nanpercentile(xyz[:, 2], _HEIGHT_PERCENTILES).tolist())
     rgb, intensity, scan, first = [], [], [], 0
     for source, part in zip(sources, parts, strict=True):
         largest = max((int(chunk.rgb.max()) for chunk in part if chunk.rgb is not None and len(chunk.rgb)), default=0)
@@ -70,13 +72,13 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     try:
         return scene_from_arrays(xyz, np.concatenate(rgb), intensity=np.concatenate(intensity), scan=np.concatenate(scan),
                                  meta=meta, noise=False)
-    except InputError as error:  # nothing but outlier points
+    except InputError as error:  # only outlier points
         _log.info("no preview: %s", error)
         return None
 
 
 def _size(file: Path) -> int:
-    """Bytes of a file; of a folder's description, those of the folder's own files."""
+    """Bytes of a file.  For the file that describes a folder: of all files directly in the folder, and at least LEAST_BYTES."""
     if file.name in ("cloud.js", "metadata.json", "ept.json"):
         return sum(entry.stat().st_size for entry in os.scandir(file.parent) if entry.is_file()) + LEAST_BYTES
     return file.stat().st_size
@@ -98,7 +100,7 @@ def _until(chunks: "Iterator[Chunk]", end: float) -> "Iterator[Chunk]":
 
 
 def _thinned(source: "Source", points: int, end: float) -> "list[Chunk]":
-    """The points that can be read in the time, thinned so that later chunks count as much as the first."""
+    """The points that can be read in the time, all thinned alike."""
     chunks: list[Chunk] = []
     for chunk in _until(source.chunks(), end):
         chunks.append(chunk)
@@ -120,12 +122,13 @@ def _every(chunk: "Chunk", step: int) -> "Chunk":
 def _grey_range(chunks: "Sequence[Chunk]") -> tuple[float, float]:
     """1st and 99th percentile of the intensities."""
     values = [chunk.intensity for chunk in chunks if chunk.intensity is not None and len(chunk.intensity)]
-    low, high = np.percentile(np.concatenate(values), [1, 99]) if values else (0.0, 0.0)
+    low, high = np.percentile(np.concatenate(values), _GREY_PERCENTILES) if values else (0.0, 0.0)
     return float(low), float(high)
 
 
 def _colours(chunk: "Chunk", largest: int, grey: tuple[float, float], by_height) -> np.ndarray:
-    """(n, 3) uint8.  largest: colour value of the whole sample; grey: range of intensity, equal where there is none."""
+    """(n, 3) uint8.  largest: colour value of the whole sample.  grey: range of intensities; both ends are equal where there
+    are none."""
     if chunk.rgb is not None and largest > 0:
         return (chunk.rgb >> 8 if largest > 255 else chunk.rgb).astype(np.uint8)
     if chunk.intensity is not None and grey[1] > grey[0]:

@@ -1,9 +1,10 @@
-"""How much of a cell its surfaces fill, looked at along each axis: what a picture can need of its points.
+"""Projected coverage: which share of a cell's faces its points cover, which bounds the points that a picture needs.
 
-A cell is a box, and most hold a piece of a wall or floor, which shows its face to some eyes and its edge to others.  The faces
-of each cell are divided into 8 x 8 squares; a share is how many of them hold a point, looked at along x, y or z.  Surfaces
-are taken to be opaque from there: what they cover of a picture is, seen along (x, y, z), at most the sum of the three faces'
-shares, each by how squarely the eye looks at it (Cauchy's projections; exact for a wall along an axis).
+A cell is a box, and most hold a piece of a wall or floor, which is seen face-on from some viewpoints and edge-on from others.
+The faces of each cell are divided into 8 x 8 squares; the coverage of an axis is the number of squares that hold a point when
+the cell is projected along it.  Surfaces are taken to be opaque.  Seen along a direction (x, y, z), a cell covers at most the
+sum of the three coverages, each weighted by the component of the direction (Cauchy's projections; exact for a wall along an
+axis).
 """
 
 import itertools
@@ -14,16 +15,17 @@ import numpy as np
 from model.common.jit import compiled
 
 SQUARES = 64
-"""Of a face; a share counts them."""
+"""Squares of a face, the bits of a uint64."""
 UNKNOWN = 255
-"""Share of a cell with too few points to tell."""
+"""In place of the coverage of a cell with too few points."""
 LEAST, ENOUGH = 256, 512
-"""Points of a cell below which its shares are not known, and at which enough have been looked at, the coarse layers' first."""
+"""Points of a cell from which its coverage is known, and points that are examined at most, those of coarse layers first; chosen
+by hand: 4 and 8 per square."""
 
 
 @compiled(nogil=True, inline="always")
 def _bits(word):
-    """How many bits of a uint64 are set."""
+    """The number of set bits of a uint64."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
@@ -52,7 +54,7 @@ def _cover(points, offsets, layers, cells, first, last, faces):
 
 
 def projected_coverage(points, offsets, layers: int, pool: Executor, jobs: int = 8) -> np.ndarray:
-    """(C, 3) uint8 shares of the cells' faces across x, y and z, 0..SQUARES or UNKNOWN.
+    """(C, 3) uint8 coverage of the cells' faces across x, y and z, 0..SQUARES or UNKNOWN.
 
     points: (N, 3) uint32 packed points; offsets: (layers * C + 1,) int64, as in Scene.
     """

@@ -1,4 +1,4 @@
-"""A scan as the renderer sees it: packed points in a uniform grid, in density layers.
+"""A scan for the renderer: packed points in a uniform grid, in density layers.
 
 Frame: file coordinates (float64) are ``origin + cell_coords * cell_size`` for a cell's lower corner, plus 16-bit
 fractions of the cell for a point.  The cell size is a power of two, so every one of these products is exact.
@@ -6,7 +6,7 @@ fractions of the cell for a point.  The cell size is a power of two, so every on
 Packed point, 12 bytes: word 0 = qx | qy << 16;  word 1 = qz | attributes << 16;
 word 2 = r | g << 8 | b << 16 | scan << 24.
 attributes, 16 bits: intensity, or class << 8 | quantised intensity (viewer.preprocess.point_attributes).
-A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most half a step from where it was measured.
+A coordinate q in 0..65535 stands for ``cell_min + (q + 0.5) * step``, at most half a step from the measured one.
 """
 
 from dataclasses import dataclass, field
@@ -19,11 +19,12 @@ from model.noise import NoiseModel
 from viewer.preprocess.point_attributes import AttributeLayout, layout_from
 
 STEPS = 65536
-"""Positions a coordinate can take inside a cell."""
+"""Positions of a coordinate inside a cell: 16 bits."""
 CHUNK = 65536
-"""Points in a chunk: what is read, checked and kept on the GPU as one piece (768 KiB)."""
+"""Points of a chunk, which is read, checked and kept on the GPU as one piece (768 KiB); chosen by hand."""
 STATION_REACH = 20.0
-"""A statue is scanned from a few of its heights away; a pose of zeros beside map coordinates is thousands."""
+"""Farthest distance of a scanner from the measured points, in extents of the scan; chosen by hand: a statue is scanned from a
+few of its heights away, while a pose of zeros in map coordinates is thousands away."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,16 +42,13 @@ class Scene:
     bounds: (2, 3) float64 file coordinates, lowest and highest corner of the measured points.
     meta: JSON-able: sources, format, units, metres_per_unit, crs, colour, scans, attributes, dropped, warnings.
     checksums: (ceil(N / CHUNK),) uint32, CRC-32 of each chunk of ``points`` as kept on disk; None where none is kept.
-    parts: how many parts the points of each layer and cell lie in (viewer.grid.density_layers), so that the first few are
-    spread as
-        evenly as all; 1: in no order.
-    faces: (C, 3) uint8, how much of each cell its points cover, seen along x, y and z (viewer.grid.projected_coverage); None
-    where an
-        earlier version did not look.
+    parts: number of parts of the points of each layer and cell (viewer.grid.density_layers), of which the first few are
+        spread as evenly as all; 1: the points are in no order.
+    faces: (C, 3) uint8, how much of each cell its points cover along x, y and z (viewer.grid.projected_coverage); None in a
+        folder of an earlier version.
     boxes: (C, 6) uint8, the sixteenths of each cell that its points lie in (viewer.grid.cell_boxes); None likewise.
-    noise: the noise of a single point's colour by place and brightness, in file coordinates as ``origin``, ``bounds`` and the
-        points of ``unpack``; where coordinates are counted from another place, take it away from ``noise.origin`` too.  None
-        in a folder of an earlier version, where it is unknown.
+    noise: standard deviation of a single point's colour by place and brightness, in file coordinates.  Code that shifts
+        coordinates shifts ``noise.origin`` too.  None in a folder of an earlier version, where it is unknown.
     """
 
     points: np.ndarray
@@ -76,9 +74,9 @@ class Scene:
 
     @property
     def station_places(self) -> np.ndarray:
-        """(S, 3) float64 file coordinates: where the scanner of each scan number stood, NaN where the files do not say, or say
-        what cannot be: farther outside the measured points than STATION_REACH times their extent.  S is at most 255: later
-        scans share a number."""
+        """(S, 3) float64 file coordinates: the scanner position of each scan number; NaN where it is unknown, or impossible:
+        farther outside the measured points than STATION_REACH times their extent.  S is at most 255: later scans share a
+        number."""
         places = station_positions_of(scan.get("position") for scan in self.meta.get("scans") or [])
         reach = STATION_REACH * np.ptp(self.bounds, axis=0).max()
         with np.errstate(invalid="ignore"):
@@ -87,17 +85,17 @@ class Scene:
 
     @property
     def attributes(self) -> AttributeLayout:
-        """Which attributes the points have besides colour and station, and how their bits are read."""
+        """The attributes of the points besides colour and station, and the layout of their bits."""
         return layout_from(self.meta)
 
     @property
     def unlit(self) -> bool:
-        """Whether black points have no colour (see viewer.preprocess.point_colour)."""
+        """Whether black is treated as missing colour (viewer.preprocess.point_colour)."""
         return bool((self.meta.get("colour") or {}).get("uncoloured"))
 
     @property
     def matched(self) -> bool:
-        """Whether colours are others than in the files: exposures or passes were matched, or black was taken for no colour."""
+        """Whether colours differ from those in the files: by exposure compensation, or because black is treated as missing."""
         return self.unlit or any((self.meta.get(key) or {}).get("applied") for key in ("exposures", "passes"))
 
     @property
@@ -106,17 +104,17 @@ class Scene:
         return self.origin + self.cell_coords * self.cell_size
 
     def cell_of_points(self, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """(stop - start,) int32: the cell each point of the run lies in (all points by default)."""
+        """(stop - start,) int32: the cell of each point from ``start`` to ``stop``, by default of all points."""
         edges = np.clip(self.offsets, start, self.count if stop is None else stop)
         cells = np.tile(np.arange(len(self.cell_coords), dtype=np.int32), self.layers)
         return np.repeat(cells, np.diff(edges))
 
 
 def unpack(scene: Scene, index=slice(None)) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points as numbers.  ``index``: anything that indexes a one-dimensional array of N points.
+    """Unpacks points.  index: anything that indexes a one-dimensional array of N points.
 
-    Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8; other
-    attributes: ``attributes_of``.
+    Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8.  ``attributes_of``
+    gives the other attributes.
     """
     words = packed(scene, index)
     return positions(scene, words, index), colours(words), intensities(scene, words), scan_numbers(words)
@@ -134,7 +132,7 @@ class PointAttributes:
 
 
 def attributes_of(scene: Scene, index: Any = slice(None)) -> PointAttributes:
-    """The attributes of the points that ``index`` names, as for ``unpack``."""
+    """The attributes of the points at ``index``, as for ``unpack``."""
     words, layout = packed(scene, index), scene.attributes
     return PointAttributes(
         scan_numbers(words),
@@ -144,12 +142,12 @@ def attributes_of(scene: Scene, index: Any = slice(None)) -> PointAttributes:
 
 
 def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:
-    """(n, 3) uint32: the packed points that ``index`` names, as for ``unpack``."""
+    """(n, 3) uint32: the packed points at ``index``, as for ``unpack``."""
     return np.atleast_2d(np.asarray(scene.points[index]))
 
 
 def positions(scene: Scene, words: np.ndarray, index: Any = slice(None)) -> np.ndarray:
-    """(n, 3) float64 file coordinates of the packed points ``words`` that ``index`` names."""
+    """(n, 3) float64 file coordinates of the packed points ``words`` at ``index``."""
     if isinstance(index, slice) and index.indices(scene.count)[2] == 1:
         start, stop, _ = index.indices(scene.count)
         cells = scene.cell_of_points(start, max(start, stop))
@@ -172,12 +170,12 @@ def intensities(scene: Scene, words: np.ndarray) -> np.ndarray:
 
 
 def scan_numbers(words: np.ndarray) -> np.ndarray:
-    """(n,) uint8: which scan each packed point is of."""
+    """(n,) uint8 scan numbers of packed points."""
     return (words[:, 2] >> 24).astype(np.uint8)
 
 
 def _places(count: int, index) -> np.ndarray:
-    """The running numbers that ``index`` names; of an array of numbers without a list of all points."""
+    """The point numbers that ``index`` selects; for an array of numbers without making a list of all points."""
     array = np.atleast_1d(np.asarray(index))
     if array.dtype.kind in "iu":
         return np.where(array < 0, array + count, array)

@@ -1,9 +1,12 @@
-"""Point spacing: how far apart neighbouring points are on the surfaces of a scan.
+"""Point spacing: the distance between neighbouring points on the surfaces of a scan.
 
 For points spread evenly over a surface with density d, the k-th nearest neighbour lies at r_k with d * pi * r_k**2 = k
-in the mean, so the spacing 1/sqrt(d) is r_8 * sqrt(pi / 8).  Points in one and the same place count once: a scan given twice is
-no denser.  Everything is computed in packed steps and scaled at the end: scaling a scan by a power of two scales the result
+in the mean, so the spacing 1/sqrt(d) is r_8 * sqrt(pi / 8).  Points at the same position count once: a scan given twice is
+no denser.  Everything is computed in packed steps and scaled at the end, so scaling a scan by a power of two scales the result
 exactly.
+
+model.data.spacing measures the same for training data, which are arrays without a grid, with a search tree over all points;
+here the cells of the grid make a search tree unnecessary.
 """
 
 from concurrent.futures import Executor
@@ -12,14 +15,17 @@ import numpy as np
 
 from viewer.grid import kernels
 
-_CELLS, _QUERIES, _CANDIDATES, _NEIGHBOURS = 64, 24, 20_000, 8
+_CELLS, _QUERIES, _CANDIDATES = 64, 24, 20_000
+"""Cells that are examined, queries in each, and points of a cell among which neighbours are searched; chosen by hand."""
+_NEIGHBOURS = 8
+"""The neighbour whose distance is measured; chosen by hand: noise and duplicates hardly change it."""
 
 
 def measure_spacing(points, cells, offsets, layers: int, pool: Executor) -> tuple[float, float]:
     """Median spacing in packed steps over about 1500 points, in 64 cells chosen in proportion to their points.
 
-    points, cells, offsets, layers: as in Scene.  Returns the spacing, 0.0 where no two different points are near each
-    other, and the share of points whose eight nearest are packed into the very same place, which finer cells might part.
+    points, cells, offsets, layers: as in Scene.  Returns the spacing, 0.0 where no two different points are near each other,
+    and the share of points whose eight nearest neighbours are packed to the same position, which finer cells might separate.
     """
     count = int(offsets[-1])
     if count <= _CANDIDATES:
@@ -40,7 +46,7 @@ def measure_spacing(points, cells, offsets, layers: int, pool: Executor) -> tupl
 
 
 def _of_cell(points, starts: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, float]:
-    """As _distances, in one cell, among its coarse layers' points first, up to a limit."""
+    """As _distances, in one cell, among at most _CANDIDATES of its points, those of coarse layers first."""
     taken = min(int(sizes.sum()), _CANDIDATES)
     xyz = np.empty((3, taken))
     kernels.gather_steps(points, starts, sizes, xyz)
@@ -54,8 +60,8 @@ def _steps(words, cells: np.ndarray) -> np.ndarray:
 
 
 def _distances(xyz: np.ndarray, queries: int, taken: float = 1.0) -> tuple[np.ndarray, float]:
-    """Of some of the points xyz (3, n): the spacing that the distance to the eighth nearest place tells of, and the share of
-    them that have eight others in their own place.  taken: share of all points that xyz are."""
+    """For some of the points xyz (3, n): the spacing by the distance to the eighth nearest position, and the share of them that
+    have eight others at their own position.  taken: which share of all points xyz is."""
     count = xyz.shape[1]
     k = min(_NEIGHBOURS, count - 1)
     if k < 1:
@@ -69,10 +75,10 @@ def _distances(xyz: np.ndarray, queries: int, taken: float = 1.0) -> tuple[np.nd
 
 
 def _places_kept(taken: float, each: float) -> float:
-    """Of the places that hold points, the share still there when of the points a share ``taken`` is left, drawn at random.
+    """The share of the occupied positions that remain occupied when a random share ``taken`` of the points is kept.
 
-    each: points that a place still there has left, in the mean.  Of a place with m points 1 - (1 - taken)**m is there, with
-    taken * m of them in the mean: two equations for that share and m.
+    each: mean number of points at a remaining position.  A position with m points remains with probability 1 - (1 - taken)**m,
+    with taken * m points in the mean: two equations for that share and m.
     """
     if taken == 1.0 or each <= 1.0:
         return taken

@@ -13,16 +13,17 @@ from viewer.readers.source import Chunk
 from viewer.text import counted
 
 CODES = 256
-"""Classes that 8 bits tell apart, as in LAS 1.4."""
+"""Class codes: 8 bits, as in LAS 1.4."""
 _QUANTISED_BITS, _EXACT_BITS = 8, 16
+"""Bits of an intensity beside a class, and alone."""
 
 
 @dataclass(frozen=True)
 class AttributeLayout:
-    """What the 16 attribute bits of a packed point hold.
+    """The layout of the 16 attribute bits of a packed point.
 
-    classes: points by class code, in ascending order of the code, those left out of the grid as invalid included; empty where
-        the scan has no classification.
+    classes: number of points by class code, in ascending order of the code, including points that the grid leaves out as
+        invalid; empty where the scan has no classification.
     low, high: range of the intensities over the whole scan, in the file's values; None where the scan has none.
     """
 
@@ -77,7 +78,7 @@ class AttributeLayout:
 def layout_from(meta: dict) -> AttributeLayout:
     """The layout that ``Scene.meta`` describes; without a description (grids of earlier versions): exact intensities only.
 
-    Raises ValueError where the description makes no sense.
+    Raises ValueError where the description is invalid.
     """
     found = meta.get("attributes", {})
     if not (isinstance(found, dict) and all(isinstance(entry, dict) for entry in found.values())):
@@ -115,9 +116,9 @@ class AttributeCounts:
             self._high = max(self._high, int(chunk.intensity.max()))
 
     def layout(self) -> AttributeLayout:
-        """What the scan has.
+        """The layout for the scan.
 
-        A scan whose classes are all 0 or all 1 (LAS: never classified, unclassified) has no classification, one whose
+        A scan whose classes are all 0 or all 1 (LAS: never classified, unclassified) has no classification.  A scan whose
         intensities are all 0 has no intensity.
         """
         counts = self._classes.copy()

@@ -1,11 +1,13 @@
-"""Where scanners stood, told by the order of a file's points: each sweep of a scanner lies in a plane through it.
+"""Infers scanner positions from the order of a file's points: each scan line lies in a plane through the scanner.
 
-A scanner sweeps line after line, and files mostly keep that order, thinned or not, station after station.  Points that follow
-one another are then one line or a few, in a plane through the scanner, and the planes of a station meet in one point.  What
-is sorted otherwise has no such planes, or those of the place's surfaces: of a few directions, where sweeps have many.
-Scanners that turn about an axis have all their planes through it.  How high they stood is then told by their steps: even
-in angle as seen from there, and from nowhere else.  (Rows of equal elevation are cones, not planes: they tell nothing here.)
-Frame: the file's; lengths in its units; nothing here has a unit.
+A scanner measures line after line, and most files keep that order, thinned or not, station after station.  Consecutive points
+then belong to one line or a few, in a plane through the scanner, and the planes of a station intersect in one point.  Points in
+another order form no such planes, or only those of the surfaces, which have few directions, while scan lines have many.
+If the scanner turns about an axis, all its planes contain that axis.  The position along the axis follows from the steps
+between
+points: only as seen from the scanner they are equal in angle.  (Rows of equal elevation are cones, not planes, and give
+nothing.)
+Frame: the file's.  All thresholds are relative or angles.
 """
 
 from dataclasses import dataclass
@@ -13,24 +15,26 @@ from itertools import pairwise
 
 import numpy as np
 
+# Constants without another origin were chosen by hand and checked on the rooms of the tests.
 WINDOW = 512
-"""Points in a row that are looked at together."""
-_WIDTHS = (16, 32, 64, 128, 256, 512)  # points in a row that may be one plane: the same for a whole file
-_FLAT, _WIDE = 0.05, 0.15  # a plane: so flat beside its narrow side at most, its narrow side so wide beside the other at least
-_TOLERANCE = 0.01  # radians between a plane and the way to the scanner
-_TRIES, _JUDGES = 300, 400  # threes of planes, and planes that choose between where these meet
-_LEVELS = 8  # a station takes 2**-_LEVELS of a file at least
+"""Consecutive points that are examined together."""
+_WIDTHS = (16, 32, 64, 128, 256, 512)  # consecutive points that may form a plane; one of these for a whole file
+_FLAT, _WIDE = 0.05, 0.15  # of a plane: largest thickness / narrow side, smallest narrow side / long side
+_TOLERANCE = 0.01  # radians between a plane and the direction from it to the scanner
+_TRIES, _JUDGES = 300, 400  # RANSAC: triples of planes, and planes that vote on the triples' intersections
+_LEVELS = 8  # a station has at least 2**-_LEVELS of a file
 _LEAST, _SHARE, _MOSTLY = 24, 0.4, 0.75
-"""Planes that must agree on a station; their share where it is looked for, and of those between its first and last: where
-stations take turns, as in a file of blocks, points of one would be taken for the other's."""
-_AROUND = 31  # planes over whose share it is told where a station begins and ends
+"""Planes that must agree on a station; their share where it is searched; their share between its first and last: where stations
+alternate, as in a file of blocks, points of one would be assigned to the other."""
+_AROUND = 31  # planes of the moving average that locates where a station begins and ends
 _VARIETY = 12.0
-"""Directions of planes, as a count of equally common ones: 15 to 62 for stations, 4 at most for the surfaces of a room."""
-_SAME = 0.05  # of the mean distance to the points: stations nearer to each other than that are one
-_COVERED = 0.8  # share of the planes that must belong to some station
-_ACROSS, _LYING = 0.3, 0.95  # cosines of normals to the axis: planes below contain it, nearly; beyond, they are floors
+"""Directions of the planes of a station, at least, as a number of equally frequent ones: measured 15 to 62 for stations, at
+most 4 for the surfaces of a room."""
+_SAME = 0.05  # of the mean distance to the points: stations closer to each other are one
+_COVERED = 0.8  # share of the planes that must belong to a station
+_ACROSS, _LYING = 0.3, 0.95  # cosines between normal and axis: planes below contain it, nearly; planes above are floors
 _LINES, _SHORT, _HEIGHTS = 3000, 32, 41
-"""Lines that are looked at for a station's height, points of each, and heights tried along its axis, twice."""
+"""Lines that are examined for a station's height, points of each, and heights tried along its axis, in each of two rounds."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,8 @@ class Station:
 
 
 def find_stations(windows: np.ndarray) -> list[Station]:
-    """The stations in file order, none where the order does not tell.  windows: (N, WINDOW, 3) float64, stretches of
-    points in file order, evenly from the whole file."""
+    """The stations in file order; none where the order gives none.  windows: (N, WINDOW, 3) float64, stretches of consecutive
+    points, evenly from the whole file."""
     if len(windows) < 2 * _LEAST:
         return []
     window, every = _lines(windows)
@@ -57,7 +61,7 @@ def find_stations(windows: np.ndarray) -> list[Station]:
     for group in groups:
         place = _place(lines[group], middle[group], normal[group])
         if found and np.linalg.norm(place - found[-1][1]) < _SAME * np.linalg.norm(middle[group] - place, axis=1).mean():
-            group = np.concatenate([found.pop()[0], group])  # but for a stretch between them, one station
+            group = np.concatenate([found.pop()[0], group])  # the same station, interrupted by a stretch
             place = _place(lines[group], middle[group], normal[group])
         found.append((group, place))
     if min(_variety(normal[group]) for group, _ in found) < _VARIETY:
@@ -70,8 +74,8 @@ def find_stations(windows: np.ndarray) -> list[Station]:
 
 
 def _turn(lines: np.ndarray, before: np.ndarray, after: np.ndarray, last: int, first: int) -> int:
-    """The line with which the next station begins, of those between ``last``, which is of the one at ``before``, and ``first``,
-    of the one at ``after``: seen from where they were measured, lines have steps of much the same angle."""
+    """The line with which the next station begins, between ``last``, of the station at ``before``, and ``first``, of the
+    station at ``after``.  As seen from their own station, lines have steps of similar angles."""
     begin = max(last + 1 - _AROUND, 0)
     one, other = _log_steps(lines[begin:first], before), _log_steps(lines[last + 1 : first + _AROUND], after)
     known, between = last + 1 - begin, first - last - 1
@@ -82,14 +86,14 @@ def _turn(lines: np.ndarray, before: np.ndarray, after: np.ndarray, last: int, f
 
 
 def _log_steps(lines: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """(L,) logarithm of the typical angle, seen from a place, from point to point of lines (L, width, 3)."""
+    """(L,) logarithm of the median angle, seen from a position, between consecutive points of lines (L, width, 3)."""
     way = lines - place
     way /= np.maximum(np.linalg.norm(way, axis=2, keepdims=True), 1e-300)
     return np.log(np.maximum(np.median(np.linalg.norm(np.diff(way, axis=1), axis=2), axis=1), 1e-12))
 
 
 def _lines(windows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stretches of the width at which most are flat, (L, width, 3), and the window each is of."""
+    """Stretches (L, width, 3) of the width at which most are planes, and the window of each."""
     best, share = _WIDTHS[0], -1.0
     some = windows[:: -(-len(windows) // 1024)]
     for width in _WIDTHS:
@@ -102,7 +106,7 @@ def _lines(windows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _planes(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """middle and normal (L, 3) of the planes nearest to (L, width, 3) points, and whether they are planes."""
+    """Centre and normal (L, 3) of the planes fitted to (L, width, 3) points, and whether the points form a plane."""
     middle = lines.mean(axis=1)
     around = lines - middle[:, None]
     squares, axes = np.linalg.eigh(around.transpose(0, 2, 1) @ around)
@@ -111,7 +115,7 @@ def _planes(lines: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _meeting(middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The point nearest to all planes; where they do not tell, nearest to the mean of their middles."""
+    """The point closest to all planes; along directions that they leave open, closest to the mean of their centres."""
     mean = middle.mean(axis=0)
     square, axes = np.linalg.eigh(normal.T @ normal / len(normal))
     told = square > 0.01
@@ -120,13 +124,13 @@ def _meeting(middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def _through(places: np.ndarray, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """(K, P) bool: which planes pass through which of (K, 3) places."""
+    """(K, P) bool: which planes pass through which of (K, 3) positions."""
     way = places[:, None] - middle
     return np.abs((way * normal).sum(axis=2)) < _TOLERANCE * np.linalg.norm(way, axis=2)
 
 
 def _search(middle: np.ndarray, normal: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """(P,) bool: the planes through the place that most of them pass through."""
+    """(P,) bool: the planes through the point through which most of them pass."""
     three = random.integers(len(middle), size=(_TRIES, 3))
     mean = middle.mean(axis=0)
     along = ((middle[three] - mean) * normal[three]).sum(axis=2)
@@ -147,7 +151,7 @@ def _search(middle: np.ndarray, normal: np.ndarray, random: np.random.Generator)
 
 
 def _groups(middle: np.ndarray, normal: np.ndarray, random: np.random.Generator) -> list[np.ndarray]:
-    """Planes that meet, by station, in file order: first sought in the whole file, then in halves, and so on."""
+    """Planes that intersect, by station, in file order: searched in the whole file, then in halves, and so on."""
     count = len(middle)
     found, free = [], np.ones(count, bool)
     for level in range(_LEVELS):
@@ -164,7 +168,7 @@ def _groups(middle: np.ndarray, normal: np.ndarray, random: np.random.Generator)
 
 
 def _grown(group: np.ndarray, free: np.ndarray, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """All planes of the station that ``group`` is part of, to where it begins and ends; none where they are too few."""
+    """All planes of the station that ``group`` belongs to, from its beginning to its end; none where they are too few."""
     for _ in range(3):
         fits = _through(_meeting(middle[group], normal[group])[None], middle, normal)[0] & free
         share = fits[group[0] : group[-1] + 1].mean()
@@ -179,14 +183,14 @@ def _grown(group: np.ndarray, free: np.ndarray, middle: np.ndarray, normal: np.n
 
 
 def _variety(normal: np.ndarray) -> float:
-    """How many directions planes have: as many equally common ones would be as likely to agree."""
+    """The number of directions of planes: of equally frequent ones that agree by chance as often (inverse Simpson index)."""
     upward = normal * np.where(normal @ (0.1, 0.01, 1.0) < 0, -1.0, 1.0)[:, None]
     _, counts = np.unique(np.round(12 * upward).astype(int), axis=0, return_counts=True)
     return float(counts.sum() ** 2 / (counts**2).sum())
 
 
 def _place(lines: np.ndarray, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Where the scanner of these planes stood."""
+    """The scanner position of these planes."""
     tilt = np.abs(normal @ np.linalg.eigh(normal.T @ normal)[1][:, 0])
     if np.count_nonzero((tilt > _ACROSS) & (tilt < _LYING)) >= _LEAST / 2:
         return _meeting(middle[tilt < _LYING], normal[tilt < _LYING])
@@ -197,7 +201,7 @@ def _place(lines: np.ndarray, middle: np.ndarray, normal: np.ndarray) -> np.ndar
 
 
 def _height(lines: np.ndarray, axis: np.ndarray) -> float:
-    """How far along an axis through zero steps look most even in angle.  lines: (L, width, 3)."""
+    """The position along an axis through zero from which steps are most equal in angle.  lines: (L, width, 3)."""
     lines = lines.reshape(-1, min(_SHORT, lines.shape[1]), 3)
     lines = lines[:: -(-len(lines) // _LINES)]
     along = lines @ axis
@@ -213,8 +217,8 @@ def _height(lines: np.ndarray, axis: np.ndarray) -> float:
 
 
 def _unevenness(angles: np.ndarray) -> float:
-    """How much steps differ from line to line, in logarithms.  angles: (L, width)."""
+    """The spread of the mean step from line to line, in logarithms.  angles: (L, width)."""
     steps = np.abs(np.diff(angles, axis=1))
-    jumps = steps > 8 * np.median(steps, axis=1, keepdims=True)  # from line to line, and over what was not hit
+    jumps = steps > 8 * np.median(steps, axis=1, keepdims=True)  # between lines, and over directions without a return
     mean = np.where(jumps, 0.0, steps).sum(axis=1) / np.maximum((~jumps).sum(axis=1), 1)
     return float(np.subtract(*np.percentile(np.log(np.maximum(mean, 1e-12)), [80.0, 20.0])))

@@ -1,9 +1,10 @@
-"""Which coordinates are positions at all: the test that preprocessing and the grid share.  Frame and units: the file's."""
+"""The test for valid positions that preprocessing and the grid share.  Frame and units: the file's."""
 
 import numpy as np
 
 FARTHEST = 1e20
-"""File units from zero beyond which a number is no position: a light year has 1e16 m, and 32-bit floats of GPUs end at 3e38."""
+"""File units from zero beyond which a number is not a position; chosen by hand between a light year, 1e16 m, and the end of
+32-bit floats, 3e38."""
 
 
 def is_position(xyz: np.ndarray) -> np.ndarray:

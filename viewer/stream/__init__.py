@@ -1,1 +1,1 @@
-"""Packed points on their way from the cache to the GPU: reading chunks, residency and eviction, prefetch; no OpenGL here."""
+"""Streams packed points from the cache to the GPU: chunk reading, prefetch, residency and eviction; no OpenGL here."""

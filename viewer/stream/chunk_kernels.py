@@ -1,4 +1,4 @@
-"""The compiled loop over a draw list that finds the chunks it touches."""
+"""The compiled loop that finds the chunks which a draw list needs."""
 
 from model.common.jit import compiled
 
@@ -7,8 +7,8 @@ from model.common.jit import compiled
 def tally_chunks(first, count, shift, tally):
     """Adds the points of each run to the chunks they lie in.
 
-    first, count: (R,) int64, runs of points; a run may span chunks, one of no points counts nothing.  shift: a chunk is
-    2**shift points.  tally: (C,) int64, updated.
+    first, count: (R,) int64, runs of points; a run may span chunks or be empty.  shift: a chunk has 2**shift points.
+    tally: (C,) int64, updated.
     """
     for i in range(first.shape[0]):
         at, stop = first[i], first[i] + count[i]

@@ -1,4 +1,5 @@
-"""Chunks of packed points, read by threads into a bounded ring of buffers, in the order asked for.  No OpenGL here."""
+"""Prefetches chunks of packed points: threads read them into a bounded set of buffers, in the requested order.  No OpenGL
+here."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -10,15 +11,15 @@ from viewer.settings import MEMORY
 from viewer.stream.chunk_source import ChunkSource
 
 READ_AHEAD = MEMORY.read_ahead
-"""Bytes of main memory the buffers of a reader may take, unless told otherwise."""
-_THREADS = 4  # at most: beyond that the disk or the memory is the limit
-_PATIENCE = 5.0  # seconds closing waits for a read that hangs
+"""Bytes of main memory for the buffers of a reader, by default."""
+_THREADS = 4  # at most; chosen by hand: with more, the disk or the memory is the limit
+_PATIENCE = 5.0  # seconds that closing waits for a read that hangs; chosen by hand
 
 
 class ChunkReader:
-    """Reads requested chunks ahead.  ``wake`` is called, on a thread of the reader, when the first of some has arrived.
+    """Prefetches requested chunks.  wake: called on a thread of the reader when a chunk arrives and none was there before.
 
-    memory: bytes all buffers together may take; they are made when first needed.
+    memory: bytes of all buffers together; they are allocated when first needed.
     """
 
     def __init__(self, source: ChunkSource, *, memory: int = READ_AHEAD, threads: int | None = None,
@@ -26,15 +27,15 @@ class ChunkReader:
         self.source, self._wake = source, wake
         self._most = max(1, min(memory // source.chunk_bytes, source.chunks))
         self._made = 0
-        self._spare: list[np.ndarray] = []  # the last one given back is the next one used: it is in the cache
-        self._wanted = np.zeros(source.chunks, bool)  # asked for, not yet handed over
-        self._left = 0  # how many of these
+        self._spare: list[np.ndarray] = []  # a stack: the buffer returned last is still in the cache
+        self._wanted = np.zeros(source.chunks, bool)  # requested and not yet taken
+        self._left = 0  # number of these
         self._queue, self._next = np.empty(0, np.int64), 0
         self._reading: set[int] = set()
         self._ready: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         self._failures: dict[int, Exception] = {}
         self._closed = False
-        self._broken: Exception | None = None  # what ended a thread
+        self._broken: Exception | None = None  # the error that ended a thread
         lock = threading.Lock()
         self._jobs, self._news = threading.Condition(lock), threading.Condition(lock)
         count = min(usable_processors(), _THREADS) if threads is None else threads
@@ -47,23 +48,23 @@ class ChunkReader:
 
     @property
     def memory(self) -> int:
-        """Bytes of main memory taken by buffers so far."""
+        """Bytes of main memory allocated for buffers."""
         return self._made * self.source.chunk_bytes
 
     @property
     def arrived(self) -> bool:
-        """Whether something is there to be taken."""
+        """Whether a chunk or an error can be taken."""
         return bool(self._ready) or bool(self._failures)
 
     @property
     def left(self) -> int:
-        """How many of the requested chunks have not been taken yet."""
+        """Number of requested chunks that have not been taken yet."""
         return self._left
 
     def request(self, chunks: np.ndarray) -> None:
-        """Asks for ``chunks``, all different, in this order, and for nothing else any more.
+        """Requests ``chunks``, all different, in this order, and cancels all earlier requests.
 
-        What has been read of them already, or failed, is not read again before it has been handed over.
+        Chunks that have been read already, or failed, are not read again before they are taken.
         """
         with self._jobs:
             self._wanted[:] = False
@@ -77,11 +78,11 @@ class ChunkReader:
             self._jobs.notify_all()
 
     def arrivals(self, limit: int | None = None, *, wait: bool = False) -> Iterator[tuple[int, np.ndarray]]:
-        """(chunk, its points) of what was requested; the points are valid until the next is asked for.
+        """Yields (chunk, its points) of the requested chunks; the points are valid until the next one is yielded.
 
-        limit: at most so many.  wait: until all are there; without it, those that are there.
-        Raises what reading a chunk raised, once for each; others can still be taken.  Raises what ended a thread of the
-        reader, which nothing should.
+        limit: of chunks.  wait: wait until all have arrived; otherwise those that are there.
+        Raises the error of reading a chunk, once for each chunk; others can still be taken.  Raises the error that ended a
+        thread of the reader, should there be one.
         """
         given = 0
         while limit is None or given < limit:
@@ -116,13 +117,13 @@ class ChunkReader:
             thread.join(_PATIENCE)
         self._ready.clear()
         self._spare.clear()
-        if not any(thread.is_alive() for thread in self._threads):  # a closed number could be another file's by then
+        if not any(thread.is_alive() for thread in self._threads):  # else one could read another file of the same number
             self.source.close()
 
     def _work(self) -> None:
         try:
             self._read_on()
-        except Exception as error:  # no memory for a buffer, say: whoever waits must hear of it
+        except Exception as error:  # any, such as MemoryError: it is raised again on the thread that waits
             with self._news:
                 self._broken = error
                 self._news.notify_all()
@@ -133,7 +134,7 @@ class ChunkReader:
             points, failure = buffer, None
             try:
                 points = self.source.read(chunk, buffer)
-            except Exception as error:  # handed to whoever waits for the chunk
+            except Exception as error:  # any: it is raised again on the thread that takes the chunk
                 failure = error
             with self._news:
                 self._reading.discard(chunk)
@@ -155,8 +156,8 @@ class ChunkReader:
             while not self._closed:
                 while self._next < len(self._queue):
                     chunk = int(self._queue[self._next])
-                    dealt_with = chunk in self._ready or chunk in self._reading or chunk in self._failures
-                    if self._wanted[chunk] and not dealt_with:
+                    handled = chunk in self._ready or chunk in self._reading or chunk in self._failures
+                    if self._wanted[chunk] and not handled:
                         break
                     self._next += 1
                 else:

@@ -1,8 +1,8 @@
-"""Where the chunks of a scene are read from, and whether they are still those written.
+"""Reads the chunks of a scene and checks their checksums.
 
-A chunk is a run of ``CHUNK`` points of ``Scene.points``; the first chunks are the coarse layers.  Points that are a file
-are read with pread and never through their memory map: resident memory does not grow with what was read, and a file that
-shrinks while it is open is a message and not a bus error.
+A chunk is a run of ``CHUNK`` points of ``Scene.points``; the first chunks are the coarse layers.  Points in a file are read
+with pread and never through their memory map: resident memory does not grow with the points read, and a file that is truncated
+while it is open gives an error message and not a bus error.
 """
 
 import mmap
@@ -24,10 +24,11 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 POINT_BYTES = 12
+"""Of a packed point: three uint32."""
 
 
 class ChunkError(InputError):
-    """A chunk that cannot be had.  chunk: its number."""
+    """A chunk cannot be read.  chunk: its number."""
 
     def __init__(self, message: str, chunk: int):
         super().__init__(message)
@@ -35,10 +36,10 @@ class ChunkError(InputError):
 
 
 class ChunkSource:
-    """Where the chunks of a scene are read from: the file behind a memory map, or the array.
+    """Reads the chunks of a scene from the file behind its memory map, or from its array.
 
-    chunk_points: points a chunk; checksums are those of chunks of CHUNK points, and used only with these.
-    Safe to read from several threads.  Raises InputError where the file is gone.
+    chunk_points: points of a chunk; checksums exist for chunks of CHUNK points and are checked for these only.
+    May be used from several threads.  Raises InputError where the file does not exist any more.
     """
 
     def __init__(self, scene: "Scene", chunk_points: int = CHUNK):
@@ -58,9 +59,9 @@ class ChunkSource:
                 raise InputError(f"{self.path}: cannot be read ({error.strerror}); open the scan again") from None
 
     def read(self, chunk: int, into: np.ndarray) -> np.ndarray:
-        """The points of a chunk, (n, 3) uint32, in the front of ``into``, (chunk_points, 3) uint32.
+        """Reads a chunk's points, (n, 3) uint32, into the first rows of ``into``, (chunk_points, 3) uint32, and returns these.
 
-        Raises ChunkError naming the file where it cannot be read, ends too early or is damaged.
+        Raises ChunkError naming the file where it cannot be read, is truncated or damaged.
         """
         first = chunk * self.chunk_points
         points = into[: min(self.chunk_points, self.count - first)]
@@ -83,13 +84,13 @@ class ChunkSource:
         return points
 
     def _read_at(self, place: int, raw: memoryview) -> int:
-        """Bytes read; fewer than asked for only at the end of the file."""
+        """Returns the bytes read; fewer than requested only at the end of the file."""
         assert self._file is not None
         got = 0
         while got < len(raw):
             if hasattr(os, "preadv"):
                 n = os.preadv(self._file.fileno(), [raw[got:]], place + got)
-            else:  # Windows: one place in the file for all
+            else:  # Windows has no pread: all threads share one position in the file
                 with self._seeking:
                     self._file.seek(place + got)
                     n = self._file.readinto(raw[got:]) or 0
@@ -108,14 +109,14 @@ class ChunkSource:
 
 
 def _map_of(points: np.ndarray) -> np.memmap | None:
-    """``points`` where they are a whole memory map that shares its file, and no part or copy of one."""
+    """``points`` if they are a complete memory map that shares its file, else None."""
     if isinstance(points, np.memmap) and points.base is points._mmap and points.mode != "c":  # type: ignore
         return points if points.flags.c_contiguous else None
     return None
 
 
 def _file_of(points: np.ndarray) -> "tuple[Path | None, int]":
-    """The file that holds ``points``, and the byte they begin at; None where they are not a file that has a name."""
+    """The file that holds ``points``, and the byte at which they begin; None where they are not in a file with a name."""
     from pathlib import Path
 
     mapped = _map_of(points)
@@ -125,7 +126,8 @@ def _file_of(points: np.ndarray) -> "tuple[Path | None, int]":
 
 
 def _forgettable(points: np.ndarray) -> Callable[[int, int], None] | None:
-    """For a nameless file behind ``points``: what drops the pages of a run from this process; the file keeps them."""
+    """For ``points`` in a file without a name: a function that drops the pages of a run from this process's memory; the file
+    keeps them."""
     memory = _map_of(points)
     if memory is None or not hasattr(mmap, "MADV_DONTNEED"):
         return None

@@ -1,8 +1,8 @@
-"""Which chunks of a scene are in the slots of a pool, which a picture needs, and which must make way for them.
+"""Residency and eviction: which chunks of a scene are in the slots of a pool, which a picture needs, which are evicted.
 
-Bookkeeping only: no OpenGL, no reading, and nothing but array operations.  Chunk c is the points [c * chunk_points,
-(c + 1) * chunk_points) of the scene; since points lie by layer, a lower number is never finer, and what is short is given
-to low numbers first.
+Bookkeeping by array operations only: no OpenGL and no reading.  Chunk c is the points [c * chunk_points, (c + 1) *
+chunk_points) of the scene.  Points are ordered by layer, so a lower number is never finer, and where slots are short, low
+numbers come first.
 """
 
 from dataclasses import dataclass
@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 OVERVIEW = 1 << 22
-"""Points that show all of a scene from outside, two for each pixel of a large picture; kept in the pool as far as fit."""
-PINNED_SHARE = 8  # at most one slot in so many is pinned
+"""Points of the coarse layers that stay in the pool, as far as they fit; chosen by hand: two per pixel of a 1920x1080
+picture."""
+PINNED_SHARE = 8  # one slot in so many is pinned at most; chosen by hand
 _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40}
 
 
@@ -27,7 +28,7 @@ _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40}
 class Round:
     """A part of a picture whose chunks fit into the pool together.
 
-    start, stop: points of the scene it covers.  chunks: (n,) int64, ascending, those of them that are needed.
+    start, stop: the points of the scene that it covers.  chunks: (n,) int64, ascending, the needed chunks among these.
     """
 
     start: int
@@ -38,9 +39,9 @@ class Round:
 class Residency:
     """The state of a pool of ``slots`` for a scene of ``points`` points.
 
-    A pool that has a slot for every chunk holds chunk c in slot c, and gives none up again.
+    A pool that has a slot for every chunk holds chunk c in slot c and evicts none.
     slot_of_chunk: (C,) int32, -1 where absent.  chunk_of_slot: (S,) int32, -1 where empty.  last_used: (C,) int64, the
-    stamp of the last plan that needed a chunk.  The first ``pinned`` chunks, once in, are never evicted.
+    number of the last plan that needed a chunk.  The first ``pinned`` chunks are never evicted once they are loaded.
     """
 
     def __init__(self, points: int, slots: int, *, chunk_points: int = CHUNK, pinned: int = 0):
@@ -59,9 +60,9 @@ class Residency:
         self.last_used = np.zeros(self.chunks, np.int64)
         self.stamp = 0
         self.absent = self.chunks
-        """Chunks that are in no slot."""
+        """Number of chunks that are in no slot."""
         self.tally = np.zeros(self.chunks, np.int64)
-        """Points of each chunk that the last draw list asked for."""
+        """Points of each chunk that the last draw list needs."""
 
     @property
     def holds_all(self) -> bool:
@@ -70,11 +71,11 @@ class Residency:
 
     @property
     def complete(self) -> bool:
-        """Whether every chunk is there, chunk c in slot c."""
+        """Whether every chunk is loaded, chunk c in slot c."""
         return self.absent == 0
 
     def need(self, first: np.ndarray, count: np.ndarray) -> np.ndarray:
-        """Ascending numbers of the chunks that runs of points touch.  first, count: (R,) int64, in any order."""
+        """Ascending numbers of the chunks that hold runs of points.  first, count: (R,) int64, in any order."""
         from viewer.stream.chunk_kernels import tally_chunks
 
         self.tally[:] = 0
@@ -82,14 +83,14 @@ class Residency:
         return np.flatnonzero(self.tally)
 
     def fitting(self, needed: np.ndarray) -> np.ndarray:
-        """As many of the ascending chunks ``needed`` as the pool can hold at once, the coarse ones."""
+        """The coarsest of the ascending chunks ``needed``, as many as the pool can hold at once."""
         return needed[: int(np.searchsorted(needed, self.pinned)) + self.room]
 
     def plan(self, needed: np.ndarray, limit: int | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(chunks to load, slots to load them into), for a picture of the ascending chunks ``needed``.
 
-        Coarse chunks come first, at most ``limit`` of them.  Slots are empty ones, then those whose chunk was needed
-        longest ago (the finer of two), never those of chunks needed now.  Nothing moves before :meth:`place`.
+        Coarse chunks come first, at most ``limit`` of them.  Slots are empty ones, then those whose chunk is the least recently
+        needed (the finer of two), never those of chunks needed now.  The state changes only by :meth:`place`.
         """
         self.stamp += 1
         self.last_used[needed] = self.stamp
@@ -106,7 +107,7 @@ class Residency:
         return missing[: len(slots)], slots
 
     def place(self, chunk: int, slot: int) -> None:
-        """Notes that ``chunk`` is in ``slot`` now, and what was there is not."""
+        """Records that ``chunk`` has replaced the former chunk in ``slot``."""
         before = self.chunk_of_slot[slot]
         if before >= 0:
             self.slot_of_chunk[before] = -1
@@ -115,17 +116,17 @@ class Residency:
         self.slot_of_chunk[chunk] = slot
 
     def reach(self, needed: np.ndarray) -> int:
-        """How many slots, from the first on, there must be for the ascending chunks ``needed``, or what fits of them."""
+        """How many slots, from the first on, must be allocated for the ascending chunks ``needed``, or for those that fit."""
         if self.holds_all:
             return int(needed[-1]) + 1 if len(needed) else 0
         absent = int(np.count_nonzero(self.slot_of_chunk[needed] < 0))
         return min(self.slots, int(np.count_nonzero(self.chunk_of_slot >= 0)) + absent)
 
     def rounds(self, needed: np.ndarray) -> list[Round]:
-        """Parts of the scene, in order and without a gap, whose chunks of ``needed`` (ascending) fit the pool together.
+        """Parts of the scene, in order and without a gap, of which the chunks of ``needed`` (ascending) fit into the pool.
 
-        Each needed chunk is in exactly one.  Drawn there and back again (depth first to last, colours last to first),
-        neighbouring passes share a round and nothing is loaded between them.
+        Each needed chunk is in exactly one part.  A pass over the depths from first to last and one over the colours from last
+        to first share the round at the turn, and nothing is loaded between them.
         """
         ahead = int(np.searchsorted(needed, self.pinned))
         parts = max(1, -(-(len(needed) - ahead) // self.room)) if not self.holds_all else 1
@@ -135,32 +136,33 @@ class Residency:
 
 
 def overview_chunks(scene: "Scene", slots: int, chunk_points: int = CHUNK) -> int:
-    """How many of the first chunks to pin: those of the coarse layers that hold OVERVIEW points together, or what fits."""
+    """How many of the first chunks are pinned: those of the coarse layers that hold OVERVIEW points together, or those that
+    fit."""
     ends = _layer_ends(scene)
     points = int(ends[min(np.searchsorted(ends, OVERVIEW), len(ends) - 1)])
     return min(-(-points // chunk_points), slots // PINNED_SHARE)
 
 
 def opening_chunks(scene: "Scene", chunk_points: int = CHUNK, points: int = OVERVIEW) -> int:
-    """How many of the first chunks a first picture waits for, where all will be there: those of the coarsest layer and of the
-    next ones while they hold at most ``points`` points together."""
+    """How many of the first chunks a first picture waits for, where all chunks will be loaded: those of the coarsest layer, and
+    of the next ones while they hold at most ``points`` points together."""
     ends = _layer_ends(scene)
     return -(-int(ends[max(int(np.searchsorted(ends, points, side="right")) - 1, 0)]) // chunk_points)
 
 
 def _layer_ends(scene: "Scene") -> np.ndarray:
-    """(L,): points of the layers 0..k."""
+    """(L,): number of points in the layers 0 to k."""
     return np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
 
 
 def available_memory() -> int | None:
-    """Bytes of main memory this process can still take without swapping; None where the system does not say."""
+    """Bytes of main memory that this process can allocate without swapping; None where the system does not tell."""
     try:
         lines = Path("/proc/meminfo").read_text("ascii").splitlines()
         free = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
     except (OSError, ValueError, IndexError, StopIteration):
         return None
-    try:  # a container may have less than its machine
+    try:  # a container may have less memory than its machine
         group = Path("/sys/fs/cgroup")
         most = int((group / "memory.max").read_text("ascii"))
         files = (group / "memory.stat").read_text("ascii").split("\ninactive_file ")[1].split()[0]
