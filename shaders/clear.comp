@@ -1,4 +1,4 @@
-// Words of a buffer to zero, in turn with what else the GPU does.  To write them from the host would be to wait for it.
+// Zeroes a buffer in the order of the other GPU work.  Writing zeros from the host would wait for that work.
 layout(local_size_x = CLEAR_LANES) in;
 layout(std430, binding = KEYS_BINDING) writeonly buffer Words { uint words[]; };
 uniform uint count;

@@ -3,7 +3,7 @@
 
 uint point_class(uint second, bool has_classes) { return has_classes ? second >> 24 : 0u; }
 
-// In the file's values.  quantised: lowest intensity and the difference between two stored values, of a scan with classes.
+// In the file's values.  quantised: of a scan with classes, lowest intensity and step between stored values.
 float point_intensity(uint second, bool has_classes, vec2 quantised) {
     uint bits = second >> 16;
     return has_classes ? roundEven(float(bits & 0xFFu) * quantised.y + quantised.x) : float(bits);

@@ -1,8 +1,8 @@
-// The draw list of the compute rasteriser: a workgroup takes ROWS batches, all points of a batch are in one cell; LANES
-// invocations share them out.
-// THREADS: software OpenGL gives each of its threads one stretch of the workgroups, which may be a part of the scene with much more
-// to do than another.  They are dealt out instead, STRETCH at a time, so that neighbours in the picture stay together.
-// APPENDED: the list that occlusion_append.comp made of one page, as long as its command says.
+// The draw list of the compute rasteriser.  A workgroup draws ROWS batches; all points of a batch are in one cell, and LANES
+// invocations share them.
+// THREADS: software OpenGL gives each of its threads one contiguous stretch of the workgroups, and some stretches have much more to
+// do than others.  Here they are interleaved, STRETCH at a time, so that neighbours in the picture stay together.
+// APPENDED: the list that occlusion_append.comp made of one page; its command holds its length.
 
 layout(std430, binding = POINTS_BINDING) readonly buffer Points { uint points[]; };
 layout(std430, binding = BATCHES_BINDING) readonly buffer Batches { uvec4 batches[]; };  // first, count, cell, -

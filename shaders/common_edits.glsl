@@ -1,4 +1,4 @@
-// What a person's edits do to a point: hidden stations and clips drop it, the look colours it by an attribute.
+// Edits of points: hidden stations and clips remove them, the look colours them by an attribute.
 // Included only in programs of pictures with edits (EDITED).  Host side: viewer/render/edits.py.
 
 layout(std140, binding = EDITS_BINDING) uniform Edits {
@@ -7,7 +7,7 @@ layout(std140, binding = EDITS_BINDING) uniform Edits {
     uvec4 hidden[2];     // a bit for each station
     vec4 upward;         // xyz: the up axis in the view frame; w: height of the eye above the ramp's lower end
     vec4 ramp;           // x: lower end, y: 255 / (upper - lower end); zw: of a scan with classes, lowest intensity and step
-    uvec4 mode;          // x: what points are coloured by, in the order of viewer.tools.look.COLOUR_BY; y: 1, points have classes
+    uvec4 mode;          // x: colour mode, index in viewer.tools.look.COLOUR_BY; y: 1 where points have classes
     uvec4 table[64];     // 256 colours, r | g << 8 | b << 16
 };
 
@@ -24,7 +24,7 @@ bool dropped(vec3 at, uint station) {
         || (inside & clip_groups.w) != 0u;
 }
 
-// The point's third word with the colour of its attribute; with its own where it is coloured by RGB.
+// The point's third word with the colour of its attribute; unchanged where points are coloured by RGB.
 uint recoloured(uint second, uint third, vec3 at) {
     if (mode.x == 0u) return third;
     uint row;

@@ -1,10 +1,11 @@
-// What the fill starts from, the measured pixels of the filtered picture, and what of four neighbours it fills gaps from.
+// The input of the fill, measured pixels of the filtered picture (BASE), and the weights that let gaps be filled from the
+// background (BACKGROUND).
 
 #ifdef BACKGROUND
 uniform float wider_offset;  // of the level that the four samples belong to
 
-// How far each of four samples counts: 0 where its depth feature is clearly nearer than the farthest and its surface's point
-// spacing clearly smaller than the level's pixels.
+// Weight of each of four samples: 0 where its depth feature is clearly nearer than the farthest one and its surface's point
+// spacing is clearly smaller than the level's pixels.
 vec4 background(vec4 features) {
     float farthest = max(max(features.x, features.y), max(features.z, features.w));
     precise vec4 nearer = clamp((farthest - features) * NEARER_SCALE - NEARER_START, 0.0, 1.0);

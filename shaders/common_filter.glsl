@@ -1,14 +1,14 @@
-// The depth filter's verdict on one block: twin model/depth_filter.py, _hiding_threshold.
+// The depth filter's decision for one block.  Reference implementation: model/depth_filter.py, _hiding_threshold.
 
 float narrower(float best, float a, float b) {
     return a > 0.0 && b > 0.0 ? min(best, abs(a - b) * 0.5) : best;
 }
 
-// The inverse depth below which a pixel of a block is hidden by the blocks around it; 0 where nothing is.
-// Of each block near (x) and support (y), the neighbours from east over south.  tolerance: 1 - tolerance x strength, slope share
-// x strength.
+// The inverse depth below which a pixel of a block is hidden by the blocks around it; 0 where none is.
+// Arguments: near (x) and support (y) of the block and of its neighbours, from east over south.
+// tolerance: 1 - tolerance x strength, slope share x strength.
 float hiding_threshold(vec2 own, vec2 e, vec2 se, vec2 s, vec2 sw, vec2 w, vec2 nw, vec2 n, vec2 ne, vec2 tolerance) {
-    // In every direction something: of each two consecutive neighbours the nearer one, of those the farthest.
+    // A surface in every direction: of each two consecutive neighbours the nearer one, and of those the farthest.
     float front = min(min(min(max(e.x, se.x), max(se.x, s.x)), min(max(s.x, sw.x), max(sw.x, w.x))),
                       min(min(max(w.x, nw.x), max(nw.x, n.x)), min(max(n.x, ne.x), max(ne.x, e.x))));
     if (front <= 0.0) return 0.0;

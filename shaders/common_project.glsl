@@ -1,8 +1,8 @@
-// Packed point -> pixel and depth, the same expressions for both rasterisers and model/projection.py.
+// Packed point -> pixel and depth, by the same expressions in both rasterisers and in model/projection.py.
 // View frame: x right, y down, z forward, file units.  Nothing may be fused or reordered: hence precise.
 
 layout(std140, binding = FRAME_BINDING) uniform Frame {
-    vec4 axis_x;   // xyz: view x per step along the cell's x, y, z; w of this one: whether black points have no colour
+    vec4 axis_x;   // xyz: view x per step along the cell's x, y, z; w of axis_x: 1 where black points have no colour
     vec4 axis_y;
     vec4 axis_z;
     vec4 lens;     // fx, fy, cx, cy in pixels
@@ -30,14 +30,14 @@ Projected project(uvec2 words, vec3 cell) {
     Projected p;
     p.z = z;
     p.at = vec3(x, y, z);
-    // NaN and infinity fail every comparison, so a point in the camera plane is simply outside.
+    // NaN and infinity fail every comparison, so that a point in the camera plane is outside.
     p.inside = z > 0.0 && u >= 0.0 && u < float(size.x) && v >= 0.0 && v < float(size.y);
     p.pixel = p.inside ? uvec2(u, v) : uvec2(0u);
     p.inside = p.inside && p.pixel.y >= size.z && p.pixel.y - size.z < size.w;
     return p;
 }
 
-// A depth limit behind which a point no longer counts towards its pixel's colour.
+// Soft z-buffer: the depth behind which a point is not averaged into its pixel.
 float soft_limit(float nearest) {
     precise float relative = nearest * soft.x;
     precise float absolute = nearest + soft.y;

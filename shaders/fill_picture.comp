@@ -1,8 +1,10 @@
-// Pull-push fill, level 0: the filled picture, as opaque as hole_coverage.comp found each pixel, and all of it in directions
-// that the scan encloses (viewer/render/enclosed_directions.py; ALIKE: what all directions in view are), and, with NETWORK, the network's input:
-// eight half-precision channels a pixel (channels last): filled RGB, keep-mask or confidence, filled depth feature, filled noise
-// level (NOISE; else 0), 1 where the network may not open what is filled (SEALED, or far inside what is covered), 1 - alpha.
-// Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.  Reference: model/pull_push.py.
+// Pull-push fill, level 0: the filled picture.  Its alpha is the opacity that hole_coverage.comp found, and 1 in directions that
+// the scan encloses (viewer/render/enclosed_directions.py; ALIKE: the state of all directions in view, where it is one).
+// NETWORK: also the network's input, eight half-precision channels a pixel (channels last): filled RGB, keep-mask or confidence,
+// filled depth feature, filled noise level (NOISE; else 0), 1 where the network must keep what is filled (SEALED, or far inside
+// a hole), 1 - alpha.
+// Four pixels an invocation, which share the level above: software OpenGL pays for each fetch.
+// Reference implementation: model/pull_push.py.
 #include "common_pyramid.glsl"
 #include "common_fill.glsl"
 
@@ -10,9 +12,9 @@ layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D coarse;         // already filled
 uniform int coarse_is_sum;        // 1: the coarsest level, still carrying its weight
 uniform sampler2D whole_weight;
-uniform usampler2D holes;         // as hole_coverage.comp leaves them
+uniform usampler2D holes;         // written by hole_coverage.comp
 #ifndef ALIKE
-uniform isampler2D closed;        // what each direction is, 0 where void: six cube faces one above the other
+uniform isampler2D closed;        // state of each direction, 0 for background: six cube faces one above the other
 uniform mat3 to_world;            // columns: the view frame's x, y, z in world axes
 uniform vec4 lens;                // fx, fy, cx, cy in pixels
 #endif
@@ -41,8 +43,8 @@ int closed_towards(ivec2 at) {
 }
 #endif
 
-// at: a pixel.  behind, behind_noise: the level above at its centre.  whole: the weight of the whole picture.  hole: its byte in
-// ``holes``.
+// at: a pixel.  behind, behind_noise: the level above, interpolated to its centre.  whole: the weight of the whole picture.
+// hole: the pixel's byte in ``holes``.
 void write(ivec2 at, ivec2 extent, vec4 behind, float behind_noise, float whole, uint hole) {
     if (any(greaterThanEqual(at, extent))) return;
     vec4 v;
@@ -56,7 +58,7 @@ void write(ivec2 at, ivec2 extent, vec4 behind, float behind_noise, float whole,
 #else
     int direction = closed_towards(at);
 #endif
-    // Nothing measured anywhere leaves a weight of zero in the coarsest level, and the picture empty.
+    // Where nothing is measured in the whole picture, the coarsest level has weight zero and the picture stays empty.
     float cover = direction != 0 || w > 0.0 ? 1.0 : float(hole >> 1 & 0x7Fu) / 127.0;
     float alpha = whole == 0.0 ? 0.0 : cover;
     imageStore(filled, at, vec4(v.xyz * alpha, alpha));

@@ -1,10 +1,10 @@
-// Depth filter, going down: nearest inverse depth of each block and how many level-0 pixels lie on its surface.
-// Twin: model/depth_filter.py, _near_pyramid.
+// Depth filter, towards coarser levels: nearest inverse depth of each block, and how many level-0 pixels lie on its surface.
+// Reference implementation: model/depth_filter.py, _near_pyramid.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(rg32f, binding = 0) uniform writeonly image2D coarse;
 #ifdef FROM_KEYS
-layout(std430, binding = KEYS_BINDING) readonly buffer Keys { uint keys[]; };  // as raster_depth.comp leaves them
+layout(std430, binding = KEYS_BINDING) readonly buffer Keys { uint keys[]; };  // written by raster_depth.comp
 uniform ivec2 size;
 #else
 uniform sampler2D fine;  // BASE: view-space z, +inf where empty; else near (x) and support (y)

@@ -1,5 +1,5 @@
-// Depth filter, level 0: the keep-mask and the filtered picture.  Four pixels an invocation, which share their neighbours and
-// the block above them: software OpenGL pays for each fetch.  Twin: model/depth_filter.py, _auto.
+// Depth filter, level 0: the keep-mask and the filtered picture.  Four pixels an invocation, which share their neighbours and the
+// block above them: software OpenGL pays for each fetch.  Reference implementation: model/depth_filter.py, _auto.
 #include "common_filter.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
@@ -8,7 +8,7 @@ uniform sampler2D coarse;  // thresholds of level 1
 uniform sampler2D raw;
 layout(r8, binding = 0) uniform writeonly image2D mask;
 layout(rgba8, binding = 1) uniform writeonly image2D filtered;
-uniform vec3 tolerance;    // as hiding_threshold takes it, the third unused
+uniform vec3 tolerance;    // as in hiding_threshold; the third is unused
 
 vec2 pixel(ivec2 at, ivec2 extent) {
     if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, extent))) return vec2(0.0);
@@ -19,7 +19,7 @@ vec2 pixel(ivec2 at, ivec2 extent) {
 void write(ivec2 at, ivec2 extent, vec2 own, float threshold) {
     if (any(greaterThanEqual(at, extent))) return;
     vec4 colour = texelFetch(raw, at, 0);
-    bool keep = own.x > 0.0 && own.x >= threshold && colour.a > 0.0;  // what has no colour hides, and shows nothing
+    bool keep = own.x > 0.0 && own.x >= threshold && colour.a > 0.0;  // points without colour occlude and are not shown
     imageStore(mask, at, vec4(keep ? 1.0 : 0.0));
     imageStore(filtered, at, keep ? colour : vec4(0.0));
 }

@@ -11,7 +11,7 @@ void main() {
     if (any(greaterThanEqual(at, textureSize(level, 0)))) return;
     bool keep = !isinf(texelFetch(level, at, 0).x);
     vec4 colour = texelFetch(raw, at, 0);
-    keep = keep && colour.a > 0.0;  // what has no colour hides, and shows nothing
+    keep = keep && colour.a > 0.0;  // points without colour occlude and are not shown
     imageStore(mask, at, vec4(keep ? 1.0 : 0.0));
     imageStore(filtered, at, keep ? colour : vec4(0.0));
 }

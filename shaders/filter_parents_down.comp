@@ -1,4 +1,4 @@
-// The paper's depth filter and NPBG++'s, going down: 2x2 min-pooling of z, EMPTY where there is nothing.
+// Depth filters of the paper and of NPBG++, towards coarser levels: 2x2 min-pooling of z; EMPTY where there is no point.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(r32f, binding = 0) uniform writeonly image2D coarse;

@@ -1,6 +1,6 @@
-// The paper's depth filter, coming up: child against parent, dropped children refilled (PUBLISHED: as in the program,
-// else as in the text).  At level 0 (BASE) the keep-mask.  Twin: model/depth_filter.py, _parents.
-// NPBG: one comparison with the nearest depth of the pixel's block.
+// The paper's depth filter, towards finer levels: each pixel is compared with its parent, and rejected ones are refilled
+// (PUBLISHED: as in the published code, else as in the paper's text).  At level 0 (BASE) it writes the keep-mask.
+// NPBG: one comparison with the nearest depth of the pixel's block.  Reference implementation: model/depth_filter.py, _parents.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D level;   // z; BASE: +inf where empty, else EMPTY
@@ -74,7 +74,7 @@ void main() {
 #endif
 #ifdef BASE
     vec4 colour = texelFetch(raw, at, 0);
-    keep = keep && colour.a > 0.0;  // what has no colour hides, and shows nothing
+    keep = keep && colour.a > 0.0;  // points without colour occlude and are not shown
     imageStore(mask, at, vec4(keep ? 1.0 : 0.0));
     imageStore(filtered, at, keep ? colour : vec4(0.0));
 #else

@@ -1,13 +1,13 @@
-// Depth filter, coming up: the inverse depth below which a pixel of each block is hidden by the blocks around it, or by
-// those around a coarser block.  Twin: model/depth_filter.py, _auto.
+// Depth filter, towards finer levels: the inverse depth below which a pixel of each block is hidden by the blocks around it, or by
+// those around a coarser block.  Reference implementation: model/depth_filter.py, _auto.
 #include "common_filter.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D level;   // near (x) and support (y)
 uniform sampler2D coarse;  // thresholds of the next coarser level
 layout(r32f, binding = 0) uniform writeonly image2D threshold;
-uniform vec3 tolerance;    // as hiding_threshold takes it, the third unused
-uniform int mirror;        // 1: the picture goes on mirrored beyond its border; else there is nothing
+uniform vec3 tolerance;    // as in hiding_threshold; the third is unused
+uniform int mirror;        // 1: the picture is mirrored at its border; 0: it is empty beyond it
 
 vec2 block(ivec2 at, ivec2 extent) {
     if (mirror == 1) {

@@ -1,8 +1,8 @@
-// How opaque each empty pixel of a cell of 4x4 is to be.  Opaque in a gap of a few pixels: where in its block of 2x2 or 4x4
-// (BLOCKS 2) pixels of each two consecutive neighbours at least one holds a point.  Elsewhere by how many of the cells
-// around it are holes: transparent up to BACKGROUND_BELOW of KERNEL_SUM, from there rising.  A byte a pixel, a component for each 2x2
-// pixels.  The upper seven bits are the opacity; the lowest is set far inside, where all cells near it are holes.
-// Reference implementation: model/hole_test.py.
+// Hole test: opacity of each empty pixel of a cell of 4x4.  It is opaque in a gap of a few pixels: where, in its block of 2x2
+// or 4x4 (BLOCKS 2) pixels, of each two consecutive neighbours at least one holds a point.  Elsewhere it depends on how many of the
+// cells around it are holes: transparent up to BACKGROUND_BELOW of KERNEL_SUM, then rising linearly.
+// A byte a pixel, a component for each 2x2 pixels.  The upper seven bits are the opacity; the lowest is set far inside a hole,
+// where all cells around are holes.  Reference implementation: model/hole_test.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(rgba32ui, binding = 0) uniform writeonly uimage2D holes;
@@ -38,7 +38,7 @@ void main() {
                 held(cells, at + ivec2(-1, 1)), held(cells, at + ivec2(-1, 0)), held(cells, at + ivec2(-1, -1)),
                 held(cells, at + ivec2(0, -1)), held(cells, at + ivec2(1, -1)))) found = uvec4(0xFEFEFEFEu);
 #endif
-    // Linear between the centres of cells.  All sums are of whole eighths, and exact.
+    // Linear between the centres of cells.  All values are multiples of 1/64, and sums are exact.
     ivec2 last = imageSize(holes) - 1;
     float near[9];
     for (int k = 0; k < 9; ++k) near[k] = texelFetch(around, clamp(at + ivec2(k % 3, k / 3) - 1, ivec2(0), last), 0).x;
@@ -49,7 +49,7 @@ void main() {
         vec4 pixels = row.y * vec4(0.625, 0.875, 0.875, 0.625) + vec4(row.x, row.x, row.z, row.z) * vec4(0.375, 0.125, 0.125, 0.375);
         precise vec4 level = (pixels - float(BACKGROUND_BELOW)) * COVER_SLOPE;
         uvec4 cover = uvec4(clamp(level, 0.0, 127.0) + 0.5) << 1 | uvec4(equal(pixels, vec4(float(KERNEL_SUM))));
-        int left = 2 * (y >> 1), to = 16 * (y & 1);  // where a gap of a few pixels is covered already, all coverage bits are set
+        int left = 2 * (y >> 1), to = 16 * (y & 1);  // in a gap of a few pixels all coverage bits are set already
         found[left] |= (cover.x | cover.y << 8) << to;
         found[left + 1] |= (cover.z | cover.w << 8) << to;
     }

@@ -1,4 +1,4 @@
-// Measured pixels as they were measured, all others from the picture.
+// Measured pixels from the filtered view, all others from the picture.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;

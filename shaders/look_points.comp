@@ -1,11 +1,11 @@
-// Points as discs of several pixels, the nearest in front: each pixel takes the nearest of those whose disc covers it.
+// Points as discs of several pixels: each pixel takes the nearest point whose disc covers it.
 // Reference implementation: viewer.tools.look.enlarged.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;
 uniform sampler2D depth;     // view-space z, +inf where there is no point
-uniform sampler2D mask;      // pixels of it that count, where MASKED
-uniform isampler2D offsets;  // from a point to the pixels of its disc, itself first
+uniform sampler2D mask;      // MASKED: pixels that count
+uniform isampler2D offsets;  // from a point to the pixels of its disc, the point itself first
 layout(rgba8, binding = 0) uniform writeonly image2D result;
 layout(r32f, binding = 1) uniform writeonly image2D nearest;
 

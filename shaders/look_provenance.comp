@@ -5,7 +5,7 @@ layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D picture;
 uniform sampler2D measured;  // the filtered view
 uniform sampler2D mask;
-uniform int kind;            // 0: raw, all that is shown is measured; 1: filtered or filled; 2: neural, measured pixels are repainted
+uniform int kind;            // 0: raw, all pixels are measured; 1: filtered or filled; 2: neural, measured pixels are repainted
 uniform ivec3 colours[4];    // by provenance: background, measured, repainted, filled
 layout(rgba8, binding = 0) uniform writeonly image2D result;
 

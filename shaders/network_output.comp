@@ -1,5 +1,5 @@
-// The network's picture, from the buffer it was written to, into the texture that is shown: four half-precision channels a
-// pixel, RGB and coverage 0..1.  The filled picture's alpha bounds it: void stays void.
+// Copies the network's output, four half-precision channels a pixel (RGB and coverage, 0..1), into the texture that is shown.
+// The filled picture's alpha is an upper bound: background stays background.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 layout(std430, binding = NETWORK_BINDING) readonly buffer Output { uvec2 pixels[]; };

@@ -1,16 +1,16 @@
-// The noise level of each measured pixel: the standard deviation of its mean colour, as the network is told it.
-// A single point's, by place (the nearest voxel of a lattice) and brightness (a curve, linear between knots), over the square
-// root of how many points were averaged.  0 where nothing is kept.  Reference implementation: model/noise_level.py.
+// Noise level of each measured pixel, an input of the network: the standard deviation of its mean colour.
+// The noise of a single point, by place (the nearest voxel of a lattice) and brightness (a curve, linear between knots), is divided
+// by the square root of how many points were averaged.  0 where nothing is kept.  Reference implementation: model/noise_level.py.
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
 uniform sampler2D raw;
 uniform sampler2D depth;   // view-space z
-uniform sampler2D weight;  // what the pixel's points weigh together, MAX_AVERAGED at most, / 255
+uniform sampler2D weight;  // sum of the pixel's point weights, MAX_AVERAGED at most, / 255
 uniform sampler2D mask;    // keep-mask or confidence
-uniform sampler3D sigma;   // of a single point where the curve is 1
+uniform sampler3D sigma;   // standard deviation of a single point where the curve is 1
 uniform vec4 lens;         // fx, fy, cx, cy in pixels
 uniform mat3 to_lattice;   // view space to voxels
-uniform vec3 eye;          // the camera's place, in voxels
+uniform vec3 eye;          // camera position, in voxels
 uniform float curve[KNOTS];
 uniform float scale;
 uniform float point_weight;  // the weight that counts as one point

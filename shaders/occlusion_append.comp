@@ -1,4 +1,5 @@
-// Of one page's batches, those of cells found in the open now: to a second list, with the command that draws it.
+// Occlusion culling, last step: the batches of one page whose cells were found visible now go to a second list, with the indirect
+// command that draws it.
 layout(local_size_x = CELLS_A_GROUP) in;
 layout(std430, binding = BATCHES_BINDING) readonly buffer Batches { uvec4 batches[]; };
 layout(std430, binding = APPENDED_BINDING) writeonly buffer Appended { uvec4 appended[]; };
@@ -7,7 +8,7 @@ layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
 uniform uint first_batch;
 uniform uint batch_count;
 uniform uint page;
-uniform uint tally;  // where in the commands the hidden cells are counted, and behind it the hidden points
+uniform uint tally;  // index in the commands of the count of hidden cells; the count of hidden points follows
 
 void main() {
     uint number = gl_WorkGroupID.y * gl_NumWorkGroups.x * CELLS_A_GROUP + gl_GlobalInvocationID.x;

@@ -1,4 +1,4 @@
-// A level above: the lowest of each 2x2 of the level below.
+// Occlusion pyramid, a coarser level: the minimum of each 2x2 of the level below.
 #include "common_occlusion.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;

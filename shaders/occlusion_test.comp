@@ -1,7 +1,7 @@
-// Would nothing of a cell show?  In each texel of the pyramid over its rectangle the highest inverse depth that its points'
-// box can have there, against the lowest that hides.
-// Of cells drawn already (flag 1 before): 1 where it could, 2 where it is hidden by others; of the rest 3 where it could,
-// so that it is to be drawn, and 0 where it is hidden.  The lowest bit: to be drawn first in the next frame.
+// Occlusion culling: is a cell hidden?  In each texel of the pyramid that the cell's rectangle covers, the highest inverse depth
+// that the box of its points can have there is compared with the lowest inverse depth that hides.
+// Flags of cells drawn already (1 before): 1 visible, 2 hidden by others.  Flags of the rest: 3 visible, to be drawn now; 0 hidden.
+// The lowest bit means: draw first in the next frame.
 #include "common_project.glsl"
 #include "common_occlusion.glsl"
 
@@ -9,7 +9,7 @@ layout(local_size_x = CELLS_A_GROUP) in;
 layout(std430, binding = CELLS_BINDING) readonly buffer Cells { vec4 cells[]; };  // view position of step (0,0,0), box of points
 layout(std430, binding = FLAGS_BINDING) buffer Flags { uint flags[]; };
 layout(std430, binding = COMMANDS_BINDING) buffer Commands { uint commands[]; };
-uniform uint tally;  // where in it the hidden cells are counted
+uniform uint tally;  // index in the commands of the count of hidden cells
 uniform uint cell_count;
 
 // Three sides of a box, x lowest, as viewer/render/cull_kernels.py packs them.
@@ -18,10 +18,10 @@ vec3 box_sides(uint code) {
     return vec3(code & mask, code >> SHARE_BITS & mask, code >> 2 * SHARE_BITS & mask);
 }
 
-// What no inverse depth of a box exceeds, by its two sides across one axis.  All its points have axis.p >= low; with p = z ray that
-// is 1/z <= axis.ray / low, affine in the picture (and likewise by high, where the camera is on that side).  xy: by how much it
-// grows from pixel to pixel; z: at pixel (0, 0), raised by what is gained within ``half_side`` pixels and by what float32 rounds.
-// Where the camera is between the two, they say nothing.
+// Upper bound of the inverse depth in a box, from its two sides across one axis.  All its points have axis.p >= low; with p = z ray
+// this is 1/z <= axis.ray / low, affine in the picture (and likewise with high, where the camera is on that side).  xy: slope per
+// pixel; z: value at pixel (0, 0), raised by the gain within ``half_side`` pixels and by the rounding of float32.
+// A camera between the two sides gives no bound.
 vec3 bound_of_sides(vec3 axis, vec3 corner, float first_step, float last_step, float half_side) {
     float begin = dot(axis, corner), scale = dot(axis, axis);
     float low = begin + scale * first_step, high = begin + scale * last_step;
@@ -34,7 +34,7 @@ vec3 bound_of_sides(vec3 axis, vec3 corner, float first_step, float last_step, f
 }
 
 bool hidden(vec4 cell) {
-    const float steps = float(65536 >> SHARE_BITS);  // of a cell's side in one of its shares
+    const float steps = float(65536 >> SHARE_BITS);  // steps in one of the parts that a cell's side is divided into
     vec3 first_step = steps * box_sides(uint(cell.w));
     vec3 last_step = steps * (box_sides(uint(cell.w) >> 3 * SHARE_BITS) + 1.0) - 1.0;
     vec2 low = vec2(1e30), high = vec2(-1e30);
@@ -51,7 +51,7 @@ bool hidden(vec4 cell) {
     vec2 extent = vec2(size.xy);
     low = clamp(floor(low - 1.0), vec2(-1.0), extent);  // a pixel for rounding
     high = clamp(floor(high + 1.0), vec2(-1.0), extent);
-    if (any(lessThan(high, vec2(0.0))) || any(greaterThanEqual(low, extent))) return true;  // beside the picture
+    if (any(lessThan(high, vec2(0.0))) || any(greaterThanEqual(low, extent))) return true;  // outside the picture
     uvec2 first = uvec2(max(low, vec2(0.0))) >> BLOCK_SHIFT, last = uvec2(min(high, extent - 1.0)) >> BLOCK_SHIFT;
     uint level = 0u;
     while (any(greaterThan((last >> level) - (first >> level), uvec2(TEXELS - 1u)))) ++level;
@@ -67,7 +67,7 @@ bool hidden(vec4 cell) {
         for (uint x = first.x; x <= last.x; ++x) {
             vec3 middle = vec3((vec2(x, y) + 0.5) * side, 1.0);
             float highest = min(min(1.0 / nearest, dot(by_x, middle)), min(dot(by_y, middle), dot(by_z, middle)));
-            bool behind = pyramid[there.z + y * there.x + x] > highest * (1.0 + 1e-5);  // more than float32 rounds by
+            bool behind = pyramid[there.z + y * there.x + x] > highest * (1.0 + 1e-5);  // a margin above float32 rounding
             shows = shows || (highest > 0.0 && !behind);
         }
     return !shows;

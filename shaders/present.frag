@@ -1,5 +1,5 @@
 // One view, or two split at a pixel column, over a vertical gradient, in a part of the canvas.  Views are premultiplied by
-// alpha.  A view of another size than the picture (a lower internal resolution) is interpolated.
+// alpha.  A view whose size differs from the picture's (a lower internal resolution) is interpolated.
 // Textures have row 0 on top, the canvas row 0 at the bottom.  Integers, so that the host can repeat it exactly.
 
 uniform sampler2D left;

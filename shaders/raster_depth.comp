@@ -23,7 +23,7 @@ void main() {
 #endif
             uint pixel = (p.pixel.y - size.z) * size.x + p.pixel.x;
             uint key = ~floatBitsToUint(p.z);
-            if (keys[pixel] < key) atomicMax(keys[pixel], key);  // the plain look first saves most atomics
+            if (keys[pixel] < key) atomicMax(keys[pixel], key);  // the plain read first saves most atomics
         }
     }
 }

@@ -1,5 +1,5 @@
-// Point-primitive rasteriser: emits the centre of the pixel that project() names, so that the hardware's own rounding
-// cannot choose another one.
+// Point-primitive rasteriser: emits the centre of the pixel that project() chooses, so that the hardware's rounding cannot choose
+// another one.
 #include "common_project.glsl"
 #include "common_stations.glsl"
 #ifdef EDITED

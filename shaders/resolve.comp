@@ -1,5 +1,5 @@
 // Sums and nearest depths of one band -> the raw picture and its depth (view-space z, +inf where empty).
-// CARRIED: the colours of pixels whose sums did not fit, which are few and mostly none.
+// CARRIED: only pixels whose sums overflowed, which are few in most pictures.
 #include "common_project.glsl"
 #include "common_sums.glsl"
 

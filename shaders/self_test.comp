@@ -1,6 +1,5 @@
-// What `pointglass doctor` runs to see that compute shaders and buffers work.
-// MODE 0: mixes words in place, whole numbers.  MODE 1: writes a known pattern of half floats.
-// MODE 2: reads half floats back as whole numbers.
+// Self-test of `pointglass doctor`: do compute shaders and buffers work?
+// MODE 0: mixes integer words in place.  MODE 1: writes a known pattern of half floats.  MODE 2: reads half floats as integers.
 
 layout(local_size_x = 64) in;
 

@@ -1,8 +1,8 @@
 """From a draw list to what a rasteriser dispatches: pieces of runs, each within one page of points and one cell.
 
-The one place that knows where a point is on the GPU.  Point p is of chunk c = p >> shift, in page slot_of_chunk[c] //
+Only this module knows where a point is on the GPU.  Point p is of chunk c = p >> shift, in page slot_of_chunk[c] //
 slots_per_page, at index (slot_of_chunk[c] % slots_per_page << shift) + p % 2**shift of it (see viewer.render.points).
-Once the whole scene is there, chunk c in slot c, a piece may cross from chunk to chunk within a page.
+Once the whole scene is resident, with chunk c in slot c, a piece may cross chunk borders within a page.
 """
 
 from dataclasses import dataclass
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from viewer.render.points import PointPages
 
 UNCUT = 1 << 31
-"""A size no page reaches: pieces are cut where the page says, and nowhere else."""
+"""Points of a piece, more than any page holds: pieces are cut at page borders only."""
 
 
 @dataclass(frozen=True)
 class PageMap:
-    """Where points are.  slot_of_chunk: (C,) int32, -1 where a chunk is absent.  whole: chunk c is in slot c, and the points
-    after a page's last are repeated behind it, ``overlap`` of them."""
+    """Where points are.  slot_of_chunk: (C,) int32, -1 where a chunk is absent.  whole: chunk c is in slot c, and the
+    ``overlap`` points after a page's last one are repeated at its end."""
 
     slot_of_chunk: np.ndarray
     slots_per_page: int
@@ -34,7 +34,7 @@ class PageMap:
 
     @staticmethod
     def of(pages: "PointPages", overlap: int) -> "PageMap":
-        """That of ``pages`` as they are now."""
+        """The present state of ``pages``."""
         shift = pages.chunk_points.bit_length() - 1
         whole = pages.residency.complete
         return PageMap(pages.slot_of_chunk, pages.slots_per_page, shift, len(pages.buffers), whole, overlap if whole else 0)
@@ -49,8 +49,8 @@ def cut_runs(first, count, slot, group, groups, size, start, stop, chunks, per_p
     empty, then all are group 0.  size: points a piece has at most.  start, stop: points of the scene to keep to.
     chunks, per_page, shift, whole, overlap: as in PageMap.  columns: where a piece's index in its page, its count and its
     slot go in a row of ``table`` (T, n) uint32.  cursor: (pages * groups,) int64; before, where each page and group begins
-    in the table; after, where it ends.  Rows beyond T are counted and not written.  Returns the points left out because
-    their chunk is absent.
+    in the table; after, where it ends.  Rows beyond T are counted and not written.  Returns how many points were left out
+    because their chunk is absent.
     """
     at_index, at_count, at_slot = columns
     rows, absent, one = table.shape[0], 0, group.shape[0] == 0

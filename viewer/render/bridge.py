@@ -2,8 +2,8 @@
 
 A bridge owns what the fill pass writes (``input``: (H, W, PACKED_IN) half floats) and what the picture is made from
 (``output``: (H, W, PACKED_OUT)).  Mapping (viewer/render/cuda_bridge.py) is tried first, by cuda.core, then by
-cuda.bindings; the copy through host memory here is the last resort and the reference.  None is trusted before a pattern
-written by OpenGL and changed by torch has come back right.
+cuda.bindings; the copy through host memory here is the fallback and the reference.  Each is used only after a self-test: a
+pattern written by OpenGL and changed by torch must come back right.
 """
 
 from collections.abc import Callable
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from viewer.render.shader import Programs
 
 TESTED = 4096
-"""Pixels that the self-test compares."""
+"""Pixels that the self-test compares: enough for several rows and workgroups; a choice."""
 
 
 def check_room(device: "Device", size: tuple[int, int]) -> None:
-    """Raises DeviceError where the pixels of a picture (width, height) are more than a shader can reach in one buffer."""
+    """Raises DeviceError where the pixels of a picture (width, height) do not fit into one buffer that a shader can address."""
     width, height = size
     needed = 2 * PACKED_IN * width * height
     if needed > device.buffer_limit:
@@ -38,7 +38,7 @@ def check_room(device: "Device", size: tuple[int, int]) -> None:
 
 
 class Pixels(Protocol):
-    """What a bridge's input and output are: a buffer, or a part of one.  size: bytes."""
+    """A bridge's input or output: a buffer, or a part of one.  size: bytes."""
 
     @property
     def size(self) -> int: ...
@@ -49,7 +49,7 @@ class Pixels(Protocol):
 
 
 class Network(Protocol):
-    """What a bridge runs: (H, W, PACKED_IN) half -> (H, W, PACKED_OUT) half, on ``device``."""
+    """A network as a bridge runs it: (H, W, PACKED_IN) half -> (H, W, PACKED_OUT) half, on ``device``."""
 
     device: str
 
@@ -57,7 +57,7 @@ class Network(Protocol):
 
 
 class Bridge(Protocol):
-    """Owns the pixels for one picture size.  kind: how they travel, for every place that shows it."""
+    """Owns the pixels for one picture size.  kind: how they are transferred, for display."""
 
     kind: str
     size: tuple[int, int]
@@ -71,7 +71,7 @@ class Bridge(Protocol):
     def run(self, network: Network) -> Callable[[], float] | None:
         """Reads ``input``, runs the network, writes ``output``.
 
-        Returns what tells the milliseconds that this took, waiting for them; None where it is done on return.
+        Returns a function that waits and returns the elapsed milliseconds; None where the work is done on return.
         """
         ...
 
@@ -105,9 +105,9 @@ class ReadBackBridge:
 
 
 def works(programs: "Programs", bridge: Bridge, device: str = "cpu") -> bool:
-    """OpenGL writes a pattern, torch doubles it and adds one, OpenGL reads it back: whether that came out right.
+    """Self-test: OpenGL writes a pattern, torch doubles it and adds one, OpenGL reads it back; True where the result is right.
 
-    Compares the first TESTED pixels.  device: where torch works.
+    Compares the first TESTED pixels.  device: torch's.
     """
     pixels = min(bridge.size[0] * bridge.size[1], TESTED)
     target = programs.context.buffer(reserve=4 * PACKED_OUT * pixels)

@@ -1,4 +1,4 @@
-"""Which bridge carries a picture's pixels: CUDA mapping where it passes its self-test, else read-back, and why."""
+"""Choice of the bridge: CUDA mapping where it passes its self-test, else read-back through host memory, with the reason."""
 
 from typing import TYPE_CHECKING
 
@@ -10,10 +10,10 @@ if TYPE_CHECKING:
 
 
 def make_bridge(programs: "Programs", size: tuple[int, int], device: str) -> tuple[Bridge, str | None]:
-    """The bridge for a device, and why a better one is not used where one could have been."""
+    """The bridge for a device, and the reason why a faster one is not used (None where there is no faster one)."""
     if device != "cuda":
         return ReadBackBridge(programs.context, size), None
-    from viewer.render.cuda_bridge import CudaBridge  # here: CUDA alone needs its libraries
+    from viewer.render.cuda_bridge import CudaBridge  # imported here: only CUDA needs its libraries
 
     try:
         mapped = CudaBridge(programs, size)

@@ -1,4 +1,4 @@
-"""OpenGL contexts: a headless one through EGL, and what the rest needs to know about the device behind any of them."""
+"""OpenGL contexts: a headless one through EGL, or the window's; and the properties of the device behind a context."""
 
 import ctypes.util
 from dataclasses import dataclass
@@ -13,8 +13,10 @@ if TYPE_CHECKING:
     import moderngl
 
 REQUIRED = 430
+"""OpenGL version times 100: the first with compute shaders and storage buffers."""
 _SOFTWARE_BUFFER = 1 << 30
-_SOFTWARE = ("llvmpipe", "softpipe", "swr")
+"""Bytes of a buffer that llvmpipe's shaders reach, measured: see Device.buffer_limit."""
+_SOFTWARE = ("llvmpipe", "softpipe", "swr")  # in the renderer's name, lower case
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,8 @@ class Device:
 
     @property
     def buffer_limit(self) -> int:
-        """Bytes of one buffer that a shader can reach.  llvmpipe names 128 MiB, less than the network takes at 4096x2160, and
-        reaches further: measured up to 1 GiB.  From 4 GiB its sizes wrap round."""
+        """Bytes of one buffer that a shader can address.  llvmpipe reports 128 MiB, less than the network needs at 4096x2160,
+        but addresses more: measured up to 1 GiB.  From 4 GiB on its sizes wrap around."""
         return max(self.storage_limit, _SOFTWARE_BUFFER) if self.software else self.storage_limit
 
 
@@ -65,10 +67,10 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
 
 
 def _standalone() -> "moderngl.Context":
-    """On torch's CUDA device; where that computes but does not draw, on the first that does: the bridge says what it costs."""
+    """On torch's CUDA device; where that device cannot draw, on the first that can, and the bridge reads back."""
     import moderngl
 
-    # libGL, glcontext's own choice, wants X's libraries, which a machine without a display need not have
+    # libGL, glcontext's default, needs X's libraries, which a machine without a display may lack
     settings = {"standalone": True, "backend": "egl", "require": REQUIRED, "libgl": ctypes.util.find_library("OpenGL")}
     failures: list[Exception] = []
     for index in device_order():
@@ -80,13 +82,13 @@ def _standalone() -> "moderngl.Context":
 
 
 def context_lost(context: "moderngl.Context") -> bool:
-    """Whether the driver has reset and forgotten everything in this context: known of a window's, which asks to be told
-    (viewer.window.app); a headless one never hears of it, and fails in other ways."""
+    """Whether the driver has reset this context and lost its contents.  Only a window's context asks for this notification
+    (viewer.window.app); a headless one fails in other ways."""
     return context.error == "GL_CONTEXT_LOST"
 
 
 def describe_device(context: "moderngl.Context") -> Device:
-    """What runs the shaders, for choices that depend on it and for every figure that is shown."""
+    """The device behind a context, for choices that depend on it and for every figure that is shown."""
     info = context.info
     renderer = str(info["GL_RENDERER"])
     return Device(
@@ -101,10 +103,10 @@ def describe_device(context: "moderngl.Context") -> Device:
 
 
 def unshared(context: "moderngl.Context") -> str | None:
-    """Why this OpenGL shares nothing with CUDA, found out without asking CUDA; None for NVIDIA's own.
+    """Why this OpenGL cannot share buffers with CUDA, found out without calling CUDA; None for NVIDIA's own driver.
 
-    Asked to map a buffer of another's, Mesa's on a machine whose driver came without OpenGL, CUDA may take the process down
-    instead of saying no: github.com/mp3guy/ElasticFusion/issues/222.
+    CUDA may crash instead of refusing when it is given a buffer of another driver (for example Mesa, where NVIDIA's driver was
+    installed without OpenGL): github.com/mp3guy/ElasticFusion/issues/222.
     """
     device = describe_device(context)
     if "nvidia" in device.vendor.lower():

@@ -1,8 +1,8 @@
-"""OpenGL's pixels mapped into CUDA: one buffer, registered once, mapped once a frame; nothing passes through the host.
+"""OpenGL's pixels mapped into CUDA: one buffer, registered once, mapped once a frame; nothing is copied through the host.
 
 A storage buffer maps to CUDA as plain memory (a texture would map as an opaque array).  Input and output are two parts of
-one buffer, so that a single map serves both with either library.  Everything of a frame is ordered on one stream of
-torch's: mapping waits for what OpenGL was told before it, unmapping makes OpenGL wait for CUDA; the host never waits.
+one buffer, so that one map serves both with either library.  A frame's work is ordered on one of torch's streams: mapping
+waits for earlier OpenGL commands, unmapping makes OpenGL wait for CUDA; the host does not wait.
 """
 
 import contextlib
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from viewer.render.shader import Programs
 
 ALIGNMENT = 256
-"""Bytes: what OpenGL may ask at most of a part's offset in a storage buffer."""
+"""Bytes: the largest alignment of a storage buffer's offset that OpenGL allows a driver to require."""
 
 
 class Region:
@@ -45,7 +45,7 @@ class Region:
 
 
 class Clock:
-    """Milliseconds between two moments on a stream, for the caller who waits for them.  Valid until the run after next."""
+    """Milliseconds between two events on a stream; calling it waits for them.  Valid until the run after next."""
 
     def __init__(self):
         import torch
@@ -56,16 +56,16 @@ class Clock:
         try:
             self.stop.synchronize()
             return self.start.elapsed_time(self.stop)
-        except RuntimeError:  # the device was lost: whoever draws the next picture hears of it
+        except RuntimeError:  # the device was lost: the next picture raises it
             return 0.0
 
 
 class CudaBridge:
-    """Maps a buffer into CUDA.  kind: by which library.  problem: why not by one before it, or None.
+    """Maps a buffer into CUDA.  kind: by which library.  problem: why an earlier library in the order is not used, or None.
 
     mappers: names of MAPPERS to try, in order (default: all).
-    Raises DeviceError, saying what each of them met, where none works: another GPU draws than computes, the packages are
-    missing, VirtualGL; and without trying any where another's driver draws.
+    Raises DeviceError with the problem of each where none works: OpenGL draws on another GPU, the packages are missing,
+    VirtualGL; and without trying any where another vendor's driver draws.
     """
 
     def __init__(self, programs: "Programs", size: tuple[int, int], mappers: tuple[str, ...] = tuple(MAPPERS)):
@@ -150,7 +150,7 @@ class CudaBridge:
         return self._views[1], self._views[2]
 
     def _unmap_quietly(self) -> None:
-        """On the way out of a failure, which is what must be heard of."""
+        """While another error is being raised, which must not be replaced."""
         try:
             if self._mapper is not None:
                 self._mapper.unmap()

@@ -1,4 +1,4 @@
-"""What a camera needs of a scene: the cells in its frustum, as many layers of each as the picture can show.
+"""Frustum culling and level of detail: the cells in a camera's frustum, and for each as many layers as the picture can show.
 
 Two levels: blocks of cells that follow each other along the Morton curve, then the cells of blocks that the frustum
 touches; compiled loops (viewer.render.cull_kernels) that write into arrays kept from frame to frame.  World frame: the scan
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 BLOCK = 64
-"""Cells in a block."""
+"""Cells in a block of the upper level.  How it was chosen is not recorded."""
 _MARGIN = 1.0  # pixels: covers float32 rounding and the rounded pixel of the published program
 
 
@@ -41,7 +41,7 @@ class DrawList:
 
 
 class Culler:
-    """Selects cells and layers.  Holds what depends on the scene, and the arrays that it writes into.
+    """Selects cells and layers.  Holds data derived from the scene, and the arrays that it writes into.
 
     block: cells in a block.
     """
@@ -60,15 +60,15 @@ class Culler:
         self._cell_view = np.empty((cells, 4), np.float32)
         self._need = np.empty(cells)
         self._extra = part_extra(scene.parts)
-        self._faces = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
+        self._coverage = np.zeros((0, 3), np.uint8) if scene.faces is None else np.ascontiguousarray(scene.faces)
         self._boxes = np.zeros((0, 6), np.uint8) if scene.boxes is None else np.ascontiguousarray(scene.boxes)
         self._held = np.empty(cells, np.int64)
         self._active = np.empty(cells, np.int32)
-        self._room(0)
-        self._run(0, 0.0)  # compiled now, or read from the cache, and not in the first frame
+        self._reserve(0)
+        self._run(0, 0.0)  # loads the compiled loops now, not in the first frame
 
-    def _room(self, runs: int) -> None:
-        """Makes the lists long enough for so many runs."""
+    def _reserve(self, runs: int) -> None:
+        """Makes the lists long enough for ``runs`` runs."""
         size = 1 << max(runs - 1, 1023).bit_length()
         self._first, self._count = np.empty(size, np.int64), np.empty(size, np.int64)
         self._slot = np.empty(size, np.int32)
@@ -81,7 +81,7 @@ class Culler:
         """(V,) int32 rows of the cells that touch the frustum, ascending; valid until the next call.
 
         Conservative: a cell is left out only if the box of its points lies beyond one of the four sides, a pixel further
-        out, or behind the camera.  lod: points wanted a pixel, noted for each cell; 0 where all are.
+        out, or behind the camera.  lod: points wanted per pixel, stored for each cell; 0: all.
         """
         size, rotation = self.scene.cell_size, np.ascontiguousarray(camera.view_rotation)
         left, right = camera.cx + _MARGIN, camera.width - camera.cx + _MARGIN
@@ -93,7 +93,7 @@ class Culler:
         corner = rotation @ np.full(3, 0.5 * (self.scene.step - size))
         found = visible_cells(
             self._coords, self._blocks, self._block, size, self.scene.origin - camera.position, rotation,
-            np.array([camera.fx, camera.fy, left, right, top, bottom]), sides, corner, lod, self._faces, self._boxes,
+            np.array([camera.fx, camera.fy, left, right, top, bottom]), sides, corner, lod, self._coverage, self._boxes,
             self._cells, self._cell_view, self._need,
         )  # fmt: skip
         return self._cells[:found]
@@ -108,7 +108,7 @@ class Culler:
         cells = self.visible(camera, wanted)
         runs, points, room = self._run(len(cells), wanted)
         if room > len(self._first):
-            self._room(room)
+            self._reserve(room)
             runs, points, _ = self._run(len(cells), wanted)
         return DrawList(
             first=self._first[:runs],

@@ -1,4 +1,4 @@
-"""Edits: what a person has done to a scan that decides which points are drawn, and in which colour.
+"""Edits: clips, hidden stations and colour modes, which decide which points are drawn and in which colour.
 
 Clips and hidden stations drop points, the look colours them by an attribute.  A picture without edits runs programs that know
 nothing of them; with edits, cells that clips leave nothing of are not drawn, and the rest is decided point by point
@@ -29,13 +29,13 @@ BLOCK = np.dtype([
 """The uniform block Edits of common_edits.glsl (std140)."""
 DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS}
 _SAMPLE = 200_000
-"""Points from whose attributes the extremes of a ramp are told."""
+"""Points whose attributes determine the ends of a colour ramp.  How it was chosen is not recorded."""
 _INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
 class Edits:
-    """clips: file coordinates.  hidden: numbers of stations that are not drawn.  look: by what points are coloured.
+    """clips: file coordinates.  hidden: numbers of stations that are not drawn.  look: how points are coloured.
     up: unit vector, file frame, along which heights count."""
 
     clips: tuple[Clip, ...] = ()
@@ -54,7 +54,7 @@ class Edits:
         return self.look.colour_by != "rgb"
 
     def shown_in(self, views: Iterable[str]) -> "Edits | None":
-        """What of the edits acts in a picture of these views, None where nothing does: hole fill and network know RGB only."""
+        """The edits that apply to a picture of these views, None where none does: hole fill and network use RGB only."""
         plain = self if set(views) <= {"raw", "filtered"} else replace(self, look=replace(self.look, colour_by="rgb"))
         return None if plain.empty else plain
 
@@ -65,7 +65,7 @@ class Edits:
 
 
 def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
-    """The uniform block of a picture."""
+    """The uniform block Edits for a picture, as bytes."""
     data = np.zeros((), BLOCK)
     rotation = camera.view_rotation
     groups = np.zeros(3, np.uint32)
@@ -121,7 +121,7 @@ def _extremes(edits: Edits, scene: "Scene", camera: "Camera | None") -> tuple[fl
 
 
 def without_clipped_cells(draw: "DrawList", edits: Edits, scene: "Scene") -> "DrawList":
-    """The draw list without the runs of cells of which clips leave nothing."""
+    """The draw list without the runs of cells that clips remove completely."""
     clips = active(edits.clips)
     if not clips or len(draw.cells) == 0:
         return draw

@@ -1,6 +1,6 @@
-"""Which EGL device is which CUDA device: EGL and CUDA number the GPUs of a machine differently.
+"""EGL devices and their CUDA numbers: EGL and CUDA number the GPUs of a machine differently.
 
-NVIDIA's EGL tells a device's CUDA number, as this process counts them (CUDA_VISIBLE_DEVICES taken into account), through
+NVIDIA's EGL reports a device's CUDA number, as this process counts them (CUDA_VISIBLE_DEVICES taken into account), through
 EGL_NV_device_cuda; other drivers, Mesa's among them, have no such devices.  Through ctypes, since nothing here wraps it.
 """
 
@@ -13,11 +13,11 @@ from typing import Protocol
 EXTENSION = "EGL_NV_device_cuda"
 _EXTENSIONS, _CUDA_DEVICE_NV, _DEVICE_EXT = 0x3055, 0x323A, 0x322C  # names of the EGL headers
 _MOST = 64
-"""EGL devices that are looked at."""
+"""EGL devices that are queried at most."""
 
 
 class Devices(Protocol):
-    """What EGL tells of its devices, in its own order."""
+    """EGL's devices, in its own order."""
 
     def all(self) -> list[int]: ...
     def extensions(self, device: int) -> str: ...
@@ -25,7 +25,7 @@ class Devices(Protocol):
 
 
 class EglDevices:
-    """The real ones.  Raises OSError where there is no EGL, AttributeError where it cannot list devices."""
+    """The machine's EGL devices.  Raises OSError where there is no EGL, AttributeError where it cannot list devices."""
 
     def __init__(self):
         egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
@@ -73,7 +73,7 @@ def cuda_numbers(devices: Devices | None = None) -> list[int | None]:
         devices = devices or EglDevices()
         found = []
         for device in devices.all():
-            known = EXTENSION in devices.extensions(device).split()  # others may not be asked
+            known = EXTENSION in devices.extensions(device).split()  # the query is invalid for others
             found.append(devices.cuda(device) if known else None)
         return found
     except (OSError, AttributeError):
@@ -91,7 +91,7 @@ def current_cuda_device(devices: "EglDevices | None" = None) -> int | None:
 
 
 def current_cuda_number() -> int:
-    """The CUDA device torch uses, or will use: torch is not imported for this, and without it the first is."""
+    """The CUDA device that torch uses, or would use by default where it is not imported yet."""
     torch = sys.modules.get("torch")
     return torch.cuda.current_device() if torch is not None and torch.cuda.is_initialized() else 0
 
@@ -114,6 +114,6 @@ def device_order(devices: Devices | None = None) -> list[int | None]:
 
 
 def _matching(numbers: list[int | None]) -> int | None:
-    """A number that several devices claim (drivers have done that) matches none of them."""
+    """A CUDA number that several EGL devices report (some drivers do) matches none of them."""
     wanted = current_cuda_number()
     return numbers.index(wanted) if numbers.count(wanted) == 1 else None

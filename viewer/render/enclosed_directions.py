@@ -1,16 +1,15 @@
-"""Background or hole: which directions around a camera the scan encloses, whatever the picture's border cuts off.
+"""Background or hole: which directions around a camera the scan encloses, independent of the picture's border.
 
-A hole in a room's floor is surrounded by floor on all sides, even where the picture ends in the middle of it; the sky
-over a street and the space around a statue are not.  The directions around the camera are sorted into the cells of a
-cube; a cell is surrounded where, walking from it in eight directions, each meets a scanned cell within 60 degrees.  Cells
-without a point that touch are one hole, and get one answer: closed where most of them are surrounded, or where the hole lies
-below the horizon of a camera that the scan encloses (what a tripod hid, seen from low down).  What is closed is filled, and the
-network may open it where that could be sky, seen between branches, say: not in a room, and not below the horizon where there is
-ground all around.
+A hole in a room's floor has floor on all sides, even where the picture ends in the middle of it; the sky over a street and the
+space around a statue do not.  Directions are binned into the cells of a cube around the camera.  A cell is enclosed where each
+of eight walks from it meets a scanned cell within 60 degrees.  Connected cells without a point are one hole with one answer:
+closed where most of its cells are enclosed, or where it lies below the horizon of a camera that the scan encloses (the blind
+spot under a tripod, seen from low down).  Closed directions are filled.  The network may make them transparent again where they
+could be sky, seen between branches for example: not in a room, and not below the horizon where there is ground all around.
 
-Cells of six degrees are too coarse for a sky: filled as a whole, they hang over a street as panels with straight edges.  So in
-the open, where there is sky or where the scan is not around the camera, only the ground around one is closed; everything else
-is decided by the picture and the world (model/hole_test.py, viewer/render/occupancy.py).
+Cells of six degrees are too coarse for a sky: filled whole, they would hang over a street as panels with straight edges.
+Outdoors (under a sky, or where the scan does not surround the camera) only the ground is closed; the picture and the world
+decide the rest (model/hole_test.py, viewer/render/occupancy.py).
 World axes, z up, no OpenGL.
 """
 
@@ -33,35 +32,38 @@ SIDE = 16
 _CELL_RADIUS = np.arctan(np.sqrt(2.0) / SIDE) * (1 + 1e-6)
 """Radians from the middle of a cell to its farthest corner, at most: in the middle of a face."""
 _STEPS = np.radians(np.arange(6.0, 61.0, 6.0))
+"""Radians of a walk's steps: about a cell each, up to 60 degrees.  Their end was chosen by hand; how is not recorded."""
 _WALKS = 8
+"""Walks from each cell, as a pixel has neighbours."""
 _NEEDED = 8
+"""Walks that must meet a scanned cell: all."""
 ENCLOSES = 3
-"""A scan encloses the camera where no more than one in so many cells is without a point."""
+"""A scan encloses the camera where at most one in so many cells has no point.  How it was chosen is not recorded."""
 ROOM = 0.9
-"""Share of all directions that close around a camera inside a room, at least; over a street a third stay open."""
+"""Least share of all directions that are closed around a camera inside a room; over a street a third stay open."""
 AROUND = 3
-"""A scan is around the camera where at least one in so many directions holds a point: a statue seen from outside is not."""
+"""A scan surrounds the camera where at least one in so many directions holds a point; a statue seen from outside does not."""
 GROUND = 10
-"""There is ground all around a camera where no more than one in so many directions below the horizon belongs to a hole that
-goes on above it.  Close to a statue one sees between its bushes; sealed, that hole would end at the horizon in a straight
-line."""
+"""There is ground all around a camera where at most one in so many directions below the horizon belongs to a hole that extends
+above it.  Close to a statue the hole between its bushes does; closed, it would end at the horizon in a straight line."""
 SKY = 0.015
-"""Share of all directions, away from its border, that the largest hole has at least, under a sky.  Over three streets the hole
-had 0.14 to 0.33 with its border, in rooms less than 0.03."""
+"""Least share of all directions, without its border cells, that the largest hole has under a sky.  With its border, the sky
+over three streets had 0.14 to 0.33, the largest hole of rooms less than 0.03."""
 SKY_BELOW, ALL_SKY = 0.15, 0.4
-"""Share of the sky that may lie below the horizon, and share of all directions from which on a hole is sky wherever it lies.
-In three streets the sky has 0.1 at most below; at their ends, where it goes on below the border of the scan, it has 0.46 to
-0.61 of all directions.  What a courtyard's pillars hid has up to 0.2 of them, 0.2 to 0.4 of which below."""
+"""Share of a sky that may lie below the horizon; and share of all directions above which a hole is sky wherever it lies.
+In three streets at most 0.1 of the sky lies below; at their ends, where it continues below the border of the scan, it has 0.46
+to 0.61 of all directions.  Holes behind a courtyard's pillars have up to 0.2 of them, of which 0.2 to 0.4 below."""
 GROUND_DIP = 15.0
-"""Degrees below the horizon from which on, in the open, cells are closed where there is ground all around: nearer to it they
-reach beyond the scan."""
+"""Degrees below the horizon beyond which, outdoors, cells are closed where there is ground all around; nearer to the horizon
+they extend beyond the scan.  How it was chosen is not recorded."""
 OPEN, CLOSED, SEALED = 0, 1, 2
-"""What a direction is: void; filled; filled, and not the network's to open."""
+"""State of a direction: background; filled; filled, and the network must keep it."""
 _SAMPLES = 24576
+"""Blocks, and points, of the scene's sample at most: 16 for each of the 6 * SIDE**2 cells of the cube."""
 _NEAR_SAMPLES, _NEAR_A_CELL = 1 << 17, 4
-"""Points of the scene among which those near the camera are looked at, at least; and for each of the scene's cells."""
+"""Points of the sample for surfaces near the camera, at least; and at least so many for each cell of the scene."""
 _SAMPLES_A_CELL = 8
-"""Points in a cell of the cube, from which more would tell nothing."""
+"""Points in a cell of the cube after which no more are looked at.  How it was chosen is not recorded."""
 
 
 def cell_of(directions: np.ndarray) -> np.ndarray:
@@ -105,7 +107,7 @@ def _walks() -> np.ndarray:
 
 @compiled(inline="always")
 def _mark(x, y, z, side, scanned):
-    """Notes the cell of one direction; (0, 0, 0) has none."""
+    """Marks the cell of one direction; (0, 0, 0) has none."""
     if abs(x) >= abs(y) and abs(x) >= abs(z):
         axis, along, u, v = 0, x, y, z
     elif abs(y) >= abs(z):
@@ -128,13 +130,13 @@ def mark_directions(points, position, side, scanned):
 
 @compiled(nogil=True)
 def mark_near(blocks, marked, first, points, block_side, position, side, scanned):
-    """The same for blocks so near that ``marked`` points each, as there are marked already, are less than _SAMPLES_A_CELL in a
-    cell of the cube.
+    """The same for near blocks, in which the ``marked`` points per block that are marked already are fewer than _SAMPLES_A_CELL
+    in a cell of the cube.
 
     blocks: (B, 3) float64 their middles.  first: (B + 1,) int64, where each one's points begin in points (N, 3) float64; in
     each block in random order.
     """
-    cell = 2.0 / side  # what a cell of the cube fills at distance 1
+    cell = 2.0 / side  # side of a cell of the cube at distance 1
     for block in range(blocks.shape[0]):
         x, y, z = blocks[block, 0] - position[0], blocks[block, 1] - position[1], blocks[block, 2] - position[2]
         cells = block_side * block_side / (cell * cell * max(x * x + y * y + z * z, 1e-30 * block_side * block_side))
@@ -148,7 +150,7 @@ def mark_near(blocks, marked, first, points, block_side, position, side, scanned
 
 @compiled(nogil=True)
 def close_directions(scanned, walks, needed, closed):
-    """Which cells are closed by those that hold a point.  walks: as in _walks.  Writes closed (cells,) int8."""
+    """Which cells are enclosed by cells that hold a point.  walks: as in _walks.  Writes closed (cells,) int8."""
     for cell in range(walks.shape[0]):
         hits = 0
         for walk in range(walks.shape[1]):
@@ -174,12 +176,12 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
     for first in range(cells):
         if scanned[first] or hole[first] >= 0:
             continue
-        queue[0], size, at, surrounded, under, deep = first, 1, 0, 0, 0, 0
+        queue[0], size, at, enclosed_cells, under, deep = first, 1, 0, 0, 0, 0
         hole[first] = first
         while at < size:
             cell = queue[at]
             at += 1
-            surrounded += closed[cell]
+            enclosed_cells += closed[cell]
             under += below[cell]
             free = True
             for walk in range(walks.shape[1]):
@@ -192,8 +194,8 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
             deep += free
         lies_below = under == size
         if under <= SKY_BELOW * size or size >= ALL_SKY * cells:
-            sky = max(sky, deep)  # a ceiling so near that cells lie between its points is no sky
-        answer = 2 * surrounded >= size or (enclosed and lies_below)
+            sky = max(sky, deep)  # a ceiling so near that cells fall between its points is no sky
+        answer = 2 * enclosed_cells >= size or (enclosed and lies_below)
         for i in range(size):
             closed[queue[i]] = answer
         through += 0 if lies_below else under
@@ -212,7 +214,7 @@ def settle_holes(scanned, walks, below, enclosing, closed, hole, queue):
 
 
 def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
-    """What all directions of a picture are; None where they differ.
+    """The state of all directions of a picture; None where they differ.
 
     closed: (6 * SIDE, SIDE) of Enclosure.  Looks at every cell that a pixel's ray could fall into, and some more.
     """
@@ -225,15 +227,15 @@ def closed_in_view(closed: np.ndarray, camera: "Camera") -> int | None:
 
 @dataclass(frozen=True, eq=False)
 class Directions:
-    """closed: (6 * SIDE, SIDE) int8, OPEN, CLOSED or SEALED by cell.  occupancy: where the scan has surfaces, for an eye in the
-    open, under a sky or where the scan is not around it; None in a room."""
+    """closed: (6 * SIDE, SIDE) int8, OPEN, CLOSED or SEALED by cell.  occupancy: where the scan has surfaces, for a
+    camera outdoors (under a sky, or not surrounded by the scan); None in a room."""
 
     closed: np.ndarray
     occupancy: Occupancy | None = None
 
 
 class Enclosure:
-    """A thinned skeleton of a scene, and the directions it closes as seen from anywhere."""
+    """A sample of a scene's points, and the directions that they close around any position."""
 
     def __init__(self, scene: "Scene"):
         coords = np.asarray(scene.cell_coords)  # along the Morton curve: those of a block lie together
@@ -262,22 +264,22 @@ class Enclosure:
 
     @property
     def occupancy(self) -> Occupancy:
-        """Where the scan has surfaces; made when first asked for: in rooms nobody does."""
+        """Where the scan has surfaces; computed when first needed, which it is not in rooms."""
         if self._occupancy is None:
             self._occupancy = occupancy_of(self._scene)
         return self._occupancy
 
     def closed(self, position: np.ndarray) -> np.ndarray:
-        """(6 * SIDE, SIDE) int8: OPEN, CLOSED or SEALED, what each direction from ``position`` (3,) is."""
+        """(6 * SIDE, SIDE) int8: OPEN, CLOSED or SEALED, the state of each direction from ``position`` (3,)."""
         return self._look(position)[0]
 
     def around(self, position: np.ndarray) -> Directions:
-        """What the directions from ``position`` (3,) are, and what else tells holes from background."""
-        closed, in_the_open = self._look(position)
-        return Directions(closed, self.occupancy if in_the_open else None)
+        """The state of the directions from ``position`` (3,), and outdoors the scan's surfaces."""
+        closed, outdoors = self._look(position)
+        return Directions(closed, self.occupancy if outdoors else None)
 
     def _look(self, position: np.ndarray) -> tuple[np.ndarray, bool]:
-        """What each direction is; whether the eye is in the open."""
+        """The state of each direction; whether the position is outdoors."""
         closed, walks, scanned = np.empty(len(self._scanned), np.int8), _walks(), self._scanned
         eye = np.asarray(position, np.float64)
         scanned[:] = False
@@ -287,20 +289,20 @@ class Enclosure:
         through, sky = settle_holes(scanned, walks, self._below, ENCLOSES, closed, self._hole, self._queue)
         ground = GROUND * through <= np.count_nonzero(self._below)
         in_room = np.count_nonzero(closed) > ROOM * len(closed)
-        in_the_open = bool(sky >= SKY * len(closed) or (not in_room and AROUND * np.count_nonzero(scanned) < len(closed)))
-        if in_the_open:  # the picture's pixels tell more than cells of six degrees
+        outdoors = bool(sky >= SKY * len(closed) or (not in_room and AROUND * np.count_nonzero(scanned) < len(closed)))
+        if outdoors:  # the picture's pixels are finer evidence than cells of six degrees
             ground = ground and ENCLOSES * np.count_nonzero(~scanned) <= len(closed)
             closed[:] = np.where((closed > 0) & self._low & ground, SEALED, OPEN)
         elif in_room:
             closed[closed > 0] = SEALED
         elif ground:
             closed[(closed > 0) & self._below] = SEALED
-        return closed.reshape(6 * SIDE, SIDE), in_the_open
+        return closed.reshape(6 * SIDE, SIDE), outdoors
 
 
 def _sample(scene: "Scene", starts: np.ndarray, wanted: int) -> tuple[np.ndarray, np.ndarray]:
-    """(n, 3) float64 points spread over the scene, ``wanted`` to twice as many where it has them; (n,) int64 the block each is
-    in.  starts: (B,) the first cell of each block."""
+    """(n, 3) float64 points spread over the scene, ``wanted`` to twice as many where it has them; (n,) int64 the block of
+    each.  starts: (B,) the first cell of each block."""
     ends = np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
     head = int(ends[min(np.searchsorted(ends, wanted), len(ends) - 1)])  # coarse layers: an even sample
     step = max(1, head // wanted)

@@ -14,7 +14,7 @@ from model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
 from viewer.render import shader
 from viewer.render.enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
 from viewer.render.filter import level_sizes
-from viewer.render.hole_test import Surround
+from viewer.render.hole_test import HoleTest
 
 if TYPE_CHECKING:
     from viewer.camera import Camera
@@ -37,8 +37,8 @@ class _Noise:
 
 
 class Fill:
-    """Owns the pyramid for one picture size; ``run`` fills ``filled`` (RGBA8, alpha 0 in the void) and, where asked, the
-    network's input."""
+    """Owns the pyramid for one picture size; ``run`` fills ``filled`` (RGBA8, alpha 0 where there is background) and, where
+    asked, the network's input."""
 
     def __init__(self, programs: shader.Programs, size: tuple[int, int]):
         context = programs.context
@@ -49,7 +49,7 @@ class Fill:
         self._values = [context.texture(s, 4, dtype="f4") for s in sizes]
         self._weights = [context.texture(s, 1, dtype="f4") for s in sizes]
         self._pushed = [context.texture(s, 4, dtype="f4") for s in sizes[:-1]]
-        self._surround = Surround(programs, size, self._weights)
+        self._hole_test = HoleTest(programs, size, self._weights)
         self._closed = context.texture((SIDE, 6 * SIDE), 1, dtype="i1", alignment=1)
         self._noise: _Noise | None = None  # made when a noise level is first given
         self._programs = programs
@@ -57,7 +57,7 @@ class Fill:
 
     def run(self, raw: moderngl.Texture, mask: moderngl.Texture, depth: moderngl.Texture, *, camera: "Camera",
             around: Directions, spacing: float, network: "Pixels | None" = None, noise: moderngl.Texture | None = None) -> None:
-        """around: the directions from the camera's place.  spacing: of points, file units.
+        """around: the directions from the camera position.  spacing: of points, file units.
         network: the input buffer to write, or None.  noise: one float a pixel, the noise level as the network takes it, 0 where
         nothing is measured; None: 0 everywhere.  It is filled for the network only."""
         if network is None:
@@ -66,8 +66,8 @@ class Fill:
         base = {"raw": raw, "depth": depth, "mask": mask} | ({} if noise is None else {"noise": noise})
         coarse, is_sum = self._pyramid(base, feature_scale)
         view = closed_in_view(around.closed, camera)
-        if view not in (CLOSED, SEALED):  # else no direction in the picture is void: nobody asks which pixels are surrounded
-            self._surround.run(camera, around.occupancy)
+        if view not in (CLOSED, SEALED):  # else no direction in view is background, and the hole test is not needed
+            self._hole_test.run(camera, around.occupancy)
         self._closed.write(around.closed)
         if network is not None:
             network.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
@@ -76,7 +76,7 @@ class Fill:
         if view is None:
             push["to_world"] = tuple(camera.view_rotation.ravel())  # rows of world -> view are columns of view -> world
             push["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
-        inputs = {**base, **coarse, "holes": self._surround.holes, "closed": self._closed}
+        inputs = {**base, **coarse, "holes": self._hole_test.holes, "closed": self._closed}
         self._pass(push, level_sizes(self.size, 1)[0], [self.filled], inputs, feature_scale=feature_scale, coarse_is_sum=is_sum)
 
     def _pyramid(self, base: dict[str, moderngl.Texture], feature_scale: float) -> tuple[dict[str, moderngl.Texture], int]:
@@ -133,4 +133,4 @@ class Fill:
         carried = [*self._noise.values, *self._noise.pushed] if self._noise else []
         for resource in (self.filled, self._closed, *self._values, *self._weights, *self._pushed, *carried):
             resource.release()
-        self._surround.release()
+        self._hole_test.release()

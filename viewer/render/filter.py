@@ -8,16 +8,16 @@ import itertools
 
 import moderngl
 
-from model import filter_constants as twin
+from model import filter_constants as constants
 from viewer.render import shader
 from viewer.render.shader import BINDINGS
 
 _SHARED = {
-    "EMPTY": twin.EMPTY,
-    "TWIST": twin.TWIST,
-    "SAME_SURFACE_FACTOR": 1.0 - twin.SAME_SURFACE,
-    "SUPPORT_LIMIT": 36.0 * twin.SUPPORT,
-    "SUPPORT_LIMIT_SHARED": 36.0 * twin.SUPPORT_SHARED,
+    "EMPTY": constants.EMPTY,
+    "TWIST": constants.TWIST,
+    "SAME_SURFACE_FACTOR": 1.0 - constants.SAME_SURFACE,
+    "SUPPORT_LIMIT": 36.0 * constants.SUPPORT,
+    "SUPPORT_LIMIT_SHARED": 36.0 * constants.SUPPORT_SHARED,
 }
 
 
@@ -57,7 +57,7 @@ class DepthFilter:
     def __init__(self, programs: shader.Programs, size: tuple[int, int], preset: str, levels: int | None = None):
         context = programs.context
         self.context, self.size, self.preset, self.wanted_levels = context, size, preset, levels
-        self.levels = 0 if preset == "off" else (twin.LEVELS[preset] if levels is None else levels)
+        self.levels = 0 if preset == "off" else (constants.LEVELS[preset] if levels is None else levels)
         self.mask = context.texture(size, 1, dtype="f1")
         self.filtered = context.texture(size, 4, dtype="f1")
         sizes = level_sizes(size, self.levels)
@@ -77,14 +77,15 @@ class DepthFilter:
         self._pass(name, size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
 
     def _tolerance(self, strength: float, metre: float) -> tuple[float, float, float]:
-        """As the preset's passes take it."""
+        """The three numbers of the uniform ``tolerance`` for this preset."""
         if self.preset == "auto":
-            return 1.0 - twin.TOLERANCE * strength, twin.SLOPE * strength, 0.0
-        edge = twin.EDGE * (metre if self.preset == "paper-code" else 1.0)
-        return 1.0 + twin.PARENT_RATIO * strength, edge, twin.NPBG_DEPTH * strength * metre
+            return 1.0 - constants.TOLERANCE * strength, constants.SLOPE * strength, 0.0
+        edge = constants.EDGE * (metre if self.preset == "paper-code" else 1.0)
+        return 1.0 + constants.PARENT_RATIO * strength, edge, constants.NPBG_DEPTH * strength * metre
 
     def _climb(self, tolerance: tuple[float, float, float], levels: int) -> moderngl.Texture:
-        """From level 1, which is there, down to ``levels``, 1 at least, and up again: what level 0 is compared with."""
+        """From level 1, which exists, to coarser levels up to ``levels`` (at least 1) and back; returns the texture that level
+        0 is compared with."""
         for fine, coarse in itertools.pairwise(self._down[:levels]):
             self._pass("down", coarse.size, [coarse], fine=fine)
         top = self._down[levels - 1]
@@ -103,14 +104,14 @@ class DepthFilter:
     def _mirror(self, name: str, level: int) -> None:
         program = self._programs[name]
         if "mirror" in program:
-            program["mirror"] = int(level in twin.MIRRORED)
+            program["mirror"] = int(level in constants.MIRRORED)
 
     def closing(self, keys: moderngl.Buffer, *, strength: float, levels: int) -> moderngl.Texture:
         """R32F, half the size: for each 2x2 pixels the inverse depth below which ``levels`` levels would remove a point, and
-        0 where they would not.  keys: nearest depths of the whole picture, as the compute rasteriser keeps them.  Preset auto
-        only; valid until the next run.
+        0 where they would not.  keys: nearest depths of the whole picture, as the compute rasteriser keeps them.  Only with
+        preset auto; valid until the next run.
         """
-        if "down_keys" not in self._programs:  # only where cells are hidden
+        if "down_keys" not in self._programs:  # needed only for occlusion culling
             self._programs["down_keys"] = self._compile("filter_down.comp", FROM_KEYS=1, **_SHARED)
         keys.bind_to_storage_buffer(BINDINGS["KEYS"])
         self._programs["down_keys"]["size"] = self.size

@@ -1,4 +1,4 @@
-"""Which empty pixels of a picture are holes, and which are background: the passes behind ``model/hole_test.py``."""
+"""Hole test: which empty pixels of a picture are holes, and which are background.  Reference: ``model/hole_test.py``."""
 
 from math import log2
 from typing import TYPE_CHECKING
@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 _RAY_LEVELS = int(log2(RAY_BLOCK))
 
 
-class Surround:
-    """Owns the textures for one picture size; ``run`` writes ``holes``: of each cell of 4x4 pixels a byte for every pixel, how
-    opaque it is to be (see ``shaders/hole_coverage.comp``).
+class HoleTest:
+    """Owns the textures for one picture size; ``run`` writes ``holes``: for each cell of 4x4 pixels a byte for every pixel, its
+    opacity (see ``shaders/hole_coverage.comp``).
 
     weights: of the fill's pyramid, written before each ``run``: of blocks of 2x2 pixels, of 4x4, and so on.
     """
@@ -61,17 +61,17 @@ class Surround:
             return
         self._windows = [weights[1], *(context.texture(cells, 1, dtype="f1") for _ in self._strides[1:])]
         self._seen = context.texture(cells, 1, dtype="u4")
-        self._between = context.texture(cells, 1, dtype="f1")  # where one pass is not enough: of one cell to five, no other
+        self._between = context.texture(cells, 1, dtype="f1")  # for dilations that take two passes: from one cell to five
         self._owned += [*self._windows[1:], self._seen, self._between]
-        self._widen = programs.compute("hole_dilate.comp")
+        self._dilate = programs.compute("hole_dilate.comp")
         self._look = [programs.compute("hole_directions.comp", FIRST=first) for first in (1, None)]
 
     def run(self, camera: "Camera", occupancy: "Occupancy | None") -> None:
-        """Writes ``holes``.  occupancy: what rays are tested against; None: the picture decides alone."""
+        """Writes ``holes``.  occupancy: the lattice that rays are tested against; None: the picture decides alone."""
         for number, (stride, window) in enumerate(zip(self._strides, self._windows, strict=True)):
             if number:
                 before = self._strides[number - 1]
-                self._make_wider(self._windows[number - 1], window, window_reach(before), window_reach(stride))
+                self._dilate_to(self._windows[number - 1], window, window_reach(before), window_reach(stride))
             look = self._look[min(number, 1)]
             look["stride"] = stride
             self._pass(look, self._seen, {"window": window})
@@ -83,14 +83,14 @@ class Surround:
         self._pass(self._smooth, self._around, {"rows": self._rows})
         self._pass(self._holes, self.holes, self._inputs)
 
-    def _make_wider(self, narrow: moderngl.Texture, wide: moderngl.Texture, reach: int, wanted: int) -> None:
-        """Windows of ``reach`` cells on each side into ones of ``wanted``; no pass by more than they are wide."""
+    def _dilate_to(self, narrow: moderngl.Texture, wide: moderngl.Texture, reach: int, wanted: int) -> None:
+        """Dilates windows of ``reach`` cells on each side to ``wanted``; no pass by more than their width."""
         while reach < wanted:
             by = min(wanted - reach, 2 * reach + 1)
             reach += by
             target = wide if reach == wanted else self._between
-            self._widen["by"] = by
-            self._pass(self._widen, target, {"window": narrow})
+            self._dilate["by"] = by
+            self._pass(self._dilate, target, {"window": narrow})
             narrow = target
 
     def _pass(self, program: moderngl.ComputeShader, output: moderngl.Texture, inputs: dict[str, moderngl.Texture]) -> None:

@@ -1,4 +1,4 @@
-"""Runs the network on a thread of its own, one picture at a time, so that whoever draws the interface never waits for it.
+"""Runs the network on a thread of its own, one picture at a time, so that the thread that draws the interface does not wait.
 
 No OpenGL here: the caller reads the packed input back before, and uploads the result after.  torch releases Python's lock
 while it computes.
@@ -13,7 +13,8 @@ from time import perf_counter
 import numpy as np
 
 _NICENESS = 10
-"""Added to the thread's niceness where the system has one per thread (Linux): the interface goes first on few cores."""
+"""Added to the thread's niceness where the system has one per thread (Linux), so that the interface goes first on few cores.
+How it was chosen is not recorded."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,7 +26,7 @@ from viewer.render.match_device import use_matching_device
 from viewer.render.network_thread import NetworkThread
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
-"""Environment variable that names how the network runs on CUDA (a key of model.engines.ENGINES), for measurements."""
+"""Environment variable with the engine of the network on CUDA (a key of model.engines.ENGINES), for measurements."""
 
 _networks: dict[tuple[str, bool, str | None, str, str], Reconstructor] = {}
 
@@ -97,17 +97,17 @@ class NeuralStage:
 
     @property
     def approximations(self) -> list[str]:
-        """What is not exact about this stage."""
+        """Approximations of this stage, in words."""
         precision = self.network.precision
         return [] if precision == "fp32" else [f"network in {precision}"]
 
     @property
     def bridge_name(self) -> str:
-        """How pixels travel, and why not the better way where there is one."""
+        """How pixels are transferred, and why the faster way is not used where there is one."""
         return self.bridge.kind + (f" ({self.bridge_problem})" if self.bridge_problem else "")
 
     def infer(self) -> Callable[[], float] | None:
-        """Runs the network on what the fill pass wrote.  Returns what the bridge does.
+        """Runs the network on the fill pass's output.  Returns the result of the bridge's ``run``.
 
         Raises DeviceError where the GPU failed, was lost or has no memory left.  The stage is then marked as failed, and the
         renderer makes a new one, which finds out what still works.
@@ -139,11 +139,11 @@ class NeuralStage:
 
     @property
     def deferrable(self) -> bool:
-        """Whether :meth:`start` can be used: pixels travel through host memory.  A mapped buffer never makes the host wait."""
+        """Whether :meth:`start` can be used: pixels go through host memory.  With a mapped buffer the host never waits."""
         return isinstance(self.bridge, ReadBackBridge)
 
     def start(self, serial: int, wake: Callable[[], None]) -> None:
-        """Reads back what the fill pass wrote and starts the network on its own thread.
+        """Reads back the fill pass's output and starts the network on its own thread.
 
         serial: identifies the picture.  wake: called on that thread at the end.
         """

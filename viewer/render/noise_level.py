@@ -1,7 +1,7 @@
-"""The noise level of a picture, as the network is told it: one compute pass between the depth filter and the fill.
+"""Noise level of a picture, an input of the network: one compute pass between the depth filter and the fill.
 
 The scan's noise (:class:`model.noise.NoiseModel`, estimated when its grid is built) is looked up at each measured pixel and
-divided by the square root of how many points were averaged there, which the rasteriser has counted.
+divided by the square root of how many points the rasteriser averaged there.
 :mod:`model.noise_level` is the reference implementation.
 """
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def noise_scale(detail: float) -> float:
-    """What the estimated noise is multiplied by.  detail: 0 (smooth: twice the noise) to 2 (every measured grain: none)."""
+    """Factor of the estimated noise.  detail: 0 (smooth: twice the noise) to 2 (every measured grain: none)."""
     return NOISE_SCALE * (2.0 - detail)
 
 
@@ -40,7 +40,7 @@ class NoiseLevel:
 
     def run(self, raw: "moderngl.Texture", depth: "moderngl.Texture", weight: "moderngl.Texture", mask: "moderngl.Texture", *,
             camera: "Camera", weighted: bool, detail: float) -> None:
-        """raw, depth, weight: as a rasteriser leaves them.  mask: keep-mask or confidence.  weighted: whether points have
+        """raw, depth, weight: a rasteriser's targets.  mask: keep-mask or confidence.  weighted: whether points have
         weights.  detail: of the settings."""
         program, voxel = self._program, self.noise.voxel
         for unit, (name, texture) in enumerate({"raw": raw, "depth": depth, "weight": weight, "mask": mask,

@@ -1,14 +1,14 @@
-"""Occlusion in two phases within one frame: cells seen last time are drawn, then what they do not hide.
+"""Occlusion culling in two phases within one frame: cells that were visible before, then those that they do not hide.
 
-1. The depth of the cells seen in the last frame.  2. From it, by the depth filter's own passes, the depth behind which a
-point would show nowhere: neither in front, nor through a gap, since the filter would take it away there.  3. Each
-cell's box against a pyramid of that: of those not drawn yet the ones that could show are drawn too, and what could show, drawn
-now or before, is drawn first next time.  What comes into view is thus drawn in the frame that it does.  Where little is known,
-in a first frame and after a jump, the nearest cells are drawn first.
+1. The depth of the cells that were visible in an earlier frame is drawn.  2. The depth filter's own passes derive from it the
+depth behind which a point shows nowhere: neither in front, nor through a gap, where the filter would remove it.  3. The box of
+each cell is tested against a pyramid of that depth.  Cells not drawn yet that could be visible are drawn too; all cells that
+could be visible are drawn first in a later frame.  So a cell that comes into view is drawn in the same frame.  Where little is
+known, in a first frame and after a jump, the nearest cells are drawn first.
 
-A strict test against the depth alone would hide nothing, since 1x1 points leave gaps everywhere; and a plain closing of
-gaps hides what the filter lets through.  So it is for pictures behind the filter, and the filter that says what hides.
-It is an approximation even so: a point that shows nowhere may still sway the filter's verdict on those beside it.  (A
+A strict test against the depth alone would hide nothing, because points of 1x1 pixel leave gaps everywhere; and a plain closing
+of gaps would hide points that the filter keeps.  So only pictures behind the filter use this, and the filter decides.
+It remains an approximation: a point that shows nowhere may still influence the filter's decision for its neighbours.  (A
 margin of 4 pixels around cells kept 4 to 10 % more points and helped in one of five walks: 0.033 % wrong pixels to 0.019 %.)
 """
 
@@ -37,27 +37,30 @@ LAG = {True: 1, False: 2}
 """Frames back of the visibility that a frame uses, in software OpenGL, which is done with a frame when it is submitted, and on
 a GPU."""
 MAX_GROUPS = 32768
+"""Workgroups along x of a dispatch: half of the 65,535 that OpenGL guarantees, and a power of two."""
 WORTH = 4
-"""Points to be drawn, a pixel, below which looking for hidden ones costs more than it saves."""
+"""Points to be drawn, per pixel of the picture, below which occlusion culling costs more than it saves."""
 BLOCK_SHIFT = 2
 """Level 0 of the pyramid has blocks of 2**BLOCK_SHIFT pixels a side."""
 GAP_LEVELS = 1
-"""Levels of the filter that may close a gap here.  With two, what the filter sees of a gap still changes with the points
-that come behind it: up to 0.5 % of pixels wrong (20 rooms, 20M points) instead of 0.03 %."""
+"""Levels of the filter that may close a gap here.  With two, the filter's view of a gap still depends on the points behind it:
+up to 0.5 % of pixels wrong (20 rooms, 20M points) instead of 0.03 %."""
 TEXELS = 8
-"""A cell is tested against at most so many texels a side."""
+"""Texels of the pyramid, along a side, that a cell is tested against at most."""
 NEAREST = 0.25
-"""Share of the points, those of the nearest cells, that are drawn first where less than half as much is known (of the cells,
-too, which is sooner counted)."""
+"""Share of the points, those of the nearest cells, that are drawn first where cells with less than half as many points are
+known to be visible (and less than half of this share of the cells, which is faster to count)."""
 SEEN = 1
-"""Set in a cell's flag where it could show."""
+"""Bit of a cell's flag: could be visible."""
 _LEVELS = 16
+"""Levels of the pyramid at most: for pictures up to 2**17 pixels a side."""
 _CELLS_A_GROUP = 64
+"""Cells that a workgroup tests: a multiple of every GPU's wave."""
 
 
 @dataclass(frozen=True)
 class History:
-    """Occlusion for one frame: whose memory, of which scene; the filter that the frame will pass, its strength."""
+    """Occlusion culling of one frame: its caller's memory, the scene, and the frame's depth filter with its strength."""
 
     memory: "Occlusion"
     scene: "Scene"
@@ -112,13 +115,13 @@ class Occlusion:
 
 
 def _add_nearest(draw: "DrawList", known: np.ndarray) -> None:
-    """Where few cells are known, and they hold few of the points: the nearest too, since what is near is what hides."""
+    """Where few visible cells are known, and they hold few of the points, adds the nearest cells: near cells hide others."""
     if np.count_nonzero(known) >= NEAREST / 2 * len(known):
         return
     points = np.bincount(draw.slot, draw.count, len(known))
     enough = NEAREST * draw.points
-    # A sum, where a product would do: of this length BLAS shares one out, and its thread then turns idly for 25 ms on a
-    # processor that software OpenGL needs (19,000 cells in view, two processors: the raster stage took 1.4 times as long).
+    # A sum instead of a dot product: BLAS would share one of this length between threads, and its thread then spins for 25 ms
+    # on a processor that software OpenGL needs (19,000 cells in view, two processors: the raster stage took 1.4 times as long).
     if points[known > 0].sum() >= enough / 2:
         return
     order = np.argsort(np.square(draw.cell_view[:, :3]).sum(axis=1), kind="stable")
@@ -183,7 +186,7 @@ class HiddenCells:
                                            (self._commands.buffer, 16 * self._pages, 8)])
 
     def start(self, known: np.ndarray, pages: int, batches: int) -> None:
-        """Uploads what was seen, and clears the commands.  known: (V,) uint8.  batches: on all pages."""
+        """Uploads the cells that are drawn first, and clears the commands.  known: (V,) uint8.  batches: of all pages."""
         if len(self._words) < len(known):
             self._words = np.zeros(1 << max(len(known) - 1, 0).bit_length(), np.uint32)
         self._visible, self._pages = len(known), pages
@@ -196,7 +199,7 @@ class HiddenCells:
         self._appended.reserve(16 * batches)
 
     def build(self, keys: moderngl.Buffer, history: "History") -> None:
-        """The pyramid of what hides behind what was drawn so far."""
+        """Builds the pyramid from the depth drawn so far."""
         history.filter.closing(keys, strength=history.strength, levels=GAP_LEVELS).use(0)
         keys.bind_to_storage_buffer(BINDINGS["KEYS"])
         self._pyramid.bind_to_storage_buffer(BINDINGS["PYRAMID"])
@@ -211,7 +214,7 @@ class HiddenCells:
             self.context.memory_barrier()
 
     def test(self, cells: moderngl.Buffer) -> None:
-        """Tests the cells: which are to be drawn now, and which first in the next frame."""
+        """Tests the cells: which are drawn now, and which first in a later frame."""
         program = self._test
         cells.bind_to_storage_buffer(BINDINGS["CELLS"])
         self._pyramid.bind_to_storage_buffer(BINDINGS["PYRAMID"])
@@ -224,7 +227,7 @@ class HiddenCells:
         self.context.memory_barrier()
 
     def append(self, batches: moderngl.Buffer, bounds: np.ndarray) -> None:
-        """Lists the batches of cells in the open.  bounds: (2 pages + 1,), the second of each pair: not drawn yet."""
+        """Lists the batches of visible cells.  bounds: (2 pages + 1,); the second of each pair: batches not drawn yet."""
         program = self._append
         batches.bind_to_storage_buffer(BINDINGS["BATCHES"])
         self._appended.buffer.bind_to_storage_buffer(BINDINGS["APPENDED"])
@@ -277,10 +280,10 @@ def _run(program: moderngl.ComputeShader, count: int) -> None:
 
 
 def worthwhile(draw: "DrawList", size: tuple[int, int]) -> bool:
-    """Whether a draw list is so long for a picture of this size that hiding part of it pays."""
+    """Whether a draw list is long enough, for a picture of this size, that culling saves time."""
     return draw.points >= WORTH * size[0] * size[1]
 
 
 def may_hide(settings: "Settings", views: tuple[str, ...]) -> bool:
-    """Whether hidden cells may be left out of these views: all behind the filter that says what hides."""
+    """Whether hidden cells may be left out of these views: all of them must be behind the depth filter of preset auto."""
     return settings.filter == "auto" and "raw" not in views

@@ -1,10 +1,10 @@
 """Where in the world a scan has surfaces: a coarse lattice of blocks, against which the rays of empty pixels are tested.
 
-The picture alone cannot tell a hole in a wall from the sky between two trees: both are empty pixels with measured ones around
-them.  The world can.  A ray that leaves the scan without passing a block that holds points is background; one that passes a
-block in the middle of a surface met a hole in that surface; one that only grazes the outermost blocks (an outline, a wire, a
-twig) needs the picture's evidence as well.  Blocks stand in the world, so the answer does not depend on the picture's edges
-and changes little from frame to frame.  World axes, file units, no OpenGL; the march is ``shaders/hole_march.comp``.
+The picture alone cannot distinguish a hole in a wall from the sky between two trees: both are empty pixels with measured ones
+around them.  A ray that leaves the scan without passing a block with points sees background; one that passes a block in the
+middle of a surface sees a hole in that surface; for one that only touches outer blocks (an outline, a wire, a twig) the picture
+decides as well.  Blocks are fixed in the world, so that the answer does not depend on the picture's edges and changes little
+from frame to frame.  World axes, file units, no OpenGL; the march is ``shaders/hole_march.comp``.
 """
 
 from dataclasses import dataclass
@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 BLOCKS = 128
-"""Along the longest side, at most: 2 MB of texture.  A street of 44 m has blocks of 0.35 m."""
+"""Blocks along the longest side at most: 2 MB of texture.  A street of 44 m has blocks of 0.35 m."""
 SPACINGS = 3.5
-"""Sides of a block are so many point spacings at least, or surfaces would have gaps between blocks.  On three streets and two
-objects at one point in ten, 3 left 3 % more of what is covered empty, 4 filled 2 % more of the background."""
+"""Least side of a block in point spacings, so that surfaces have no gaps between blocks.  On three streets and two objects at
+one point in ten, 3 left 3 % more of the true surface empty, 4 filled 2 % more of the background."""
 SAMPLE = 400_000
-"""Points looked at, at least, where there are as many; no more than eight times as many."""
+"""Points of the sample at least, where the scan has as many; at most eight times as many."""
 TRIMMED, MARGIN = 0.1, 0.25
 """Percentile at each end of the points, and share of the extent between them, beyond which points are outliers."""
 THIN = 15
-"""Of the 27 blocks around one and itself, as many hold points at most where it belongs to a surface; where a wall meets the
-ground 15 do, in the crown of a tree more."""
+"""Most blocks with points among the 27 around and including one of a surface: 15 where a wall meets the ground; the crown of a
+tree has more."""
 LOOSE, INNER = 0, 255
-"""Code of a block that holds points, and of one in the middle of a surface; of an empty one, blocks to the nearest that holds
-points, along the axis where they are farthest apart."""
+"""Codes of a block with points, and of one in the middle of a surface.  Any other code is of an empty block: its Chebyshev
+distance, in blocks, to the nearest block with points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ def _sample(scene: "Scene") -> np.ndarray:
 
 
 def _extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(3,) each: lowest and highest corner, strays left out."""
+    """(3,) each: lowest and highest corner, without outlier points."""
     if len(points) == 0:
         return np.zeros(3), np.zeros(3)
     low, high = np.percentile(points, [TRIMMED, 100 - TRIMMED], axis=0)

@@ -1,4 +1,4 @@
-"""Runs shaders/self_test.comp: what `pointglass doctor` and every new bridge see that compute passes and buffers work by."""
+"""Runs shaders/self_test.comp, by which `pointglass doctor` and every new bridge check compute passes and buffers."""
 
 from typing import Protocol
 

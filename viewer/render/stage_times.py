@@ -1,7 +1,8 @@
-"""What the stages of a frame cost, found out without stopping them.
+"""Milliseconds of each stage of a frame, measured without stopping the GPU.
 
-In software OpenGL, where queries of compute passes are wrong, by the clock around a finished stage.  On a GPU by timer queries,
-two sets in turn: a frame's are read when somebody asks, at the latest before the second frame after it begins.
+In software OpenGL, where timer queries of compute passes are wrong: by the clock around a finished stage.  On a GPU: by timer
+queries, two sets in turn.  A frame's queries are read when its times are asked for, at the latest before the second frame after
+it begins.
 """
 
 from collections.abc import Callable
@@ -12,14 +13,14 @@ if TYPE_CHECKING:
     import moderngl
 
 HOST_STAGES = ("cull",)
-"""Timed by the clock everywhere."""
+"""Stages on the host, timed by the clock on every device."""
 
-Told = Callable[[], float]
-"""Tells milliseconds, waiting for what took them."""
+Elapsed = Callable[[], float]
+"""Returns the elapsed milliseconds; blocks until the GPU has finished."""
 
 
 class Times:
-    """Of one frame.  begun, submitted: seconds by the clock, of the call that made it.
+    """Times of one frame.  begun, submitted: seconds by the clock, of the call that rendered it.
 
     host: milliseconds by stage until it was handed to the device; in software, until it was finished.
     """
@@ -27,7 +28,7 @@ class Times:
     def __init__(self, clock: Callable[[], float]):
         self._clock = clock
         self.host: dict[str, float] = {}
-        self._device: dict[str, Told] = {}
+        self._device: dict[str, Elapsed] = {}
         self._milliseconds: dict[str, float] | None = None
         self.begun = self.submitted = self._known = clock()
         self._device_ms = self._later_ms = 0.0
@@ -39,8 +40,8 @@ class Times:
         if self._milliseconds is not None:
             self._milliseconds[stage] = milliseconds
 
-    def note(self, stage: str, host_ms: float, device_ms: Told | None) -> None:
-        """What a stage took on the host, and what will tell, waiting for it, how long on the device."""
+    def note(self, stage: str, host_ms: float, device_ms: Elapsed | None) -> None:
+        """Records a stage: its milliseconds on the host, and a function that returns those on the device."""
         self.host[stage] = host_ms
         if device_ms is not None:
             self._device[stage] = device_ms
@@ -48,7 +49,7 @@ class Times:
     def milliseconds(self) -> dict[str, float]:
         """By stage, on the device that runs it; waits for the GPU."""
         if self._milliseconds is None:
-            device = {stage: told() for stage, told in self._device.items()}
+            device = {stage: elapsed() for stage, elapsed in self._device.items()}
             self._device_ms, self._known = sum(device.values()), self._clock()
             self._milliseconds = {**self.host, **device}
         return self._milliseconds
@@ -56,8 +57,8 @@ class Times:
     def total(self) -> float:
         """Milliseconds from the call until the pictures were there; waits for them.
 
-        On a GPU never less than that, and no more where it is asked for at once: the device may begin while the host goes on,
-        and what is known later is only that it took no longer than one after the other.
+        On a GPU this is an upper bound, exact where it is asked for at once: the device may start while the host continues, and
+        a later question can only add both.
         """
         self.milliseconds()
         host = (self.submitted - self.begun) * 1e3
@@ -76,17 +77,17 @@ class Stages:
         self.times = Times(clock)
 
     def begin(self) -> None:
-        """Starts a frame, whose ``times`` are new ones."""
+        """Starts a frame with new ``times``."""
         self._queries.reverse()
         self._frames.reverse()
         if self._frames[0] is not None:
-            self._frames[0].milliseconds()  # its queries are used again
+            self._frames[0].milliseconds()  # its queries are reused
         self._frames[0] = self.times = Times(self._clock)
 
-    def run(self, name: str, work: Callable[[], Told | None]) -> None:
-        """Runs ``work`` as the stage ``name``.  What it returns, if anything, tells its milliseconds: of what CUDA does OpenGL
-        need not see more than that later work waits."""
-        begun, told = self._clock(), None
+    def run(self, name: str, work: Callable[[], Elapsed | None]) -> None:
+        """Runs ``work`` as the stage ``name``.  A function that it returns gives the stage's milliseconds, instead of a query
+        of OpenGL, which does not see CUDA's work."""
+        begun, elapsed = self._clock(), None
         if self._software:
             work()
             self._context.finish()
@@ -95,8 +96,8 @@ class Stages:
         else:
             with (query := self._query(name)):
                 made = work()
-            told = made or (lambda: query.elapsed / 1e6)
-        self.times.note(name, (self._clock() - begun) * 1e3, told)
+            elapsed = made or (lambda: query.elapsed / 1e6)
+        self.times.note(name, (self._clock() - begun) * 1e3, elapsed)
 
     def _query(self, name: str) -> "moderngl.Query":
         mine = self._queries[0]
@@ -106,11 +107,11 @@ class Stages:
         return mine[name]
 
     def end(self) -> None:
-        """Ends the frame.  On a GPU the pictures may still be in the making."""
+        """Ends the frame.  A GPU may not have finished its pictures yet."""
         self.times.submitted = self._clock()
 
     def release(self) -> None:
-        """Leaves its queries to others."""
+        """Returns its queries to the context's pool."""
         for mine in self._queries:
             if mine:
                 _spare(self._context).extend(mine.values())
@@ -119,7 +120,7 @@ class Stages:
 
 
 def _spare(context: "moderngl.Context") -> "list[moderngl.Query]":
-    """Queries that no renderer of a context uses any more: moderngl cannot free them.  They are kept with the context."""
+    """The pool of a context's unused queries, kept with the context: moderngl cannot free them."""
     if context.extra is None:
         context.extra = []
     return context.extra
