@@ -101,13 +101,14 @@ def _render(options: argparse.Namespace) -> int:
     context = create_context()
     scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns)
     if shot:
-        for line in differences(shot, describe_shot(scene, shot.camera, settings, background=background, exposures=exposures)):
+        for line in differences(shot, describe_shot(scene, shot.camera, settings, background=background, exposures=exposures,
+                                                     **shot.project_fields)):
             print(f"pointglass: {options.like}: {line}; the picture may differ", file=sys.stderr)
     renderer = Renderer(context, scene, memory=memory)
     _end_of_start()
     try:
         count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=background,
-                                exposures=exposures)
+                                exposures=exposures, like=shot)
     finally:
         renderer.release()
         context.release()

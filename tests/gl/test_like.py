@@ -5,7 +5,14 @@ import pytest
 
 from viewer import cli
 from viewer.camera import from_fov, look_at
+from viewer.settings import Settings
+from viewer.tools.altered_pictures import joined, shot_picture
 from viewer.tools.camera_files import write_camera_path
+from viewer.tools.clip import Box
+from viewer.tools.document import Alterations
+from viewer.tools.files import write_png
+from viewer.tools.look import Look
+from viewer.tools.shot_metadata import KEY, describe_shot, read_shot
 
 
 @pytest.mark.parametrize("view", ["raw", "filled"])
@@ -20,5 +27,74 @@ def test_a_picture_drawn_again_is_the_same_file(tmp_path, view, capsys):
     assert cli.main(["render", scan, *cameras, *look, "--out", str(tmp_path / "a"), "--no-cache"]) == 0
     (made,) = (tmp_path / "a").glob("*.png")
     assert cli.main(["render", scan, "--like", str(made), "--out", str(tmp_path / "b"), "--no-cache"]) == 0
+    assert (tmp_path / "b" / made.name).read_bytes() == made.read_bytes()
+    assert "may differ" not in capsys.readouterr().err
+
+
+def scan_of(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform(0, 4, (40_000, 3)) * (1, 1, 0) + (0, 0, 1)
+    xyz[: len(xyz) // 3, 2] = rng.uniform(1, 2, len(xyz) // 3)
+    np.savetxt(tmp_path / "floor.xyz", np.column_stack([xyz, rng.integers(40, 256, xyz.shape)]), "%.4f %.4f %.4f %d %d %d")
+    return tmp_path / "floor.xyz"
+
+
+ALTERED = {
+    "a clip": Alterations(clips=(Box((2.0, 2.0, 1.0), (1.2, 1.5, 2.0)),)),
+    "colours by height": Alterations(look=Look(colour_by="height", ramp="turbo", point_size=3, edl=0.4)),
+    "tones": Alterations(look=Look(exposure=0.7, temperature=0.4)),
+}
+
+
+@pytest.mark.parametrize("what", list(ALTERED))
+@pytest.mark.parametrize("other", ["", "raw"])
+def test_a_picture_of_a_project_says_what_was_done_to_it_and_is_drawn_again(tmp_path, what, other, capsys):
+    """As F12 saves it: alterations and comparisons are in the metadata, and `render --like` applies them."""
+    from viewer.grid.open_scene import open_scene
+    from viewer.render.context import create_context
+    from viewer.render.renderer import Renderer
+
+    scan = scan_of(tmp_path, 7)
+    scene = open_scene([scan], cache=False)
+    context = create_context()
+    renderer = Renderer(context, scene)
+    camera = from_fov(160, 100, 70, look_at((1.0, 1.2, 2.6), (2.0, 2.5, 1.0)), "shot")
+    shot = describe_shot(scene, camera, Settings(view="filtered"), background="gradient", alterations=ALTERED[what],
+                         other_view=other, split_at=0.4)
+    image = shot_picture(renderer, shot)
+    plain = describe_shot(scene, camera, Settings(view="filtered"), background="gradient")
+    assert not np.array_equal(image, shot_picture(renderer, plain))
+    renderer.release()
+    context.release()
+    made = tmp_path / "shot.png"
+    write_png(made, image, {KEY: shot.text()})
+    assert read_shot(made).alterations == ALTERED[what] and read_shot(made).other_view == other
+    assert cli.main(["render", str(scan), "--like", str(made), "--out", str(tmp_path / "b"), "--no-cache"]) == 0
+    assert (tmp_path / "b" / "shot.png").read_bytes() == made.read_bytes()
+    assert "may differ" not in capsys.readouterr().err
+    assert cli.main(["render", str(scan), "--like", str(made), "--out", str(tmp_path / "c"), "--no-cache", "--aux"]) == 2
+    assert "--aux" in capsys.readouterr().err and not (tmp_path / "c").exists()
+
+
+def test_a_comparison_carries_the_names_of_its_sides():
+    left, right = (np.full((240, 400, 4), level, np.uint8) for level in (100, 200))
+    for side in (left, right):
+        side[..., 3] = 255
+    picture = joined([left, right], "black", ("raw", "neural"), 0.5)
+    assert (picture[100:, :200] == 100).all() and (picture[100:, 200:] == 200).all()
+    for half, level in ((picture[:, :200], 100), (picture[:, 200:], 200)):
+        assert (half < level // 2).any() and (half > 210).any()  # a dark plate, bright letters
+    assert not np.array_equal(picture, joined([left, right], "black", ("raw", "filled"), 0.5))
+
+
+def test_a_neural_picture_drawn_again_is_the_same_file(tmp_path, capsys):
+    pytest.importorskip("torch")
+    scan = scan_of(tmp_path, 9)
+    write_camera_path(tmp_path / "cameras.json", [from_fov(64, 48, 70, look_at((1.0, 1.2, 2.6), (2.0, 2.5, 1.0)))])
+    assert cli.main(["render", str(scan), "--cameras", str(tmp_path / "cameras.json"), "--size", "64x48", "--quality", "fast",
+                     "--device", "cpu", "--out", str(tmp_path / "a"), "--no-cache"]) == 0
+    (made,) = (tmp_path / "a").glob("*.png")
+    assert read_shot(made).weights
+    assert cli.main(["render", str(scan), "--like", str(made), "--out", str(tmp_path / "b"), "--no-cache"]) == 0
     assert (tmp_path / "b" / made.name).read_bytes() == made.read_bytes()
     assert "may differ" not in capsys.readouterr().err

@@ -110,6 +110,22 @@ class Annotation:
 
 
 @dataclass(frozen=True)
+class Alterations:
+    """What of a document changes its pictures besides the settings; the fields are those of :class:`Document`."""
+
+    clips: tuple[Clip, ...] = ()
+    hidden_stations: tuple[int, ...] = ()
+    up: Vector = UP_AXES["z"]
+    look: Look = field(default_factory=Look)
+    lock_measured: bool = False
+
+    @property
+    def none(self) -> bool:
+        """Whether pictures are as without a document.  The up axis matters only to colours by height."""
+        return self == Alterations(up=self.up)
+
+
+@dataclass(frozen=True)
 class Document:
     """Everything that a project file keeps.
 
@@ -131,6 +147,11 @@ class Document:
     settings: Settings = field(default_factory=Settings)
     background: str = "plain"
     lock_measured: bool = False
+
+    @property
+    def alterations(self) -> Alterations:
+        """What changes pictures of the scans."""
+        return Alterations(self.clips, tuple(sorted(self.hidden_stations)), self.up, self.look, self.lock_measured)
 
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:

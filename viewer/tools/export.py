@@ -39,24 +39,38 @@ def parse_shard(text: str) -> tuple[int, int]:
 
 def export_pictures(
     renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False,
-    background: str = "black", exposures: str = "matched",
+    background: str = "black", exposures: str = "matched", like: Shot | None = None,
 ) -> int:  # fmt: skip
     """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask, provenance and stats.  Returns how many.
 
-    background: behind the pictures, a key of viewer.settings.BACKGROUNDS.  exposures: how the scene was opened.  Each picture
-    says inside its PNG how it was made (viewer.tools.shot_metadata).
+    background: behind the pictures, a key of viewer.settings.BACKGROUNDS.  exposures: how the scene was opened.
+    like: a saved picture, whose alterations and comparison are applied to each camera (not with ``aux``).  Each picture says
+    inside its PNG how it was made (viewer.tools.shot_metadata).
 
     The files of one camera appear whole and together, or not at all; a new ``out`` without any does not stay.  A mask needs
     the filter, whatever the view.
     """
+    if aux and like and like.shows_project:
+        raise InputError("--aux: the picture shows clips, colours or a comparison of a project; leave --aux out")
     views = views_with_mask(settings.view) if aux else (settings.view,)
     with out_folder(out), progress(len(cameras), "rendering", "picture") as meter:
         for camera in cameras:
-            frame = renderer.render(camera, settings, views)
-            shot = describe_shot(renderer.scene, camera, settings, background=background, exposures=exposures)
-            write_together(out, _files(frame, shot, aux=aux))
+            shot = describe_shot(renderer.scene, camera, settings, background=background, exposures=exposures,
+                                 **(like.project_fields if like else {}))
+            if shot.shows_project:
+                write_together(out, _altered_file(renderer, shot))
+            else:
+                write_together(out, _files(renderer.render(camera, settings, views), shot, aux=aux))
             meter.update(1)
     return len(cameras)
+
+
+def _altered_file(renderer: "Renderer", shot: Shot) -> dict[str, Callable[[Path], object]]:
+    """The picture of a shot with alterations or two views, as :func:`_files`."""
+    from viewer.tools.altered_pictures import shot_picture
+
+    image = shot_picture(renderer, shot)
+    return {f"{shot.camera.name}.png": lambda path: write_png(path, image, {KEY: shot.text()})}
 
 
 def _files(frame: "Frame", shot: Shot, *, aux: bool) -> dict[str, Callable[[Path], object]]:

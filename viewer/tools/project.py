@@ -34,7 +34,7 @@ def is_project(path: Path) -> bool:
 
 def write_project(path: Path, document: Document) -> None:
     """Writes a document so that an older file stays as it was on any failure.  Raises InputError naming the file."""
-    data = {"pointglass_project": VERSION, "document": _to_json(_with_paths(document, lambda p: _relative(p, path.parent)))}
+    data = {"pointglass_project": VERSION, "document": to_json(_with_paths(document, lambda p: _relative(p, path.parent)))}
     text = json.dumps(data, indent=1, allow_nan=False) + "\n"
     try:
         write_atomic(path, lambda beside: beside.write_text(text, encoding="utf-8"))
@@ -64,7 +64,7 @@ def read_project(path: Path) -> Document:
     if version > VERSION:
         raise InputError(f"{path}: a project of version {version}, this program reads up to {VERSION}; update pointglass")
     try:
-        document = _from_json(Document, data.get("document"), "document")
+        document = from_json(Document, data.get("document"), "document")
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
     return _with_paths(document, lambda p: str(path.parent / p))
@@ -107,17 +107,17 @@ def _with_paths(document: Document, change: typing.Callable[[str], str]) -> Docu
     return dataclasses.replace(document, scans=scans, settings=settings)
 
 
-def _to_json(value):
+def to_json(value):
     """A dataclass, tuple, number, text or None as JSON has it."""
     if dataclasses.is_dataclass(value):
         out = {"type": type(value).__name__} if type(value).__name__ in _TYPES else {}
-        return out | {f.name: _to_json(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return out | {f.name: to_json(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, tuple):
-        return [_to_json(item) for item in value]
+        return [to_json(item) for item in value]
     return value
 
 
-def _from_json(kind, data, where: str):
+def from_json(kind, data, where: str):
     """A value of a type hint from JSON.  Raises InputError naming ``where`` in the file and what was expected."""
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
@@ -129,16 +129,16 @@ def _from_json(kind, data, where: str):
             chosen = _TYPES.get(name) if isinstance(name, str) else None
             if chosen not in options or not isinstance(data, dict):
                 raise InputError(f"{where}.type {name!r}: expected one of {', '.join(part.__name__ for part in options)}")
-            return _from_json(chosen, {key: item for key, item in data.items() if key != "type"}, where)
-        return _from_json(options[0], data, where)
+            return from_json(chosen, {key: item for key, item in data.items() if key != "type"}, where)
+        return from_json(options[0], data, where)
     if origin is tuple:
         if not isinstance(data, list):
             raise InputError(f"{where}: {_shown(data)}: expected a list")
         if len(parts) == 2 and parts[1] is Ellipsis:
-            return tuple(_from_json(parts[0], item, f"{where}[{i}]") for i, item in enumerate(data))
+            return tuple(from_json(parts[0], item, f"{where}[{i}]") for i, item in enumerate(data))
         if len(data) != len(parts):
             raise InputError(f"{where}: {len(data)} values: expected {len(parts)}")
-        return tuple(_from_json(part, item, f"{where}[{i}]") for i, (part, item) in enumerate(zip(parts, data)))
+        return tuple(from_json(part, item, f"{where}[{i}]") for i, (part, item) in enumerate(zip(parts, data)))
     if dataclasses.is_dataclass(kind):
         return _record(kind, data, where)
     if kind is float and isinstance(data, (int, float)) and not isinstance(data, bool):
@@ -162,7 +162,7 @@ def _record(kind, data, where: str):
     for name, item in fields.items():
         if name not in data and item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING:
             raise InputError(f"{where}.{name} is missing")
-    values = {key: _from_json(hints[key], item, f"{where}.{key}") for key, item in data.items()}
+    values = {key: from_json(hints[key], item, f"{where}.{key}") for key, item in data.items()}
     try:
         return kind(**values)
     except InputError as error:

@@ -5,7 +5,7 @@ A PNG text chunk named ``pointglass`` holds one JSON object.  The same picture h
 """
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +15,9 @@ import numpy as np
 from viewer import __version__
 from viewer.camera import Camera
 from viewer.errors import InputError
-from viewer.settings import BACKGROUNDS, Settings
+from viewer.settings import BACKGROUNDS, VIEWS, Settings
+from viewer.tools.document import Alterations
+from viewer.tools.project import from_json, to_json
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -31,6 +33,8 @@ class Shot:
 
     background: a key of viewer.settings.BACKGROUNDS.  exposures: of EXPOSURES.  scans: names of the scan files; points: of the
     scene.  weights: first digits of the weights file's SHA-256, "" where no network ran.  version: of pointglass.
+    alterations: of the project, none for `render`.  other_view: of a comparison, the view at the right of ``split_at``, a share
+    of the width; "" for a single picture.
     """
 
     camera: Camera
@@ -41,21 +45,39 @@ class Shot:
     points: int
     weights: str = ""
     version: str = __version__
+    alterations: Alterations = field(default_factory=Alterations)
+    other_view: str = ""
+    split_at: float = 0.5
+
+    @property
+    def project_fields(self) -> dict:
+        """Arguments of :func:`describe_shot` that a project adds."""
+        return {"alterations": self.alterations, "other_view": self.other_view, "split_at": self.split_at}
+
+    @property
+    def shows_project(self) -> bool:
+        """Whether the picture shows more than a camera and settings say: alterations, or two views."""
+        return bool(self.other_view) or not self.alterations.none
 
     def text(self) -> str:
         """The JSON that the PNG keeps."""
+        more: dict = {} if self.alterations.none else {"alterations": to_json(self.alterations)}
+        if self.other_view:
+            more["comparison"] = {"view": self.other_view, "split_at": self.split_at}
         return json.dumps({
             "version": self.version, "scans": list(self.scans), "points": self.points, "exposures": self.exposures,
             "background": self.background, "weights": self.weights, "settings": asdict(self.settings),
-            "camera": camera_fields(self.camera),
+            "camera": camera_fields(self.camera), **more,
         })
 
 
-def describe_shot(scene: "Scene", camera: Camera, settings: Settings, *, background: str, exposures: str = "matched") -> Shot:
-    """The description of a picture of ``scene``."""
+def describe_shot(scene: "Scene", camera: Camera, settings: Settings, *, background: str, exposures: str = "matched",
+                  alterations: Alterations | None = None, other_view: str = "", split_at: float = 0.5) -> Shot:
+    """The description of a picture of ``scene``; arguments as the fields of :class:`Shot`."""
     scans = tuple(Path(source).name for source in scene.meta.get("sources") or [])
-    weights = _weights_digest(settings) if settings.view == "neural" else ""
-    return Shot(camera, settings, background, exposures, scans, scene.count, weights)
+    weights = _weights_digest(settings) if "neural" in (settings.view, other_view) else ""
+    return Shot(camera, settings, background, exposures, scans, scene.count, weights,
+                alterations=alterations or Alterations(), other_view=other_view, split_at=split_at)
 
 
 def _weights_digest(settings: Settings) -> str:
@@ -110,10 +132,16 @@ def read_shot(path: Path) -> Shot:
     try:
         found = json.loads(text)
         settings = {key: value for key, value in found["settings"].items() if key in {field.name for field in fields(Settings)}}
+        altered = found.get("alterations")
+        comparison = found.get("comparison") or {}
         shot = Shot(_camera(found["camera"], str(path)), Settings(**settings), found["background"], found["exposures"],
-                    tuple(map(str, found["scans"])), int(found["points"]), str(found["weights"]), str(found["version"]))
+                    tuple(map(str, found["scans"])), int(found["points"]), str(found["weights"]), str(found["version"]),
+                    Alterations() if altered is None else from_json(Alterations, altered, "alterations"),
+                    str(comparison.get("view", "")), float(comparison.get("split_at", 0.5)))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise InputError(f"{path}: its description is damaged; give --cameras instead") from None
+    if shot.other_view and (shot.other_view not in VIEWS or not 0 <= shot.split_at <= 1):
+        raise InputError(f"{path}: its description is damaged; give --cameras instead")
     if shot.background not in BACKGROUNDS or shot.exposures not in EXPOSURES:
         raise InputError(f"{path}: its background {shot.background!r} or exposures {shot.exposures!r} are unknown; it was made "
                          f"by pointglass {shot.version}, this is {__version__}")
