@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 _MAX_STATIONS = 255
-"""Stations that can be told apart: a point's station number has 8 bits, and later stations share one number."""
+"""Stations that are distinguished: a point's station number has 8 bits, and later stations share one number."""
 
 
 def station_positions_of(positions: Iterable[Sequence[float] | None]) -> np.ndarray:

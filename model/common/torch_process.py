@@ -9,8 +9,12 @@ Without :func:`prepare_inference` a network gives the same pictures, but slower:
 processors.  Only fp32 networks on CUDA then differ, because cuDNN may round their inputs to TF32.
 """
 
+import logging
+
 from model.common.memory import keep_freed_memory
 from model.common.processors import usable_processors
+
+_log = logging.getLogger(__name__)
 
 
 def prepare_inference() -> None:
@@ -18,7 +22,7 @@ def prepare_inference() -> None:
     TF32 has, are not called exact)."""
     import torch
 
-    keep_freed_memory()
+    _keep_memory()
     torch.set_num_threads(usable_processors())
     torch.backends.cudnn.allow_tf32 = False
 
@@ -27,5 +31,10 @@ def prepare_training() -> None:
     """Keeps freed memory for the next step, and lets CUDA multiply fp32 as TF32.  The number of threads stays torch's own."""
     import torch
 
-    keep_freed_memory()
+    _keep_memory()
     torch.backends.cuda.matmul.allow_tf32 = torch.backends.cudnn.allow_tf32 = True
+
+
+def _keep_memory() -> None:
+    if not keep_freed_memory():
+        _log.info("this C library cannot keep freed memory: networks on the CPU run slower")

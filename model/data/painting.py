@@ -22,7 +22,7 @@ from model.data.dataset import DataError, TruePicture
 
 SIDE = 128
 """Texels along a side of a texture: the size of ambientCG's thumbnails."""
-LEVELS = 7
+LEVELS = SIDE.bit_length() - 1
 """Mip levels: 128 down to 2 texels a side."""
 SHEET_FIRST, SHEET_ACROSS, SHEET_DOWN, SHEET_COLUMNS, SHEET_TRIM = 16, 144, 176, 7, 3
 """Layout of ambientCG's thumbnail sheets, pixels (data/textures/README.md): first cell, cell width and height, columns, and

@@ -116,8 +116,8 @@ def load_scene(folder: Path) -> StationScene:
     except FileNotFoundError:
         raise DataError(f"{folder}: {'no scene.json in this folder' if folder.exists() else 'no such folder'}") from None
     except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        said = error if isinstance(error, (OSError, ValueError)) else repr(error)
-        raise DataError(f"{folder / 'scene.json'}: not a scene description ({said})") from None
+        reason = error if isinstance(error, (OSError, ValueError)) else repr(error)
+        raise DataError(f"{folder / 'scene.json'}: not a scene description ({reason})") from None
     shots = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
     pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in shots for name in (s.rgb_file, s.depth_file))
     if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in shots]):

@@ -8,6 +8,7 @@ are averaged (DistributedDataParallel), and the first process writes the results
 """
 
 import json
+import logging
 import math
 import os
 import pickle
@@ -32,6 +33,8 @@ from model.train.torchrun import Process, of_the_first, processes
 from model.train.training_log import TrainingLog
 from model.unet import make_network
 from model.weights import WeightsError, load_weights, save_weights, weights_name
+
+_log = logging.getLogger(__name__)
 
 DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "crop", "recolour", "rate", "warmup",
             "perceptual_weight", "coverage_weight", "steady_weight", "structure_weight", "average")
@@ -137,6 +140,7 @@ class Trainer:
         self.step, self.spent, self.saved, self.between_steps = 0, 0.0, 0, True
         # without bf16 multiplication in hardware a step in bf16 takes three times as long as in fp32
         self.mixed = process.device.type == "cuda" or fast_precision("cpu") == "bf16"
+        _log.info("training on %s, convolutions in %s", process.device, "bf16" if self.mixed else "fp32")
         self.checkpoint = config.state / "checkpoint.pt"
         self.model: nn.Module = self.network
 

@@ -40,7 +40,7 @@ class BackgroundRunner:
     def _capture(self, make: Callable[..., Runner], network: "Reconstructor", height: int, width: int) -> None:
         try:
             captured = make(network, height, width)
-        except Exception as error:  # eager keeps working; what is wrong with the device itself, its next run raises
+        except RuntimeError as error:  # CUDA's; a failed device makes the next run raise, and other exceptions are bugs
             log.warning("The network runs call by call: capturing its graph failed (%s)", error)
             return
         with self._lock:
