@@ -29,7 +29,8 @@ def test_each_copy_holds_what_the_buffers_held_when_it_was_made(context, kind, s
         assert held is not None and any(np.array_equal(held, other) for other in expected.values())
         assert ring.read(number - SLOTS) is None and ring.read(number + 1) is None
     for number in range(9, 12):
-        assert np.array_equal(ring.read(number), expected[number])
+        held = ring.read(number)
+        assert held is not None and np.array_equal(held, expected[number])
     for owned in (ring, first, second):
         owned.release()
 

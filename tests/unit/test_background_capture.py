@@ -39,11 +39,11 @@ def engine():
 
 
 def test_pictures_do_not_wait_for_the_capture_and_use_it_once_it_is_there(engine):
-    runner = BackgroundRunner(None, 4, 4, make=engine)
-    assert [runner(number) for number in range(3)] == [("eager", number) for number in range(3)]
+    runner = BackgroundRunner(None, 4, 4, make=engine)  # type: ignore[arg-type]
+    assert [runner(number) for number in range(3)] == [("eager", number) for number in range(3)]  # type: ignore[arg-type]
     engine.gate.set()
     runner.settle()
-    assert runner(7) == ("graph", 7) and runner.name == "graph"
+    assert runner(7) == ("graph", 7) and runner.name == "graph"  # type: ignore[arg-type]
     assert engine.threads and threading.current_thread().name not in engine.threads
     runner.release()
 
@@ -51,9 +51,10 @@ def test_pictures_do_not_wait_for_the_capture_and_use_it_once_it_is_there(engine
 def test_a_capture_that_fails_leaves_the_network_running_and_says_so(engine, caplog):
     engine.fails = True
     engine.gate.set()
-    runner = BackgroundRunner(None, 4, 4, make=engine)
+    runner = BackgroundRunner(None, 4, 4, make=engine)  # type: ignore[arg-type]
     runner.settle()
-    assert runner(1) == ("eager", 1) and "capturing its graph failed" in caplog.text
+    assert runner(1) == ("eager", 1)  # type: ignore[arg-type]
+    assert "capturing its graph failed" in caplog.text
     runner.release()
 
 
@@ -64,7 +65,7 @@ def test_a_capture_that_ends_after_the_release_is_released(engine):
         made.append(engine(*arguments, **named))
         return made[-1]
 
-    runner = BackgroundRunner(None, 4, 4, make=make)
+    runner = BackgroundRunner(None, 4, 4, make=make)  # type: ignore[arg-type]
     runner.release()
     engine.gate.set()
     runner._thread.join(20)

@@ -94,10 +94,10 @@ class BenchRenderer(Renderer):
         usual = super()._soft_z(settings)
         return usual if self.soft is None else replace(usual, relative=self.soft)
 
-    def _neural_for(self, settings: Settings) -> "NeuralStage":
+    def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
         from viewer.render.neural import load_network
 
-        stage = super()._neural_for(settings)
+        stage = super()._neural_for(settings, background=background)
         quality, filtered, weights, precision, _ = stage.key
         stage.network = self.network or load_network(quality, filtered, weights, precision, stage.device)  # type: ignore[assignment]
         return stage

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from viewer.render.frame import Frame
 
 SHOWS_POINTS = ("raw", "filtered")
-"""Views in which point size and eye-dome lighting act: the others have no points left."""
+"""Views in which point size and eye-dome lighting apply: only these show points."""
 _KINDS = {"raw": 0, "filtered": 1, "filled": 1, "neural": 2}
 
 
 def needs(look: Look, view: str, *, tint: bool, lock: bool) -> bool:
-    """Whether a picture of ``view`` is developed at all; where not, the frame's own texture is what is shown."""
+    """Whether a picture of ``view`` is developed at all; otherwise the frame's own texture is shown."""
     return tint or look.develops or (look.shapes_points and view in SHOWS_POINTS) or (lock and view == "neural")
 
 
@@ -67,7 +67,7 @@ class Developer:
 
     def _shaped(self, picture: "moderngl.Texture", depth: "moderngl.Texture", mask: "moderngl.Texture | None",
                 look: Look) -> "moderngl.Texture":
-        """Points as discs, always: it also gives eye-dome lighting the depth of those pixels that are shown; then lit."""
+        """Draws points as discs, which also gives eye-dome lighting the depth of the pixels shown; then lights them."""
         if self._disc != look.point_size or self._offsets is None:
             offsets = np.array(disc(look.point_size), np.int32)
             if self._offsets is not None:
@@ -104,7 +104,7 @@ class Developer:
 
 
 class DevelopedViews:
-    """The developed pictures of a frame, made once each and kept until the frame or the look is another."""
+    """The developed pictures of a frame, each made once and kept until the frame or the look changes."""
 
     def __init__(self, programs: shader.Programs):
         self._programs = programs
@@ -112,7 +112,7 @@ class DevelopedViews:
         self._made: dict[str, tuple[Frame, tuple, moderngl.Texture]] = {}
 
     def texture(self, frame: "Frame", view: str, look: Look, *, tint: bool, lock: bool) -> "moderngl.Texture":
-        """A view of the frame as the look has it: the frame's own texture where nothing changes it."""
+        """A view of the frame with the look applied: the frame's own texture where the look changes nothing."""
         plain = frame.textures[view]
         if (tint or lock) and view != "raw" and "filtered" not in frame.textures:
             tint = lock = False  # of the frame before they were asked for

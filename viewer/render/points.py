@@ -1,8 +1,9 @@
 """The scene's packed points on the GPU: a pool of slots, a chunk of points each, in pages no larger than a storage block.
 
-A scene that fits its budget has a slot for each chunk, chunk c in slot c; a larger one comes and goes by need.  Either way
-opening waits for the coarse layers only.  What an exact picture needs is waited for, in rounds that each fit the pool; a moving
-one is drawn with what is there, and more arrives, coarse chunks first, so many bytes a frame.
+A scene that fits its budget has a slot for each chunk, chunk c in slot c; chunks of a larger one are loaded and evicted as
+needed.  In both cases opening waits for the coarse layers only.  An exact picture waits for all points it needs, in rounds that
+each fit the pool; a moving one is drawn with the resident points, and more arrive, coarse chunks first, a limited number of
+bytes a frame.
 
 Point p of chunk c = p // chunk_points is in page slot_of_chunk[c] // slots_per_page, at the index
 (slot_of_chunk[c] % slots_per_page) * chunk_points + p % chunk_points.  Neighbouring chunks need not be neighbours there,
@@ -33,12 +34,13 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 UPLOAD = 32 << 20
-"""Bytes of points uploaded in one frame of a moving picture, at most."""
+"""Bytes of points uploaded in one frame of a moving picture at most.  How it was chosen is not recorded."""
 UPLOAD_SECONDS = 0.008
-"""After which a frame of a moving picture uploads no more, one chunk at least."""
+"""Seconds after which a frame of a moving picture uploads no more, one chunk at least: half of a frame at 60 frames/s."""
 LEAST_SLOTS = 16
+"""Slots of a pool at least, so that two of them can be pinned (Residency) and rounds do not get too many."""
 SOFTWARE_PAGE = 32 << 20
-"""Bytes of a page in software OpenGL, where making one means writing zeros over it: made when first needed."""
+"""Bytes of a page in software OpenGL, where allocation zeroes the memory: pages are small and allocated when first needed."""
 _TAIL = BATCH * POINT_BYTES
 
 log = logging.getLogger(__name__)
@@ -49,12 +51,12 @@ class PointPages:
 
     storage_limit: bytes of a storage block.  software: OpenGL runs on the processor (None: ask).
     budget: bytes all buffers together may take; None: a share of what the device has free (viewer.render.gpu_memory).
-    read_ahead: bytes of main memory for chunks on their way.  upload: bytes uploaded in a frame while streaming.
-    overview: points that a first picture waits for at most, where all fit.
+    read_ahead: bytes of main memory for prefetched chunks.  upload: bytes uploaded in a frame while streaming.
+    overview: points that a first picture waits for at most, where the whole scene fits.
     wake: called on another thread when a chunk has arrived.
     Raises InputError where the points cannot be read or the budget is too small, DeviceError where there is no memory.
 
-    After each ``prepare``, in points of the draw list: ``missing``, on their way; ``left_out``, more than the pool holds;
+    After each ``prepare``, in points of the draw list: ``missing``, still loading; ``left_out``, more than the pool holds;
     ``lost``, unreadable.  ``problem``: the first thing that went wrong while streaming, in one line, or None.
     ``budget``, ``budget_source``: bytes, and where the figure comes from.  ``short``: the device refused as much as was asked
     for, and the budget was halved until it did not.
@@ -100,9 +102,9 @@ class PointPages:
             self.residency = Residency(total, slots, chunk_points=self.chunk_points, pinned=pinned)
             self._bad = np.zeros(self.residency.chunks, bool)
             nothing = np.empty(0, np.int64)
-            self.residency.need(nothing, nothing)  # compiled now, or read from the cache, and not in the first frame
+            self.residency.need(nothing, nothing)  # loads the compiled loop now, not in the first frame
             self._whole = Round(0, total, np.arange(self.residency.chunks))
-            self._wanted = nothing  # by the last draw list of a moving picture, ascending
+            self._wanted = nothing  # chunks of the last draw list of a moving picture, ascending
             ahead = opening_chunks(scene, self.chunk_points, overview) if whole else pinned
             self.load(Round(0, total, self._whole.chunks[:ahead]))
         except BaseException:
@@ -162,7 +164,7 @@ class PointPages:
         first = len(self.buffers) * self.slots_per_page
         points = min(self.slots_per_page, slots - first) * self.chunk_points
         whole = slots * self.chunk_points >= total
-        if whole:  # no room for what is not there; and one batch more, for a rasteriser that cuts from a run's start
+        if whole:  # no more than the scene; and one batch more, for a rasteriser that cuts batches from a run's start
             points = min(points + BATCH, total - first * self.chunk_points)
         self.buffers.append(self._context.buffer(reserve=points * POINT_BYTES, dynamic=not whole))
 
@@ -173,7 +175,7 @@ class PointPages:
 
     @property
     def nbytes(self) -> int:
-        """Bytes the buffers take."""
+        """Bytes of all buffers."""
         return sum(buffer.size for buffer in self.buffers)
 
     @property
@@ -183,17 +185,17 @@ class PointPages:
 
     @property
     def pending(self) -> bool:
-        """Whether points of the last draw list are still on their way."""
+        """Whether points of the last draw list are still loading."""
         return self.missing > 0
 
     @property
     def staging(self) -> int:
-        """Bytes of main memory that chunks on their way take."""
+        """Bytes of main memory that hold chunks being loaded."""
         return self._reader.memory
 
     @property
     def approximations(self) -> list[str]:
-        """What the last prepared picture lacks, in words."""
+        """Points that the last prepared picture lacks, in words."""
         said = []
         asked = max(1, int(self.residency.tally.sum()))
         if self.missing:
@@ -205,7 +207,7 @@ class PointPages:
         return said
 
     def prepare(self, first: np.ndarray, count: np.ndarray, *, streaming: bool = False) -> list[Round]:
-        """What to draw of a draw list (first, count: (R,) int64, runs of points), in rounds: ``load`` one, draw its part.
+        """The rounds in which a draw list is drawn (first, count: (R,) int64, runs of points): ``load`` one, draw its part.
 
         streaming: one round, of which the chunks that are there are drawn (the others have no slot); the rest is read
         in the background.  Otherwise every point is drawn, in as many rounds as the pool asks for.
@@ -216,7 +218,7 @@ class PointPages:
             return [self._whole]
         needed = residency.need(first, count)
         if not streaming:
-            self._grow(residency.reach(needed))  # now: buffers stay the same while rounds are drawn
+            self._grow(residency.reach(needed))  # before the rounds, during which the buffers must not change
             return residency.rounds(needed)
         wanted = residency.fitting(needed[~self._bad[needed]])
         self._wanted = wanted
@@ -228,7 +230,7 @@ class PointPages:
         return [Round(0, residency.points, needed[:0])]
 
     def _grow(self, slots: int) -> None:
-        """Has the pages of the first ``slots`` slots there."""
+        """Allocates the pages of the first ``slots`` slots."""
         while len(self.buffers) * self.slots_per_page < slots:
             self._make_page(self.residency.points, self.residency.slots)
 
@@ -244,17 +246,17 @@ class PointPages:
         self._rest()
 
     def load_all(self) -> None:
-        """Waits for every point, where there is a slot for each: what is timed from then on loads nothing."""
+        """Waits for every point, where there is a slot for each, so that timed frames load nothing."""
         if self.residency.holds_all:
             self.load(self._whole)
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is being read though there is room for more: :meth:`take_in` would see to it."""
+        """Whether nothing is being read although slots are free: :meth:`take_in` would request more."""
         return self.residency.holds_all and not self.residency.complete and self._reader.left == 0
 
     def take_in(self, seconds: float = UPLOAD_SECONDS) -> bool:
-        """Between two frames: uploads what has arrived, as much as a frame may, for ``seconds`` or a little longer, and asks
+        """Between two frames: uploads arrived chunks, as many as a frame may, for about ``seconds`` seconds, and requests
         for what the last draw list lacks, then, where there is a slot for each, for all others.
 
         Returns whether more is waiting.
@@ -268,7 +270,7 @@ class PointPages:
         return self.arrived
 
     def _receive(self, wanted: np.ndarray, seconds: float = UPLOAD_SECONDS) -> None:
-        """Uploads what has arrived of the chunks ``wanted``, as much as a frame may, and asks for those still missing."""
+        """Uploads arrived chunks among ``wanted``, as many as a frame may, and requests those still missing."""
         residency = self.residency
         chunks, slots = residency.plan(wanted)
         self._reader.request(chunks)
@@ -289,7 +291,7 @@ class PointPages:
         self._rest()
 
     def _rest(self) -> None:
-        """Lets the reader go once nothing is left to read."""
+        """Closes the reader once nothing is left to read."""
         if self.residency.complete:
             self._reader.close()
 
@@ -303,7 +305,7 @@ class PointPages:
 
     @property
     def size(self) -> int:
-        """Points a full page holds, without those repeated behind it."""
+        """Points in a full page, without those repeated at its end."""
         return self.slots_per_page * self.chunk_points
 
     def release(self) -> None:

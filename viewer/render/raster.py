@@ -1,11 +1,11 @@
-"""Points to picture: what two rasterisers share, the soft z-buffer, and the raw picture with its depth.
+"""From points to the raw picture and its depth: the common part of the two rasterisers, with the soft z-buffer.
 
 Both draw every point as 1x1 pixels in two passes (paper, "Point Cloud Projection"): nearest depth, then whole-number
 colour sums of the points within a tolerance behind it.  viewer.render.raster_compute uses compute shaders and integer atomics,
-viewer.render.raster_points OpenGL point primitives with MIN blending; the same expressions choose the pixel in both, and the
-bytes are the same.
-Where the scanner positions are known, points are weighted by how nearly their scanner looked the way the eye looks
-(model/station_weights.py).  ``weight`` has what each pixel's points weigh together, or how many there are.
+viewer.render.raster_points OpenGL point primitives with MIN blending; both choose the
+pixel by the same expressions, and make the same bytes (on a GPU: within the tolerance of viewer.render.device_class).
+View-dependent blending: where scanner positions are known, points are weighted by the angle between the viewing ray and their
+scanner's ray (model/station_weights.py).  ``weight`` holds the sum of each pixel's weights, or the number of its points.
 Pictures larger than a storage block are made in bands of rows; points that do not fit the GPU together come in rounds, depth
 first to last, colours last to first.
 """
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from viewer.stream.residency import Round
 
 _SUM_BYTES, _WIDE_SUM_BYTES, _CARRY_BYTES = 8, 16, 16  # a pixel, in common_sums.glsl
-_CARRY_HEAD = 16  # the command of the pass over what was carried
+_CARRY_HEAD = 16  # bytes of the indirect command of the pass over pixels with carries
 _CLEAR_LANES, _CLEAR_GROUPS = 256, 1024
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
@@ -55,8 +55,8 @@ class Rasteriser:
     ``weight`` (R8: MAX_AVERAGED / 255 at most), row 0 at the top."""
 
     kind = ""
-    from_keys: int | None = None  # nearest depths come as inverted bits in a buffer, not in a texture
-    overlap = 0  # points behind a page's end that a batch may take in
+    from_keys: int | None = None  # 1: nearest depths are inverted bits in a buffer, not a texture
+    overlap = 0  # points behind a page's end that a batch may include
 
     table: BatchTable
     hider: "HiddenCells | None" = None
@@ -74,7 +74,7 @@ class Rasteriser:
         self.wide_sums = device.atomics_64 and not device.software
         self.sums = context.buffer(reserve=(_WIDE_SUM_BYTES if self.wide_sums else _SUM_BYTES) * width * self.band_rows)
         self.carries = context.buffer(reserve=_CARRY_HEAD + _CARRY_BYTES * width * self.band_rows)
-        self._clean = False  # whether the carries are zero, as resolve.comp leaves them
+        self._clean = False  # whether the carries are zero, to which resolve.comp resets them
         self._clear = None if device.software else programs.compute("clear.comp", CLEAR_LANES=_CLEAR_LANES)
         self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
         self.cells = Grown(context, orphans=not device.software)
@@ -88,7 +88,7 @@ class Rasteriser:
         self._resolves = [programs.compute("resolve.comp", CARRIED=carried, **constants) for carried in (None, 1)]
         self.edits = context.buffer(reserve=EDITS_BLOCK.itemsize, dynamic=True)
         self.weighted = False  # whether points have weights in this picture
-        self.edited = False  # whether some are dropped or recoloured
+        self.edited = False  # whether edits remove or recolour points in this picture
 
     def run(self, pages: "PointPages", draw: DrawList, camera: "Camera", soft: "SoftZ", rounds: "list[Round]", *,
             history: History | None = None, stations: np.ndarray | None = None, edits: bytes | None = None) -> bool:
@@ -119,7 +119,7 @@ class Rasteriser:
             record["size"] = (width, height, first_row, rows)
             self.frame.write(record.tobytes())
             self.zero(self.sums, *(() if self._clean else (self.carries,)))
-            if not self._clean:  # of the first band, which no other exceeds
+            if not self._clean:  # for the first band; later bands are not larger
                 self.carries.write(np.array([0, shader.groups(width, rows)[1], 1, 0], np.uint32))
             self._clean = False
             if hiding and history is not None:
@@ -138,8 +138,8 @@ class Rasteriser:
         return hiding
 
     def zero(self, *buffers: "moderngl.Buffer") -> None:
-        """Sets buffers to zero.  moderngl maps them for that, which on a GPU waits for whatever uses them, and is quickest in
-        software."""
+        """Sets buffers to zero: on a GPU by a shader; in software by moderngl, which maps them.  Mapping is fastest there, and
+        on a GPU would wait for all work that uses them."""
         for buffer in buffers:
             if self._clear is None:
                 buffer.clear()
@@ -151,7 +151,7 @@ class Rasteriser:
             self.context.memory_barrier()
 
     def _weigh(self, stations: np.ndarray | None) -> "list[moderngl.ComputeShader]":
-        """Takes note of where the stations are; returns the programs of the last steps."""
+        """Uploads the scanner positions; returns the programs of the last steps."""
         self.weighted = stations is not None
         if stations is not None:
             self.stations.write(stations)
@@ -170,7 +170,7 @@ class Rasteriser:
 
     @property
     def variant(self) -> dict[str, object]:
-        """Constants of the programs that differ where points are dropped or recoloured."""
+        """Constants of the programs that differ where edits remove or recolour points."""
         return dict(EDITED) if self.edited else {}
 
     @property
@@ -184,7 +184,7 @@ class Rasteriser:
         self.light.bind_to_storage_buffer(BINDINGS["LIGHT"])
 
     def _bring(self, pages: "PointPages", draw: DrawList, part: "Round", group: np.ndarray | None = None) -> None:
-        """Has the points of a round on the GPU and its batches in ``table``."""
+        """Loads the points of a round to the GPU and fills ``table`` with its batches."""
         if part is self._loaded:
             return
         if not pages.residency.complete:
@@ -199,7 +199,7 @@ class Rasteriser:
         raise NotImplementedError
 
     def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
-        """The same without cells that are hidden, for the whole picture."""
+        """The same without hidden cells, for the whole picture in one band."""
         raise NotImplementedError
 
     def release(self) -> None:

@@ -1,6 +1,6 @@
-"""The compute rasteriser: a workgroup a few batches of points, integer atomics (after Schuetz et al. 2021).
+"""The compute rasteriser: workgroups that draw batches of points with integer atomics (after Schuetz et al. 2021).
 
-See viewer.render.raster; the only one that can leave out hidden cells (viewer.render.occlusion).
+See viewer.render.raster.  Only this rasteriser supports occlusion culling (viewer.render.occlusion).
 """
 
 from typing import TYPE_CHECKING
@@ -41,7 +41,7 @@ class ComputeRasteriser(Rasteriser):
         self._steps: dict[tuple[bool, bool, int | None], list[moderngl.ComputeShader]] = {}
 
     def _passes(self, appended: int | None = None) -> list[moderngl.ComputeShader]:
-        """Depth and colour.  appended: 1 for the list that the hider makes."""
+        """Programs of depth and colour.  appended: 1 for the list of batches that occlusion culling adds."""
         key = self.weighted, self.edited, appended
         if key not in self._steps:
             self._steps[key] = [

@@ -79,7 +79,7 @@ class PointRasteriser(Rasteriser):
         self._draw_all(pages, draw, rounds[::-1], 1)
         context.disable(moderngl.PROGRAM_POINT_SIZE)
         context.memory_barrier()
-        self._default.use()  # ours must not stay bound: they are released with the picture size
+        self._default.use()  # this object's framebuffers are released with the picture size and must not stay bound
         self.nearest.use(0)
 
     def _draw_all(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", number: int) -> None:

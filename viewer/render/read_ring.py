@@ -84,7 +84,8 @@ class _Slot:
             if status not in _REACHED:
                 raise DeviceError(f"the GPU did not answer within {timeout:.0f} s, or was lost; start pointglass again")
             self._forget()
-        return np.frombuffer((ctypes.c_uint32 * (self._used // 4)).from_address(self._address), np.uint32)
+        words = (ctypes.c_uint32 * (self._used // 4)).from_address(self._address)
+        return np.ctypeslib.as_array(words)
 
     def _forget(self) -> None:
         fence, self._fence = self._fence, None

@@ -1,4 +1,4 @@
-"""GLSL from files: includes with line numbers kept, and constants that host and shader share written once.
+"""GLSL from files: includes that keep line numbers, and constants that host and shaders share.
 
 ``#include "common_x.glsl"`` is resolved here, with ``#line`` so that a driver's message names a line of a file; the file
 numbers it uses are listed in the error raised.  Binding points and workgroup sizes live in this module and reach every
@@ -7,29 +7,27 @@ shader as ``#define``s.
 
 import re
 from functools import cache
-from typing import TYPE_CHECKING
+
+import moderngl
 
 from viewer.errors import DeviceError
 from viewer.paths import shaders_dir
 
-if TYPE_CHECKING:
-    import moderngl
-
 TILE = (16, 8)
-"""Pixels a workgroup of an image pass covers."""
+"""Pixels (width, height) that a workgroup of an image pass covers: 128 invocations, a multiple of every GPU's wave."""
 BATCH = 256
-"""Points of a batch at most, all of one cell: what the compute rasteriser's workgroups take, ROWS each."""
+"""Points of a batch at most, all of one cell.  128 to 512 differ by 5 % in software OpenGL; open on GPUs."""
 STRETCH = 8
-"""Workgroups that a thread of software OpenGL is dealt at a time: both passes over four scans took 0.92 to 1 of the time of
-one stretch for each of two threads; dealt singly up to 1.06, when both draw into the same pixels."""
+"""Consecutive workgroups that go to one thread of software OpenGL.  Both passes over four scans took 0.92 to 1 of the time of
+one contiguous half for each of two threads; with 1 up to 1.06, because both threads then draw into the same pixels."""
 
 BINDINGS = {
     "FRAME": 0, "STATIONS": 1, "EDITS": 2,
     "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6,
     "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "FLAGS": 7, "CARRY": 7,
 }  # fmt: skip
-"""Uniform blocks FRAME, STATIONS and EDITS; storage blocks the rest.  OpenGL 4.3 promises eight: those of passes that never
-meet share one."""
+"""Binding points: FRAME, STATIONS and EDITS are uniform blocks, the rest storage blocks.  OpenGL 4.3 guarantees eight of
+those, so blocks that no pass uses together share a number."""
 
 EXTENSIONS = {"WIDE_SUMS": ("GL_ARB_gpu_shader_int64", "GL_NV_shader_atomic_int64")}
 """GLSL extensions that a shader with the named define needs."""
@@ -75,7 +73,7 @@ def _explain(error: Exception, names: list[list[str]]) -> DeviceError:
 
 
 class Programs:
-    """Owns the programs of a context; each is compiled once, whatever sizes come and go."""
+    """Owns the programs of a context; each is compiled once, whatever picture sizes are used."""
 
     def __init__(self, context: "moderngl.Context"):
         self.context = context
@@ -88,7 +86,7 @@ class Programs:
             text, files = source(name, defines)
             try:
                 self._made[key] = self.context.compute_shader(text)
-            except Exception as error:
+            except moderngl.Error as error:
                 raise _explain(error, [files]) from None
         return self._made[key]  # type: ignore[return-value]
 
@@ -101,7 +99,7 @@ class Programs:
             )
             try:
                 self._made[key] = self.context.program(vertex_shader=vertex_text, fragment_shader=fragment_text)
-            except Exception as error:
+            except moderngl.Error as error:
                 raise _explain(error, [vertex_files, fragment_files]) from None
         return self._made[key]  # type: ignore[return-value]
 
