@@ -226,8 +226,8 @@ TEXT, NUMBER = b' type="String"><![CDATA[what]]></', b' type="Integer">5</'
     (rb"<intensityLimits .*?</intensityLimits>", b"<intensityLimits" + NUMBER + b"intensityLimits>", None),
     (rb"<colorRed [^>]*>(</colorRed>)?", b"<colorRed" + TEXT + b"colorRed>", None),
     (rb"<data3D .*</data3D>", b"<data3D" + NUMBER + b"data3D>", "no scans"),
-    (rb"<vectorChild .*</data3D>", b"<vectorChild" + NUMBER + b"vectorChild></data3D>", "scan 1 is none"),
-    (rb"<points .*</points>", b"<points" + NUMBER + b"points>", "the points of 'one' are none"),
+    (rb"<vectorChild .*</data3D>", b"<vectorChild" + NUMBER + b"vectorChild></data3D>", "data3D[0] is not a Structure"),
+    (rb"<points .*</points>", b"<points" + NUMBER + b"points>", "data3D[0]/points is not a CompressedVector"),
 ])  # fmt: skip
 def test_e57_entries_of_another_kind_are_left_out_or_refused(tmp_path, old, new, said):
     xyz, rgb = surface(100)

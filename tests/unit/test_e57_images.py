@@ -280,7 +280,7 @@ def test_masks_say_where_a_picture_is_valid(points, tmp_path):
 
 
 @pytest.mark.parametrize(("change", "told"), [
-    ({"kind": "visualReference"}, "looking at only"), ({"kind": "cylindrical"}, "cylindrical"),
+    ({"kind": "visualReference"}, "visual reference"), ({"kind": "cylindrical"}, "cylindrical"),
     ({"quaternion": None}, "no usable pose"), ({"quaternion": (0.0, 0.0, 0.0, 0.0)}, "no usable pose"),
     ({"more": {"dist:distortion": 0.1}}, "distortion"),
 ])  # fmt: skip
@@ -337,7 +337,7 @@ def test_missing_fields_and_pictures_are_refused_by_name(points, tmp_path):
 
 
 def test_entries_of_another_kind_are_refused_or_said(points, tmp_path):
-    for name, told in (("pixelWidth", "focal length"), ("pngImage", "has no pngImage but something else"),
+    for name, told in (("pixelWidth", "focal length"), ("pngImage", "its pngImage is not a Blob"),
                        ("pinholeRepresentation", ""), ("pose", ""), ("images2D", None)):  # fmt: skip
         tag = name.encode()
         path = write_photos(tmp_path / "a.e57", [pinhole((0, 0, 0), 0.3)], *points)

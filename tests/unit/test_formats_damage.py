@@ -179,7 +179,7 @@ HEADERS = [
     ("a.csv", b"lon,lat,h\n1,2,3\n", "names no x, y, z"),
     ("a.txt", b"a letter\nto nobody\n", "holds no rows of numbers"), ("a.xyz", b"1 2\n3 4\n", "holds no rows of numbers"),
     ("a.xyz", b"1 2 3\n4 5 6\n7 8\n", "line 3 has 2 values where 3 are expected: '7 8', the file is truncated"),
-    ("a.xyz", b"1 2 3 4 5\n" * 3, "5 columns and no header"), ("a.xyz", b"1 2 3" + b" " * (1 << 17), "no text file"),
+    ("a.xyz", b"1 2 3 4 5\n" * 3, "5 columns and no header"), ("a.xyz", b"1 2 3" + b" " * (1 << 17), "not a text file"),
     ("a.xyz", b"PK\x03\x04 1 2 3\n", "zip archive"),
 ]  # fmt: skip
 

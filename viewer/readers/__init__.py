@@ -2,6 +2,6 @@
 
     path -> open_source (the file's first bytes decide) -> Source -> chunks of float64 coordinates, colour, intensity
 
-One module a format, each with its own checks: what a file's header says is checked against the file before a decoding
-library is trusted with it.  Frame: the file's own coordinates, in the file's own units.
+One module per format, each with its own checks: a file's header is checked against the file before a decoding library reads
+it.  Frame: the file's own coordinates, in the file's own units.
 """

@@ -1,4 +1,4 @@
-"""Points already in memory, offered the way a file is.  Frame and units: the caller's."""
+"""Points in memory with the interface of a file reader.  Frame and units: the caller's."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""E57 through libe57: every scan of the file with its pose, read through buffers and never whole.
+"""E57 through libe57: every scan of the file with its pose, read through buffers.
 
-Units are metres by the standard.  Coordinates are yielded in the file's common frame: each scan's own points turned by
-its rotation and moved by its translation; a scan without a pose is taken to be in the common frame already.
+Units are metres by the standard.  Coordinates are in the file's common frame: each scan's points are rotated and translated by
+its pose; the points of a scan without a pose are taken to be in the common frame already.
 """
 
 import logging
@@ -31,7 +31,7 @@ from viewer.readers.sampling import interleaved
 from viewer.readers.source import Chunk, ScanInfo, Source, stretch
 from viewer.text import counted
 
-_CHUNK = 1 << 19  # buffers are float64 for every field
+_CHUNK = 1 << 19  # points of a buffer, float64 for every field (4 MB each); chosen by hand
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _RGB = ("colorRed", "colorGreen", "colorBlue")
@@ -41,8 +41,8 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Scan:
-    """rotation: (3, 3), translation: (3,), scan -> file.  zero, full: values of a black and a full colour channel.
-    narrow: colour is 8 bits wide.  intensity: range, or None where the values themselves must tell."""
+    """rotation: (3, 3), translation: (3,), scan to file.  zero, full: values of a black and of a full colour channel.
+    narrow: colour is 8 bits wide.  intensity: range, or None where it must be measured."""
 
     count: int
     fields: frozenset[str]
@@ -70,7 +70,7 @@ class _Scan:
 
 
 class E57Source(Source):
-    """One .e57 file.  Raises InputError where libe57 refuses it (checksum, length, XML) or it holds no points."""
+    """One .e57 file.  Raises InputError where libe57 refuses it (checksum, length, XML) or it has no points."""
 
     def __init__(self, path: Path):
         super().__init__(path, "E57", units="metre", metres_per_unit=1.0)
@@ -93,20 +93,21 @@ class E57Source(Source):
     def _add(self, number: int, node) -> None:
         libe57 = library()
         if not isinstance(node, libe57.StructureNode):
-            raise InputError(f"{self.path}: damaged: scan {number + 1} is none; copy or export it again")
+            raise InputError(f"{self.path}: damaged: data3D[{number}] is not a Structure; copy or export it again")
         name = text_of(node, "name") or f"scan {number + 1}"
         rotation, translation, position = np.eye(3), np.zeros(3), None
         if node.isDefined("pose"):
             placed = pose_of(node)
             if placed is None:
-                self.warnings.append(f"{self.path.name}: pose of {name!r} is not usable, its points stay where they are")
+                self.warnings.append(f"{self.path.name}: pose of {name!r} is not usable, its points are not moved")
             else:
                 rotation, translation = placed
                 position = tuple(translation.tolist())
         self.scans.append(ScanInfo(name, position))
         points = child(node, "points", "CompressedVector")
         if points is None and node.isDefined("points"):
-            raise InputError(f"{self.path}: damaged: the points of {name!r} are none; copy or export it again")
+            what = f"data3D[{number}]/points is not a CompressedVector"
+            raise InputError(f"{self.path}: damaged: {what}; copy or export it again")
         count = int(points.childCount()) if points is not None else 0
         if points is None or count == 0:
             self._scans.append(_Scan(0, frozenset(), rotation, translation))
@@ -173,14 +174,14 @@ class E57Source(Source):
             r, azimuth, elevation = (columns[name] for name in _SPHERICAL)
             flat = r * np.cos(elevation)
             local = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], axis=1)
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is dropped and counted by the grid
+        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped and counted by the grid
             xyz = local if np.array_equal(scan.rotation, np.eye(3)) else local @ scan.rotation.T
             xyz = xyz + scan.translation
         rgb = intensity = None
         if "colorRed" in columns:
             rgb = stretch(np.stack([columns[name] for name in _RGB], axis=1), scan.zero, scan.full)
             rgb = ((rgb + 128.0) / 257.0).astype(np.uint8) if scan.narrow else rgb
-            if _NO_COLOUR in columns:  # black, as other formats have points that no photograph covered
+            if _NO_COLOUR in columns:  # black, as points without colour are stored in other formats
                 rgb[columns[_NO_COLOUR] != 0] = 0
         if "intensity" in columns:
             intensity = stretch(columns["intensity"], *intensities)
@@ -197,7 +198,7 @@ class E57Source(Source):
         return self._ranges[number]
 
     def _columns(self, number: int, names: list[str]) -> Iterator[dict[str, np.ndarray]]:
-        """Yields fields of one scan as float64, scaled, up to _CHUNK rows at a time."""
+        """Yields fields of one scan as scaled float64, up to _CHUNK rows at a time."""
         libe57 = library()
         done, count = 0, self._scans[number].count
         with open_e57(self.path) as file:
@@ -234,7 +235,7 @@ def _range_of(blocks: Iterable[np.ndarray]) -> tuple[float, float]:
 
 
 def _declared(node) -> tuple[float, float]:
-    """The range a prototype node declares, scaled."""
+    """The scaled range that a prototype node declares."""
     if hasattr(node, "scaledMinimum"):
         return float(node.scaledMinimum()), float(node.scaledMaximum())
     return float(node.minimum()), float(node.maximum())
@@ -249,10 +250,10 @@ def _limits(scan, group: str, names: tuple[str, str]) -> tuple[float, float] | N
 
 
 def _colour_range(scan, nodes) -> tuple[float, float, bool]:
-    """(zero, full, narrow): the values of a black and a full channel, and whether 8 bits hold what lies between.
+    """(zero, full, narrow): the values of a black and of a full channel, and whether 8 bits hold the range.
 
-    Writers put the sensor's range or the range that occurs into the limits: whole numbers are therefore taken to begin
-    at 0 and to end at the next 2**bits - 1.
+    Writers store either the sensor's range or the range of the values as limits.  Integers are therefore taken to begin at 0
+    and to end at the next 2**bits - 1.
     """
     low, high = _limits(scan, "colorLimits", ("colorRedMinimum", "colorRedMaximum")) or _declared(nodes["colorRed"])
     if hasattr(nodes["colorRed"], "precision") or hasattr(nodes["colorRed"], "scale"):

@@ -21,8 +21,8 @@ from viewer.readers.e57_nodes import child, first_line, library, open_e57, pose_
 from viewer.readers.formats import check_file
 
 MOST_PIXELS = 1 << 28
-"""Of one stored picture; larger ones are refused before anything is decoded."""
-_LEAST_SPAN = 1e-3  # radians of a panorama: a millimetre at a metre
+"""Pixels of a stored picture; larger ones are refused before decoding; chosen by hand: 800 MB as RGB."""
+_LEAST_SPAN = 1e-3  # radians that a panorama spans at least: a millimetre at a distance of a metre; chosen by hand
 FACES = {
     "front": ((1, 0, 0), (0, 0, 1)), "left": ((0, 1, 0), (0, 0, 1)), "back": ((-1, 0, 0), (0, 0, 1)),
     "right": ((0, -1, 0), (0, 0, 1)), "up": ((0, 0, 1), (-1, 0, 0)), "down": ((0, 0, -1), (1, 0, 0)),
@@ -32,7 +32,7 @@ FACES = {
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """A photograph as a pinhole camera took it.
+    """A photograph of a pinhole camera.
 
     picture: (H, W, 3) uint8 sRGB.  fl, cx, cy: pixels.  camera_to_world: (4, 4) float64.  trusted: (H, W) bool, where the
     picture holds anything; None: everywhere.  scan: index of the E57 scan it belongs to, None where the file does not say.
@@ -49,11 +49,11 @@ class Photo:
 
 
 def read_photographs(path: Path, *, longest: int = 1024, most: int | None = None) -> tuple[list[Photo], list[str]]:
-    """The photographs of ``path`` that have a camera and a pose, and warnings about those that have none.
+    """The photographs of ``path`` that have a camera and a pose, and warnings about the others.
 
-    longest: larger pictures are averaged down to this many pixels a side, the camera with them.  most: of more pictures than
-    this only as many, evenly picked, are decoded; a panorama counts as six.
-    Raises InputError naming the image where a picture is damaged or its camera makes no sense.
+    longest: larger pictures are reduced to this many pixels per side, and the camera with them.  most: pictures that are
+    decoded at most, picked evenly; a panorama counts as six.
+    Raises InputError naming the image where a picture is damaged or its camera is impossible.
     """
     check_file(path)
     photos: list[Photo] = []
@@ -91,7 +91,7 @@ class _Entry:
 
 
 def listed_photographs(path: Path, root, read: tuple[str, ...] = ("pinhole", "spherical")) -> tuple[list[_Entry], list[str]]:
-    """What images2D lists and has one of the geometries ``read``, and a warning for every other image."""
+    """The images of images2D with one of the geometries ``read``, and a warning for every other image."""
     entries, warnings = [], []
     scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(_structures(root, "data3D"))}
     for number, image in enumerate(_structures(root, "images2D")):
@@ -101,8 +101,8 @@ def listed_photographs(path: Path, root, read: tuple[str, ...] = ("pinhole", "sp
         kind = next((k for k in kinds if child(image, f"{k}Representation", "Structure") is not None), None)
         if kind not in read:
             why = {
-                None: "has no representation the standard names", "cylindrical": "is cylindrical, which is not read",
-                "visualReference": "is for looking at only: no camera is stored with it",
+                None: "has no representation of the standard", "cylindrical": "is cylindrical, which is not read",
+                "visualReference": "is a visual reference without a camera",
             }[kind]  # fmt: skip
             warnings.append(f"{label} {why}; skipped")
             continue
@@ -121,7 +121,7 @@ def listed_photographs(path: Path, root, read: tuple[str, ...] = ("pinhole", "sp
 
 
 def _structures(root, name: str) -> list:
-    """The structures of a vector, in its order; other things in it, which damage made, as none."""
+    """The structures of a vector, in its order; other nodes, which damage may cause, are left out."""
     vector = child(root, name, "Vector")
     nodes = [vector[i] for i in range(len(vector))] if vector is not None else []
     return [node for node in nodes if isinstance(node, library().StructureNode)]
@@ -139,24 +139,24 @@ def number_of(entry: _Entry, name: str, *, positive: bool = True) -> float:
 def _bytes(entry: _Entry, name: str) -> io.BytesIO:
     blob = child(entry.node, name, "Blob")
     if blob is None:
-        raise InputError(f"{entry.label} has no {name} but something else of this name; export it again")
+        raise InputError(f"{entry.label}: its {name} is not a Blob; export it again")
     if not 0 < blob.byteCount() <= entry.room:
         raise InputError(f"{entry.label} has a {name} of {blob.byteCount()} bytes; export it again")
     return io.BytesIO(blob.read_buffer().tobytes())
 
 
 def _header(entry: _Entry, name: str, data: io.BytesIO):
-    """The opened, not yet decoded picture; refused where its size is not the declared one or too large."""
+    """The opened, not yet decoded picture.  Raises InputError where its size is not the declared one, or too large."""
     from PIL import JpegImagePlugin, PngImagePlugin, UnidentifiedImageError
 
     declared = int(number_of(entry, "imageWidth")), int(number_of(entry, "imageHeight"))
-    kinds = {b"\xff\xd8": JpegImagePlugin.JpegImageFile, b"\x89P": PngImagePlugin.PngImageFile}  # some writers mix the tags up
+    kinds = {b"\xff\xd8": JpegImagePlugin.JpegImageFile, b"\x89P": PngImagePlugin.PngImageFile}  # some writers swap the tags
     kind = kinds.get(data.getvalue()[:2])
     if kind is None:
         head = data.getvalue()[:4]
         raise InputError(f"{entry.label}: its {name} is neither JPEG nor PNG (first bytes {head!r}); export it again")
     try:
-        image = kind(data)  # the plug-in itself: Pillow's own limit would warn where ours still allows
+        image = kind(data)  # the plug-in itself, without Pillow's own limit, which is lower
     except (OSError, SyntaxError, ValueError, UnidentifiedImageError) as error:
         raise InputError(f"{entry.label}: its {name} cannot be decoded ({error}); export it again") from None
     if image.size[0] * image.size[1] > MOST_PIXELS:
@@ -168,7 +168,7 @@ def _header(entry: _Entry, name: str, data: io.BytesIO):
 
 
 def decoded(entry: _Entry, scale: tuple[float, float]) -> tuple[np.ndarray, np.ndarray | None]:
-    """The picture averaged down by ``scale`` (<= 1) from its top left corner, and where it is valid (None: everywhere).
+    """The picture reduced by ``scale`` (<= 1) from its top left corner, and where it is valid (None: everywhere).
 
     A last column or row that would not be covered fully is left out: the scale is exact.
     """
@@ -219,7 +219,7 @@ def _pinhole(entry: _Entry, longest: int) -> Photo:
 
 
 def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
-    """The cube faces of a panorama, as fine as it, those it does not reach left out."""
+    """The cube faces of a panorama at its resolution, without those that it does not reach."""
     full = np.array([number_of(entry, "imageWidth"), number_of(entry, "imageHeight")])
     pitch = np.array([number_of(entry, "pixelWidth"), number_of(entry, "pixelHeight")])
     with np.errstate(over="ignore"):

@@ -1,4 +1,4 @@
-"""What both readers of an E57 need of libe57: a file opened with its errors in one line, numbers and poses out of its tree."""
+"""Shared by the readers of E57 points and photographs: opening a file with one-line errors, numbers and poses of its tree."""
 
 import os
 import struct
@@ -15,29 +15,30 @@ from viewer.readers.e57_packets import PAGE, PAGE_DATA
 
 
 def library() -> Any:
-    """libe57 as pye57 brings it, a compiled module without types."""
+    """The compiled module libe57 of pye57, which has no type declarations."""
     import pye57
 
     return getattr(pye57, "libe57")  # noqa: B009  (not declared by the package)
 
 
 def first_line(error: Exception) -> str:
-    """What an error of the library says, short enough for a message."""
+    """The first line of an error of the library, cut for a message."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
 
 
 @contextmanager
 def open_e57(path: Path) -> Iterator[Any]:
-    """libe57's file, closed at the end.  Raises InputError where the library refuses it, now or while it is read."""
+    """Opens a file with libe57 and closes it at the end.  Raises InputError where the library refuses it, now or during
+    reading."""
     libe57 = library()
     file = None
     try:
-        file = libe57.ImageFile(os.fsencode(path), "r")  # a name need not be text
+        file = libe57.ImageFile(os.fsencode(path), "r")  # a file name may not be valid text
         yield file
     except libe57.E57Exception as error:
         raise InputError(f"{path}: {first_line(error)}; copy or export it again") from None
-    except UnicodeDecodeError:  # an error whose text quotes what it stumbled over
-        raise InputError(f"{path}: damaged: what its points are packed as makes no sense; copy or export it again") from None
+    except UnicodeDecodeError:  # from the binding, for an error text that quotes damaged bytes
+        raise InputError(f"{path}: damaged: the packing of its points is not readable; copy or export it again") from None
     except RuntimeError as error:
         raise InputError(f"{path}: cannot be read as E57: {first_line(error)}; copy or export it again") from None
     finally:
@@ -71,13 +72,13 @@ def check_prototypes(path: Path, root: ElementTree.Element | None) -> None:
 
 
 def child(node, name: str, kind: str) -> Any:
-    """What ``node`` holds under a name, None where there is nothing or no ``kind`` (String, Structure, ...) of node."""
+    """The child of ``node`` under a name; None where there is none of this ``kind`` (String, Structure, ...)."""
     found = node[name] if node.isDefined(name) else None
     return found if isinstance(found, getattr(library(), f"{kind}Node")) else None
 
 
 def text_of(node, name: str) -> str:
-    """The text that ``node`` holds under a name, "" where there is none."""
+    """The text of a child String under a name, "" where there is none."""
     found = child(node, name, "String")
     return found.value() if found is not None else ""
 
@@ -89,20 +90,20 @@ def is_number(node) -> bool:
 
 
 def value_of(node) -> float | None:
-    """The value of an integer, float or scaled-integer node, None of another."""
+    """The value of an integer, float or scaled-integer node; None for other nodes."""
     if not is_number(node):
         return None
     return float(node.scaledValue() if hasattr(node, "scaledValue") else node.value())
 
 
 def pose_of(node) -> tuple[np.ndarray, np.ndarray] | None:
-    """Rotation (3, 3) and translation (3,) to the file's frame of a scan or an image; None where it has none that is usable."""
+    """Rotation (3, 3) and translation (3,) from a scan or an image to the file's frame; None where it has no usable pose."""
     pose = child(node, "pose", "Structure")
     if pose is None:
         return None
     quaternion = _vector(pose, "rotation", "wxyz", (1.0, 0.0, 0.0, 0.0))
     translation = _vector(pose, "translation", "xyz", (0.0, 0.0, 0.0))
-    largest = np.abs(quaternion).max()  # not its length: squares overflow
+    largest = np.abs(quaternion).max()  # not the norm, whose squares may overflow
     if not (np.isfinite(translation).all() and np.isfinite(largest) and largest > 1e-6):
         return None
     from scipy.spatial.transform import Rotation

@@ -49,11 +49,11 @@ class StationPhoto:
 
     @property
     def forward(self) -> np.ndarray:
-        """(3,) unit vector, file frame: towards the middle of the picture."""
+        """(3,) unit vector, file frame: towards the centre of the picture."""
         return self.camera_to_world[:3, :3] @ ((0.0, 0.0, -1.0) if self.kind == "pinhole" else (1.0, 0.0, 0.0))
 
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where points (n, 3), file coordinates, lie: pixels (n, 2) float64, column and row; and which are in the picture."""
+        """Projects points (n, 3), file coordinates, to pixels (n, 2) float64, column and row; and which are in the picture."""
         x, y, z = ((np.asarray(points, np.float64) - self.position) @ self.camera_to_world[:3, :3]).T
         with np.errstate(divide="ignore", invalid="ignore"):
             if self.kind == "pinhole":
@@ -73,7 +73,7 @@ class StationPhoto:
 def read_station_photos(path: Path, *, longest: int = LONGEST) -> tuple[list[StationPhoto], list[str]]:
     """The photographs of an E57 that have a geometry and a pose, and warnings about the others.
 
-    Raises InputError naming the image where a picture is damaged or its geometry makes no sense.
+    Raises InputError naming the image where a picture is damaged or its geometry is impossible.
     """
     check_file(path)
     with open_e57(path) as file:

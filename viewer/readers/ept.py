@@ -1,7 +1,7 @@
 """Entwine Point Tiles: ept.json, a hierarchy of JSON files, and nodes that are laszip, binary or zstandard.
 
 After the specification (github.com/connormanning/entwine, doc/entwine-point-tile.md).  Coordinates are values times scale plus
-offset by the schema; laszip nodes are LAZ files of their own.  Frame: the file's.  Units: as its reference system has them.
+offset by the schema; laszip nodes are complete LAZ files.  Frame: the file's.  Units: those of its reference system.
 """
 
 import gzip
@@ -18,18 +18,18 @@ from viewer.readers.octree import TYPES, OctreeSource, as_object, columns_of, pi
 
 _SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
 _NODE = re.compile(r"\d{1,3}-\d{1,19}-\d{1,19}-\d{1,19}")
-_ELSEWHERE = -1  # in place of a number of points: another file of the hierarchy tells
-_LARGEST = 256 << 20  # bytes of a part of the hierarchy, unpacked
+_ELSEWHERE = -1  # in place of a number of points: another file of the hierarchy describes the node
+_LARGEST = 256 << 20  # bytes of a part of the hierarchy, unpacked; chosen by hand
 _COLUMNS = {"x": "X", "y": "Y", "z": "Z", "r": "Red", "g": "Green", "b": "Blue", "i": "Intensity", "c": "Classification",
             "s": "PointSourceId"}  # fmt: skip
 _KINDS = {"signed": "i", "unsigned": "u", "float": "f", "floating": "f"}
 
 
-_WINDOW = 1 << 27  # bytes that zstandard may look back, as its own command line has it
+_WINDOW = 1 << 27  # bytes of zstandard's window, at most: the default limit of its command line
 
 
 def _type_of(kind: str, size: int | None) -> str | None:
-    """NumPy's type of a dimension, None where there is none; what is no number of a known size is bytes."""
+    """NumPy's type of a dimension; bytes where it is not a number of a known size; None where the size is unknown."""
     plain = f"{_KINDS[kind]}{size}" if kind in _KINDS and size else TYPES.get(kind, "")
     if plain in TYPES.values() and size in (None, int(plain[1:])):
         return plain
@@ -37,7 +37,7 @@ def _type_of(kind: str, size: int | None) -> str | None:
 
 
 class EptSource(OctreeSource):
-    """The folder of an ept.json.  Raises InputError where its parts do not fit together."""
+    """The folder of an ept.json.  Raises InputError where its parts contradict each other."""
 
     def __init__(self, path: Path):
         super().__init__(path, "EPT")
@@ -64,7 +64,7 @@ class EptSource(OctreeSource):
             self.crs = f"{srs['authority']}:{srs['horizontal']}"[:80]
 
     def _read_schema(self, said: object) -> None:
-        """What a point is made of, and by what coordinates are multiplied and moved."""
+        """Reads the dimensions of a point, with the scale and offset of the coordinates."""
         fields = []
         for entry in said if isinstance(said, list) else []:
             entry = entry if isinstance(entry, dict) else {}
@@ -81,7 +81,7 @@ class EptSource(OctreeSource):
                 raise self._damaged("its schema has no X, Y and Z")
 
     def _hierarchy(self, kind: str) -> dict[str, int]:
-        """Points by node, all files of the hierarchy together."""
+        """Number of points by node, from all files of the hierarchy."""
         if kind not in ("json", "gzip"):
             raise InputError(f"{self.entry}: hierarchyType {kind[:20]!a} is not known; EPT is json, gzip")
         waiting, found, read = ["0-0-0-0"], {}, set()
@@ -117,7 +117,7 @@ class EptSource(OctreeSource):
         return self.path / "ept-data" / f"{node}.{_SUFFIXES[self._data]}"
 
     def _check(self, node: str) -> None:
-        """Raises InputError where the file of a node is not there, or not as long as its points."""
+        """Raises InputError where the file of a node is missing, or its length differs from that of its points."""
         file, count = self._file(node), self._counts[node]
         try:
             size = file.stat().st_size
@@ -166,7 +166,7 @@ class EptSource(OctreeSource):
         try:
             with self._file(node).open("rb") as file:
                 unpacking = zstandard.ZstdDecompressor(max_window_size=_WINDOW).stream_reader(file)
-                return unpacking.read(expected + 1)  # no more than there should be, whatever the data says
+                return unpacking.read(expected + 1)  # not more than expected, so that damaged data cannot exhaust memory
         except zstandard.ZstdError:
             raise self._damaged("its compressed points cannot be unpacked", self._file(node)) from None
 
@@ -175,7 +175,7 @@ class EptSource(OctreeSource):
         if not {"r", "g", "b"} <= set(names):
             names = {column: name for column, name in names.items() if column not in "rgb"}
         columns = {}
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is left to the grid
+        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
             for column, name in names.items():
                 scale, offset = self._schema[name] if column in "xyz" else (1.0, 0.0)
                 plain = column not in "xyz"

@@ -1,7 +1,7 @@
 """The table of formats that can be opened, and the reader for a path.  Imports nothing heavy: help and messages read it too.
 
-What a file holds is told by its first bytes; text files of points have none and are told by their suffix.  Octrees of many
-files are folders (Potree, EPT), opened by the folder or by the file in it that describes them.
+The format of a file is recognised by its first bytes; text files of points have no magic bytes and are recognised by their
+suffix.  Octrees of many files are folders (Potree, EPT), opened by the folder or by the file in it that describes them.
 """
 
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """names: as messages spell them.  reader: module in this package and class.  magic: what files begin with.
-    entry: of a folder, the file that describes it, and others of which one must be beside it."""
+    """names: as in messages.  reader: module in this package and class.  magic: first bytes of a file.
+    entry: for folders, the file that describes the folder, and other files of which one must be beside it."""
 
     names: tuple[str, ...]
     reader: tuple[str, str]
@@ -44,12 +44,12 @@ FORMATS = (
 _FILES = [name for row in FORMATS if not row.entry for name in row.names]
 _FOLDERS = list(dict.fromkeys(name for row in FORMATS if row.entry for name in row.names))
 KNOWN = f"{', '.join(_FILES[:-1])} or {_FILES[-1]} file, or a {' or '.join(_FOLDERS)} folder"
-"""What follows "give a" in a message."""
+"""The text after "give a" in messages."""
 KNOWN_FILES = ", ".join(_FILES)
-"""The formats that are single files, for help."""
+"""The formats that are single files, for the help."""
 KNOWN_FOLDERS = " or ".join(_FOLDERS)
 _ANYTHING = (".txt", ".csv", ".asc")
-_HEAD = 64  # bytes of a file that tell its format
+_HEAD = 64  # bytes read of a file to recognise its format
 
 
 def entry_of(path: Path) -> Path:
@@ -73,14 +73,14 @@ def _is_beside(path: Path, row: Format) -> bool:
 
 
 def name_of(path: Path) -> str:
-    """The name a scan goes by: its file's without the suffix, or its folder's."""
+    """The name of a scan: that of its file without the suffix, or that of its folder."""
     return path.absolute().parent.name if _folder_format(path) else path.stem
 
 
 def is_scan(path: Path) -> bool:
-    """Whether a path is named like a scan, or is a Potree or EPT folder; what it holds is seen on opening.
+    """Whether a path has the suffix of a scan, or is a Potree or EPT folder.  The contents are not checked.
 
-    Files of _ANYTHING hold points only where a person names them.
+    Files with suffixes of _ANYTHING count as scans only where a person names them.
     """
     if path.is_dir():
         return entry_of(path) != path
@@ -106,10 +106,10 @@ def check_file(path: Path) -> None:
 
 
 def open_source(path: Path, columns: str | None = None) -> "Source":
-    """The reader for ``path``; a misleading suffix earns a warning.
+    """The reader for ``path``, with a warning where the suffix belongs to another format.
 
-    columns: what the columns of a text file are (viewer.readers.text_columns), None: as they are recognised; other formats
-    have their own.  Raises InputError for files of no known format, and whatever the reader refuses.
+    columns: the columns of a text file (viewer.readers.text_columns); None: they are recognised.  Other formats ignore them.
+    Raises InputError for files of unknown format, and the errors of the reader.
     """
     path = entry_of(path)
     check_file(path)
@@ -133,12 +133,12 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
 
 
 def takes_columns(path: Path) -> bool:
-    """Whether a path is named like a text file of points, whose columns a person may name."""
+    """Whether a path has the suffix of a text file of points, whose columns a person may name."""
     return any(path.suffix.lower() in row.suffixes for row in FORMATS if row.takes_columns)
 
 
 def open_sources(paths: list[Path], columns: str | None = None) -> "list[Source]":
-    """The readers for several paths.  Raises InputError where columns are named and none of them has any, and as above."""
+    """The readers for several paths.  Raises InputError as open_source, and where columns are named and no file is text."""
     if columns is not None and not any(map(takes_columns, paths)):
         texts = ", ".join(name for row in FORMATS if row.takes_columns for name in row.names)
         raise InputError(f"{paths[0]}: --columns is for text files of points ({texts}); open this file without it")

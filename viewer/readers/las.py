@@ -1,12 +1,14 @@
 """LAS, LAZ and COPC through laspy and lazrs, a chunk at a time.
 
-The header is checked here before laspy sees it: a bogus record count would otherwise be believed and memory reserved
-for it.  Colour is reported 16 bits wide, as the format has it; whether 8-bit values sit in it is decided over the
-whole file by the grid's builder.
+The header is checked here before laspy reads it: laspy allocates memory for a damaged record count.  Colour is 16 bits wide, as
+in the format; whether a file holds 8-bit values is decided over the whole file when the grid is built
+(viewer.preprocess.point_colour).
 """
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -20,14 +22,16 @@ from viewer.readers.laz_chunks import check_chunks
 from viewer.readers.sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
 from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
 
-_AT_ONCE = 1 << 30  # bytes of a chunk's points that lazrs may hold whole, as it does to use several processors
+_AT_ONCE = 1 << 30  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
 
+_DAMAGE_ERRORS = (OSError, ValueError, TypeError, LookupError, ArithmeticError, EOFError, MemoryError, struct.error)
+"""What laspy raises, besides its own errors, where a header or a record is damaged."""
 _MOST_DECODED = 1_000_000
 """Points decoded for a sample of a file with few chunks; chosen by hand."""
 
 
 class LasSource(Source):
-    """One .las, .laz or .copc.laz file.  Raises InputError where the header cannot be right."""
+    """One .las, .laz or .copc.laz file.  Raises InputError where the header is damaged."""
 
     def __init__(self, path: Path):
         super().__init__(path, "LAS", scans=[ScanInfo(path.stem)])
@@ -54,22 +58,18 @@ class LasSource(Source):
 
         if self._large_chunks:
             backend = laspy.LazBackend.Lazrs
-        try:
+        with _decoding(lambda why: InputError(f"{self.path}: not readable as LAS/LAZ: {why}; copy or export it again")):
             return laspy.open(self.path, laz_backend=backend)
-        except InputError:
-            raise
-        except Exception as error:  # laspy raises many kinds, lazrs its own: all mean the file cannot be read
-            raise InputError(f"{self.path}: not readable as LAS/LAZ: {_line(error)}; copy or export it again") from None
 
     def _beyond(self, header) -> int:
-        """How many points more than the header counts have room before whatever follows them."""
+        """The number of points for which there is room after those that the header counts, before the next section."""
         after = [self.path.stat().st_size, header.start_of_waveform_data_packet_record or 0]
         after.append(header.start_of_first_evlr if header.number_of_evlrs else 0)
         end = header.offset_to_point_data + header.point_count * header.point_format.size
         return (min((place for place in after if place >= end), default=end) - end) // header.point_format.size
 
     def _check_chunks(self, header) -> int:
-        """How many points more than the header counts are in chunks of their own."""
+        """The number of points in further chunks after those that the header counts."""
         if header.point_count == 0:
             return 0
         described = [record.record_data_bytes() for record in header.vlrs if record.record_id == 22204]
@@ -84,23 +84,16 @@ class LasSource(Source):
         """Yields xyz, rgb (uint16), intensity and class as stored."""
         done, stray = 0, False
         with self._open() as reader:
-            # a cell of rounding either way: some writers round the bounds, some the points
+            # one step of rounding on either side: some writers round the bounds, some the points
             low, high = reader.header.mins - reader.header.scales, reader.header.maxs + reader.header.scales
             names = set(reader.header.point_format.dimension_names)
             iterator = reader.chunk_iterator(CHUNK)
             while done < (self.count or 0):
-                try:
-                    points = next(iterator)
-                except StopIteration:
-                    raise self._truncated(done) from None
-                except BaseException as error:
-                    if not (isinstance(error, Exception) or _is_panic(error)):
-                        raise
-                    raise self._truncated(done, _line(error)) from None
-                n = len(points)
-                if n == 0:
+                with _decoding(partial(self._truncated, done)):
+                    points = next(iterator, None)
+                if points is None or len(points) == 0:
                     raise self._truncated(done)
-                done += n
+                done += len(points)
                 chunk = _chunk(points, names)
                 stray |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
                 yield chunk
@@ -129,14 +122,10 @@ class LasSource(Source):
                 count, length = int(nodes.points[node]), int(nodes.bytes[node])
                 file.seek(int(nodes.place[node]))
                 records = np.empty(count, dtype)
-                try:
+                with _decoding(partial(self._truncated, 0)):
                     lazrs.decompress_points_with_chunk_table(
                         file.read(length), self._laszip_record, records.view(np.uint8), [(count, length)]
                     )
-                except BaseException as error:
-                    if not (isinstance(error, Exception) or _is_panic(error)):
-                        raise
-                    raise self._truncated(0, _line(error)) from None
                 found = laspy.ScaleAwarePointRecord(records[::step], header.point_format, header.scales, header.offsets)
                 yield _chunk(found, names)
 
@@ -146,13 +135,9 @@ class LasSource(Source):
         with self._open(laspy.LazBackend.Lazrs) as reader:
             names = set(reader.header.point_format.dimension_names)
             for start, count, step in self._runs(points, run):
-                try:
+                with _decoding(partial(self._truncated, start)):
                     reader.seek(start)
                     found = reader.read_points(count)
-                except BaseException as error:
-                    if not (isinstance(error, Exception) or _is_panic(error)):
-                        raise
-                    raise self._truncated(start, _line(error)) from None
                 yield _chunk(found[::step], names)
 
     def _runs(self, points: int, run: int) -> Iterator[tuple[int, int, int]]:
@@ -180,10 +165,10 @@ class LasSource(Source):
 
 
 def _chunk(points, names: set[str]) -> Chunk:
-    """laspy's points as they are stored."""
+    """The points of laspy, with colours and intensities as stored."""
     xyz = np.empty((len(points), 3))
     for axis, name in enumerate("XYZ"):
-        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is left to the grid
+        with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite are dropped by the grid
             xyz[:, axis] = np.asarray(points[name]) * points.scales[axis] + points.offsets[axis]
     colours = [np.asarray(points[c]) for c in ("red", "green", "blue") if c in names]
     rgb = np.stack(colours, axis=1) if len(colours) == 3 else None
@@ -221,7 +206,7 @@ def _check_header(path: Path) -> None:
 
 
 def _check_extended(path: Path, size: int, place: int, number: int) -> None:
-    """The records behind the points.  Where they end beyond the file, laspy would go on making empty ones, 2**32 at most."""
+    """Checks the records behind the points: where they end beyond the file, laspy would create up to 2**32 empty ones."""
     with path.open("rb") as file:
         for _ in range(number):
             file.seek(min(place + 20, size))
@@ -254,9 +239,20 @@ def _reference(records) -> crs.Reference:
     return best
 
 
-def _is_panic(error: BaseException) -> bool:
-    """Whether lazrs gave up where it did not expect to: of damage inside a chunk.  Its class can be known by name only."""
-    return type(error).__name__ == "PanicException"
+@contextmanager
+def _decoding(failed: Callable[[str], InputError]) -> Iterator[None]:
+    """Turns the errors that laspy and lazrs raise for damaged files into ``failed(first line)``; others are bugs."""
+    from laspy.errors import LaspyException
+
+    lazrs: Any = import_module("lazrs")
+    try:
+        yield
+    except (LaspyException, lazrs.LazrsError, *_DAMAGE_ERRORS) as error:
+        raise failed(_line(error)) from None
+    except BaseException as error:
+        if type(error).__name__ != "PanicException":  # of Rust, for damage inside a chunk; the class is not exported
+            raise
+        raise failed(_line(error)) from None
 
 
 def _line(error: BaseException) -> str:

@@ -1,8 +1,8 @@
-"""What a LAZ file says of its compressed chunks, checked before lazrs believes it.
+"""Checks the chunk table of a LAZ file before lazrs reads it.
 
 Where a damaged table asks for more memory than there is, lazrs ends the whole process; where sizes do not add up, it panics.
-Neither leaves a line that a person could use, so what can be told beforehand is told here: by the record that describes the
-compression, the table of chunks behind the points and, of the layered formats (6 to 10), the sizes at the head of each chunk.
+Neither gives a usable error message.  Checked are the record that describes the compression, the table of chunks behind the
+points and, for the layered formats (6 to 10), the sizes at the head of each chunk.
 """
 
 import struct
@@ -16,23 +16,25 @@ from viewer.errors import InputError
 
 VARIABLE = 2**32 - 1
 """In place of a number of points a chunk: each chunk has its own (COPC)."""
-_SIZES = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}  # bytes of an item; extra bytes, 0 and 14, have any number
-_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}  # that an item is stored in; extra bytes, 14, have one each
+_SIZES = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
+"""Bytes of an item by its type in LASzip; extra bytes, types 0 and 14, have any number."""
+_LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
+"""Layers in which an item is stored, by its type; extra bytes, type 14, have one each."""
 
 
 def check_chunks(path: Path, record: bytes, *, offset: int, length: int, count: int) -> tuple[int, int]:
-    """Returns how many points the largest chunk has at most, and how many all of them have.
+    """Returns the number of points of the largest chunk, at most, and of all chunks.
 
-    Raises InputError where they cannot be as the file says.
-
-    record: data of the record that describes the compression.  offset: byte at which points begin.  length: bytes a point.
+    record: data of the record that describes the compression.  offset: byte at which the points begin.  length: bytes of a
+    point.
     count: points by the file's header.
+    Raises InputError where the table contradicts the file.
     """
     chunk_size, items = _described(path, record, length)
     with path.open("rb") as file:
         size = file.seek(0, 2)
         place = _number(file, offset, 8)
-        if place < 0:  # written as a stream, its place then stands in the last 8 bytes
+        if place < 0:  # the file was written as a stream; the offset is then in the last 8 bytes
             place = _number(file, size - 8, 8)
         if not offset + 8 <= place <= size - 8:
             raise InputError(
@@ -45,7 +47,7 @@ def check_chunks(path: Path, record: bytes, *, offset: int, length: int, count: 
         table = _table(path, file, record, offset)
         if (said := sum(held for _, held in table)) > room:
             raise _damaged(path, f"its chunks would take {said:,} bytes where {room:,} are")
-        points = sum(n for n, held in table if held)  # some writers end with a chunk of nothing
+        points = sum(n for n, held in table if held)  # some writers end with an empty chunk
         if points < count:
             raise _damaged(path, f"{points:,} of {count:,} points could be read, its chunks hold no more")
         if chunk_size == VARIABLE and points > count:
@@ -56,7 +58,7 @@ def check_chunks(path: Path, record: bytes, *, offset: int, length: int, count: 
 
 
 def _described(path: Path, record: bytes, length: int) -> tuple[int, list[tuple[int, int, int]]]:
-    """Points a chunk, and kind, bytes and version of the items a point is made of."""
+    """Points of a chunk, and type, bytes and version of the items of a point."""
     number = int.from_bytes(record[32:34], "little")
     if number == 0 or len(record) < 34 + 6 * number:
         raise _damaged(path, "does not say how it is compressed")
@@ -70,8 +72,8 @@ def _described(path: Path, record: bytes, length: int) -> tuple[int, list[tuple[
 
 
 def _table(path: Path, file: BinaryIO, record: bytes, offset: int) -> list[tuple[int, int]]:
-    """Points and bytes of each chunk, as lazrs will read them."""
-    lazrs: Any = import_module("lazrs")  # compiled, and declares nothing
+    """Points and bytes of each chunk, as lazrs reads them."""
+    lazrs: Any = import_module("lazrs")  # compiled, without type declarations
 
     file.seek(offset)
     try:
@@ -81,7 +83,7 @@ def _table(path: Path, file: BinaryIO, record: bytes, offset: int) -> list[tuple
 
 
 def _check_layers(path: Path, file: BinaryIO, table: list[tuple[int, int]], start: int, length: int, layers: int) -> None:
-    """A chunk is its first point, a count, the size of each layer, the layers."""
+    """Checks the layers of each chunk, which consists of its first point, a count, the sizes of the layers, and the layers."""
     head = length + 4 + 4 * layers
     for number, (_, held) in enumerate(table, 1):
         if held:

@@ -1,6 +1,6 @@
-"""What the readers of octrees of many files share (Potree, EPT): a describing JSON file, records of points, nodes of any size.
+"""Shared by the readers of octrees of many files (Potree, EPT): a JSON file that describes the folder, and nodes of points.
 
-The levels of these octrees add up: every point is in one node, so all nodes together are the scan.
+Every point is in exactly one node of these octrees, so all nodes of all levels together are the scan.
 """
 
 import json
@@ -16,14 +16,15 @@ from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.sampling import sampled_nodes
 from viewer.readers.source import CHUNK, Chunk, ScanInfo
 
-_LARGEST_JSON = 256 << 20  # bytes: a describing file or a part of a hierarchy is far smaller
-_BATCH = 1 << 18  # points that are gathered from small nodes before they are given on
+_LARGEST_JSON = 256 << 20  # bytes of a JSON file; chosen by hand: real ones are far smaller
+_BATCH = 1 << 18  # points of small nodes that are gathered to a chunk; chosen by hand
 TYPES = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8",
          "uint64": "u8", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}  # fmt: skip
 
 
 class OctreeSource(ColumnSource):
-    """A folder with an octree.  path: of the describing file.  Subclasses give its nodes, by ``_nodes``.
+    """A folder with an octree.  path: of the file that describes it.  Subclasses implement ``_nodes``, ``_levels`` and
+    ``_node``.
 
     Errors and warnings name the folder, or the file in it that is damaged.
     """
@@ -34,7 +35,7 @@ class OctreeSource(ColumnSource):
         self.scans = [ScanInfo(folder.name)]
 
     def _nodes(self) -> Iterator[tuple[int, Columns]]:
-        """Yields (scan, all columns) of runs of points of any length up to CHUNK."""
+        """Yields (scan, all columns) of all points, in runs of any length up to CHUNK."""
         raise NotImplementedError
 
     def _levels(self) -> np.ndarray:
@@ -53,7 +54,7 @@ class OctreeSource(ColumnSource):
                 yield scan, {name: values[::step] for name, values in columns.items() if name in wanted}
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
-        """Gathers small nodes: what is done a chunk costs more than many points."""
+        """Gathers small nodes to larger chunks, since every chunk has a fixed cost."""
         kept: list[Columns] = []
         for _, columns in self._nodes():
             if kept and kept[0].keys() != columns.keys():
@@ -80,7 +81,7 @@ def _joined(parts: list[Columns]) -> Columns:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The object in a JSON file.  Raises InputError where it holds none."""
+    """The object in a JSON file.  Raises InputError where the file does not hold one."""
     try:
         if path.stat().st_size > _LARGEST_JSON:
             what = f"{path.stat().st_size:,} bytes are too many for the description of a scan"
@@ -91,7 +92,7 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def as_object(path: Path, data: bytes) -> dict[str, Any]:
-    """The object that JSON text out of a file describes.  Raises InputError where it is none."""
+    """The object in JSON text read from a file.  Raises InputError where the text is not one."""
     try:
         found = json.loads(data)
     except (ValueError, RecursionError) as error:
@@ -103,12 +104,12 @@ def as_object(path: Path, data: bytes) -> dict[str, Any]:
 
 
 def whole(value: object, most: int = 2**62) -> int | None:
-    """A whole number from 0 to ``most`` out of JSON, None where it is none."""
+    """A JSON value as a whole number from 0 to ``most``, else None."""
     return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= most else None
 
 
 def vector(value: object, length: int = 3) -> np.ndarray | None:
-    """(length,) float64 out of a JSON list of finite numbers, None where it is none."""
+    """A JSON list of finite numbers as (length,) float64, else None."""
     if not isinstance(value, list) or len(value) != length:
         return None
     if not all(isinstance(part, (int, float)) and not isinstance(part, bool) for part in value):
@@ -121,7 +122,7 @@ def vector(value: object, length: int = 3) -> np.ndarray | None:
 
 
 def columns_of(chunk: Chunk) -> Columns:
-    """What another reader gave, as columns."""
+    """The columns of another reader's chunk."""
     columns = {axis: chunk.xyz[:, i] for i, axis in enumerate("xyz")}
     if chunk.rgb is not None:
         columns |= {channel: chunk.rgb[:, i] for i, channel in enumerate("rgb")}

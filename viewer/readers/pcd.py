@@ -1,9 +1,9 @@
 """PCD (Point Cloud Library), versions 0.5 to 0.7: ascii, binary and binary_compressed.
 
-The compressed form is decoded by Open3D, once the header's sizes agree with the file's: it is stored by columns and exists in
-memory as a whole in any case.  The other two are read here.  Of ascii files that end too early Open3D 0.20 returns memory that
-was never written, and of damaged numbers their beginning; of binary files it holds all points at once, and it refuses
-coordinates of unlike types.  Frame and units: as stored; a VIEWPOINT is told but not applied.
+The compressed form is decoded by Open3D, once the header's sizes agree with the file's: it is stored by columns and has to be
+decompressed completely in any case.  The other two forms are read here, because Open3D 0.20 returns uninitialised memory for
+truncated ascii files and the beginning of damaged numbers, holds all points of binary files at once, and refuses coordinates of
+different types.  Frame and units: as stored; a VIEWPOINT gives a warning and is not applied.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,7 +26,7 @@ _CLASSES = ("classification", "class", "label")
 
 
 class PcdSource(ColumnSource):
-    """One .pcd file.  Raises InputError where the header cannot be understood, or the file is not as long as it says."""
+    """One .pcd file.  Raises InputError where the header is not valid, or the file is shorter than it states."""
 
     def __init__(self, path: Path):
         super().__init__(path, "PCD")
@@ -60,7 +60,7 @@ class PcdSource(ColumnSource):
             self._check_compressed(header, size)
 
     def _check_compressed(self, header: Header, size: int) -> None:
-        """The two sizes before the compressed bytes must be those of the file and of the points."""
+        """Checks the two sizes before the compressed bytes against the file and the points."""
         with self.path.open("rb") as file:
             file.seek(header.offset)
             head = np.frombuffer(file.read(8).ljust(8, b"\0"), "<u4")
@@ -149,11 +149,11 @@ class PcdSource(ColumnSource):
         return [names.index(f.name) if f.name in names else -1 for f in self._header.fields for _ in range(f.count)]
 
     def _plain(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Numbers read from text as what their field's type makes of them."""
+        """Converts numbers read from text to their field's type."""
         kind = next(field.type for field in self._header.fields if field.name == name)
         if name == self._rgb:
             with np.errstate(over="ignore", invalid="ignore"):
-                if kind == "f4":  # the four bytes, written as if they were a number
+                if kind == "f4":  # the four colour bytes, printed as one float
                     return values.astype("<f4").view("<u4")
                 return np.clip(np.nan_to_num(values), -(2.0**31), 2.0**32 - 1).astype(np.int64).astype("<u4")
         if kind in ("u1", "u2"):
@@ -163,8 +163,8 @@ class PcdSource(ColumnSource):
     def _compressed(self, names: list[str]) -> Iterator[Columns]:
         types = {field.type for field in self._header.fields if field.name in "xyz"}
         if len(types) > 1:
-            raise InputError(f"{self.path}: its compressed coordinates are of unlike types, which Open3D does not read; save "
-                             "it as binary")  # fmt: skip
+            raise InputError(f"{self.path}: its compressed coordinates are of different types, which Open3D does not read; "
+                             "save it as binary")  # fmt: skip
         points = _decoded(self.path)
         found = {name: values.numpy() for name, values in points.items()}
         xyz = found.get("positions")
@@ -205,7 +205,7 @@ class PcdSource(ColumnSource):
 
 
 def _decoded(path: Path):
-    """Open3D's columns of a file, none where it could not read it.  Its own lines about that are kept back."""
+    """Open3D's columns of a file, empty where it cannot read it.  Its own messages are suppressed."""
     try:
         import open3d
     except ImportError as error:

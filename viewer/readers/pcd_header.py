@@ -1,4 +1,4 @@
-"""The text at the head of a PCD file: which fields its points have, how many there are, and how they are stored."""
+"""The header of a PCD file: the fields of its points, their number, and how they are stored."""
 
 import math
 from dataclasses import dataclass
@@ -12,13 +12,13 @@ from viewer.text import whole_number
 
 _KINDS = {"F": (4, 8), "U": (1, 2, 4, 8), "I": (1, 2, 4, 8)}
 _DATA = ("ascii", "binary", "binary_compressed")
-_MOST_LINES, _LONGEST_LINE = 100, 8192
-_MOST_VALUES = 1 << 16  # of one field: histograms have hundreds
+_MOST_LINES, _LONGEST_LINE = 100, 8192  # of a header, in lines and bytes; chosen by hand
+_MOST_VALUES = 1 << 16  # of one field; chosen by hand: histograms have hundreds
 
 
 @dataclass(frozen=True)
 class Field:
-    """``count`` values of ``type``, as NumPy spells it without byte order."""
+    """``count`` values of ``type``, NumPy's, without byte order."""
 
     name: str
     type: str
@@ -27,8 +27,8 @@ class Field:
 
 @dataclass(frozen=True)
 class Header:
-    """dtype: of one point in the binary form, with padding left out of its names.  offset: byte at which points begin.
-    lines: of text before them.  viewpoint: position x, y, z and quaternion w, x, y, z, None where it says nothing."""
+    """dtype: of one point in the binary form, without names for padding.  offset: byte at which the points begin.
+    lines: of text before them.  viewpoint: position x, y, z and quaternion w, x, y, z; None where there is none."""
 
     fields: tuple[Field, ...]
     points: int
@@ -40,7 +40,7 @@ class Header:
 
 
 def read_header(path: Path, file: BinaryIO) -> Header:
-    """Reads up to and with the DATA line.  Raises InputError naming the first line that cannot be understood."""
+    """Reads up to and including the DATA line.  Raises InputError naming the first line that is not valid."""
     said: dict[str, list[str]] = {}
     for number in range(1, _MOST_LINES):
         line = file.readline(_LONGEST_LINE)
@@ -59,7 +59,7 @@ def _header(path: Path, said: dict[str, list[str]], offset: int, lines: int) -> 
     names = [name.lower() for name in said.get("FIELDS", said.get("COLUMNS", []))]
     if not names:
         raise InputError(f"{path}: PCD header without FIELDS; export it again")
-    sizes, kinds = said.get("SIZE", ["4"] * len(names)), said.get("TYPE", ["F"] * len(names))  # as version 0.5 has them
+    sizes, kinds = said.get("SIZE", ["4"] * len(names)), said.get("TYPE", ["F"] * len(names))  # defaults of version 0.5
     counts = said.get("COUNT", ["1"] * len(names))
     fields: list[Field] = []
     for i, name in enumerate(names):
@@ -82,7 +82,7 @@ def _header(path: Path, said: dict[str, list[str]], offset: int, lines: int) -> 
 
 
 def _points(path: Path, said: dict[str, list[str]]) -> int:
-    """POINTS, or as older files have it WIDTH times HEIGHT; both must agree."""
+    """POINTS, or in older files WIDTH times HEIGHT; both must agree."""
     numbers = {key: whole_number(" ".join(said[key])) for key in ("POINTS", "WIDTH", "HEIGHT") if key in said}
     if wrong := next((key for key, value in numbers.items() if value is None), None):
         shown = ascii(" ".join(said[wrong])[:30])

@@ -1,7 +1,8 @@
-"""PLY, ascii and binary in both byte orders, a block at a time and whatever else the file carries.
+"""PLY, ascii and binary in both byte orders, a block at a time; other elements and properties of the file are skipped.
 
-Rows without lists are read as NumPy records; rows with lists are walked one by one.  Frame and units: the file's, which
-PLY does not name.
+Rows without lists are read as NumPy records; rows with lists are parsed one by one.  (plyfile would hold the whole file in
+memory.)
+Frame: the file's.  Units: unknown, since PLY does not state them.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -25,11 +26,11 @@ _COLOURS = (
 )  # fmt: skip
 _INTENSITIES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
 _CLASSES = ("classification", "scalar_classification", "class", "scalar_class")
-_BLOCK = 1 << 24  # bytes of text read at a time
+_BLOCK = 1 << 24  # bytes of text read at a time; chosen by hand
 
 
 class PlySource(Source):
-    """One .ply file.  Raises InputError where the header cannot be understood or has no x, y, z."""
+    """One .ply file.  Raises InputError where the header is not valid or has no x, y, z."""
 
     def __init__(self, path: Path):
         super().__init__(path, "PLY", scans=[ScanInfo(path.stem)])
@@ -62,8 +63,8 @@ class PlySource(Source):
             yield self._chunk(columns, self._file_ranges)
 
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
-        """See Source; None where lists in or before the vertices, which have any length, keep their places unknown.  Ranges of
-        floating-point colours and intensities are those of the first RANGE_RUNS runs."""
+        """See Source; None where lists, whose length varies, are in or before the vertices.  Ranges of floating-point colours
+        and intensities are those of the first RANGE_RUNS runs."""
         if self._vertex.has_lists or any(element.has_lists for element in self._before):
             return None
         return self._sampled(points, run)
@@ -173,12 +174,12 @@ class PlySource(Source):
                 yield {name: records[f"{i}"] for i, name in enumerate(names)}
 
     def _end(self, more: bool) -> None:
-        """Takes note, once, of points behind those that were counted.  more: something is left that may be one."""
+        """Adds a warning, once, about points after those that the header counts.  more: bytes are left that may be a point."""
         if more and self._last and (text := told_beyond(self.path, self.count)) not in self.warnings:
             self.warnings.append(text)
 
     def _walk(self, file: BinaryIO, element: Element, size: int) -> bytes | None:
-        """One row's plain values as they are stored, its lists skipped; None at the end of the file, ``size`` bytes long."""
+        """The bytes of one row without its lists; None at the end of the file, which has ``size`` bytes."""
         kept = []
         for p in element.properties:
             data = file.read(int((p.length_type or p.type)[1]))
@@ -235,7 +236,7 @@ class PlySource(Source):
             yield {name: table[:, i] for i, name in enumerate(names)}
 
     def _unreadable(self, rows: list[str], columns: int, done: int) -> InputError:
-        """Which row it was: the last one of a file that ends too early, or one that does not hold numbers."""
+        """The error about the row that is not numbers, or about the last row of a truncated file."""
         for number, row in enumerate(rows, done + 1):
             words = row.split()[:columns]
             if len(words) == columns and all(_is_number(word) for word in words):
@@ -268,7 +269,7 @@ class PlySource(Source):
 
 
 def _whole(values: np.ndarray, kind: type) -> np.ndarray:
-    """Values as unsigned whole numbers; of text they are floats, and may be anything."""
+    """Values as unsigned integers, clipped; values of text are floats of any size."""
     return values if values.dtype == kind else np.clip(np.nan_to_num(values), 0, np.iinfo(kind).max).astype(kind)
 
 

@@ -1,4 +1,4 @@
-"""The text at the head of a PLY file: which elements follow, and what a row of each holds."""
+"""The header of a PLY file: its elements, and the properties of a row of each."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +13,12 @@ TYPES = {
     "uint64": "u8", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
 }  # fmt: skip
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_MOST_LINES, _LONGEST_LINE = 10_000, 8192
+_MOST_LINES, _LONGEST_LINE = 10_000, 8192  # of a header, in lines and bytes; chosen by hand
 
 
 @dataclass(frozen=True)
 class Property:
-    """One value of a row, or with ``length_type`` a list of them.  Types as NumPy spells them, without byte order."""
+    """One value of a row, or with ``length_type`` a list of values.  Types are NumPy's, without byte order."""
 
     name: str
     type: str
@@ -48,7 +48,7 @@ class Header:
 
 
 def read_header(path: Path, file: BinaryIO) -> Header:
-    """Reads up to and with ``end_header``.  Raises InputError naming the first line that cannot be understood."""
+    """Reads up to and including ``end_header``.  Raises InputError naming the first line that is not valid."""
     order: str | None = None
     elements: list[tuple[str, int, list[Property]]] = []
     for number in range(1, _MOST_LINES):
@@ -78,5 +78,5 @@ def read_header(path: Path, file: BinaryIO) -> Header:
 
 
 def _is_count(kind: str) -> bool:
-    """Whether the lengths of lists can be of this type: those of real numbers may be infinite, or none."""
+    """Whether lengths of lists can be of this type; floating-point numbers may be infinite or NaN."""
     return TYPES.get(kind, "f")[0] != "f"

@@ -1,10 +1,9 @@
 """Potree 1.x: cloud.js and a folder of nodes, .bin (records of points), .las or .laz.
 
 After Potree's loader (github.com/potree/potree, src/loader/POCLoader.js and its BinaryDecoderWorker).  A node is named by its
-way from the root, r0412: octants, in which 4 is x, 2 is y and 1 is z.  Coordinates of .bin nodes are relative to the node's
-corner: uint32 times scale from version 1.4 on, float32 before.  Which nodes there are is told by .hrc files (per node five
-bytes, children and points, breadth first), before version 1.5 by cloud.js.  Frame: the file's.  Units: as its projection has
-them.
+path from the root, such as r0412: octants, in which 4 is x, 2 is y and 1 is z.  Coordinates of .bin nodes are relative to the
+node's corner: uint32 times scale from version 1.4 on, float32 before.  The nodes are listed in .hrc files (five bytes per node,
+children and points, breadth first), before version 1.5 in cloud.js.  Frame: the file's.  Units: those of its projection.
 """
 
 import os
@@ -24,16 +23,16 @@ _HIERARCHY = np.dtype([("children", "u1"), ("points", "<u4")])
 _SIZES = {"POSITION_CARTESIAN": ("i4", 3), "COLOR_PACKED": ("u1", 4), "RGBA_PACKED": ("u1", 4), "RGB_PACKED": ("u1", 3),
           "RGBA": ("u1", 4), "RGB": ("u1", 3), "INTENSITY": ("u2", 1), "CLASSIFICATION": ("u1", 1), "NORMAL_FLOATS": ("f4", 3),
           "NORMAL": ("f4", 3), "NORMAL_SPHEREMAPPED": ("u1", 2), "NORMAL_OCT16": ("u1", 2), "FILLER_1B": ("u1", 1)}  # fmt: skip
-"""Attributes that older versions only name: type and elements."""
-_MOST_ELEMENTS = 64
-_DEEPEST = 64  # levels; doubles end before
+"""Type and elements of the attributes that older versions give by name only."""
+_MOST_ELEMENTS = 64  # of an attribute; chosen by hand
+_DEEPEST = 64  # levels: more than the 52 bits of a double's mantissa can divide
 _LEAST_LAS_RECORD = 20
 """Bytes of a point in LAS point format 0, the shortest (LAS 1.4 specification, table 7)."""
 _COLOURS, _COLUMNS = ("COLOR_PACKED", "RGBA_PACKED", "RGB_PACKED", "RGBA", "RGB"), {"INTENSITY": "i", "CLASSIFICATION": "c"}
 
 
 class Potree1Source(OctreeSource):
-    """The folder of a cloud.js.  Raises InputError where its parts do not fit together."""
+    """The folder of a cloud.js.  Raises InputError where its parts contradict each other."""
 
     def __init__(self, path: Path):
         super().__init__(path, "Potree 1")
@@ -66,7 +65,7 @@ class Potree1Source(OctreeSource):
         self._crs(meta.get("projection"))
 
     def _listed(self, folder: Path) -> dict[tuple[str, str], Path]:
-        """The files of the octree by name of their node and suffix, wherever they lie: that differs between versions."""
+        """The files of the octree by name of their node and suffix, in any subfolder: these differ between versions."""
         found = {}
         if not folder.is_dir():
             raise InputError(f"{folder}: no such folder, it should hold the octree; copy the whole folder again")
@@ -77,12 +76,12 @@ class Potree1Source(OctreeSource):
         return found
 
     def _points(self) -> Iterator[tuple[str, Path]]:
-        """Nodes that hold points and their files, coarse ones first."""
+        """The nodes that hold points and their files, coarse ones first."""
         named = sorted((len(name), name) for name, suffix in self._files if suffix == self._suffix)
         return ((name, self._files[name, self._suffix]) for _, name in named if len(name) <= _DEEPEST)
 
     def _records(self, said: list) -> np.dtype:
-        """What a point of a .bin node is made of."""
+        """The record of a point in a .bin node."""
         fields = []
         for entry in said:
             if isinstance(entry, str) and entry.upper() in _SIZES:
@@ -118,7 +117,7 @@ class Potree1Source(OctreeSource):
         return nodes
 
     def _from_hrc(self) -> dict[str, int]:
-        """Points of each node by the .hrc files."""
+        """Number of points of each node, from the .hrc files."""
         nodes: dict[str, int] = {}
         for (root, suffix), file in self._files.items():
             if suffix != "hrc":
@@ -131,7 +130,7 @@ class Potree1Source(OctreeSource):
                 if at == len(names):
                     raise self._damaged("holds more nodes than it names", file)
                 nodes[names[at]] = points
-                if len(names) * _HIERARCHY.itemsize < len(data):  # the last level names children that other files describe
+                if len(names) * _HIERARCHY.itemsize < len(data):  # the children of the last level are described by other files
                     names += [f"{names[at]}{octant}" for octant in range(8) if children >> octant & 1]
         return nodes
 
@@ -165,7 +164,7 @@ class Potree1Source(OctreeSource):
                     raise self._damaged(f"its last point has {len(data) % dtype.itemsize} bytes", path)
                 records = np.frombuffer(data, dtype)
                 xyz = records["POSITION_CARTESIAN"].astype(np.float64)
-                with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is left to the grid
+                with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
                     xyz = (xyz * self._scale if self._scale is not None and self._integers else xyz) + corner
                 columns = {axis: xyz[:, i] for i, axis in enumerate("xyz")}
                 if colour := next((field for field in _COLOURS if field in (dtype.names or ())), None):
@@ -174,7 +173,7 @@ class Potree1Source(OctreeSource):
                 yield 0, columns | {column: records[field].reshape(-1) for field, column in known}
 
     def _corner(self, name: str) -> np.ndarray:
-        """(3,) lowest corner of a node's cube."""
+        """(3,) lowest corner of a node's box."""
         low, size = self._low.copy(), self._size.copy()
         for octant in name[1:]:
             size = size / 2

@@ -1,9 +1,9 @@
 """Potree 2: metadata.json, hierarchy.bin and octree.bin, encoded DEFAULT (records of points) or BROTLI (columns, compressed).
 
 After Potree's loader (github.com/potree/potree, src/modules/loader/2.0).  A node of the hierarchy has 22 bytes: type (0 inner,
-1 leaf, 2 a node that another run of the hierarchy describes), children, points, place and length in octree.bin, or of the run.
-Coordinates are int32 times scale plus offset; BROTLI interleaves the bits of their low and of their high halves (Morton order),
-and likewise those of colours.  Frame: the file's.  Units: as its projection has them.
+1 leaf, 2 proxy, described by another run of the hierarchy), children, points, place and length in octree.bin, or of the run.
+Coordinates are int32 times scale plus offset.  BROTLI interleaves the bits of their low and of their high halves (Morton
+order), and likewise those of colours.  Frame: the file's.  Units: those of its projection.
 """
 
 from collections.abc import Iterator
@@ -18,15 +18,15 @@ from viewer.readers.octree import TYPES, OctreeSource, pieces, read_json, vector
 
 _NODE = np.dtype([("type", "u1"), ("children", "u1"), ("points", "<u4"), ("place", "<i8"), ("bytes", "<i8")])
 _PROXY = 2
-_MOST_ELEMENTS = 64  # of an attribute
+_MOST_ELEMENTS = 64  # of an attribute; chosen by hand
 _RGB, _POSITION = ("rgb", "rgba"), ("position", "position_cartesian")
-_MORTON_BYTES = {"position": 16, "rgb": 8}  # a point, where bits are interleaved
+_MORTON_BYTES = {"position": 16, "rgb": 8}  # per point, of attributes with interleaved bits
 _COLUMNS = {"intensity": "i", "classification": "c", "point source id": "s"}
-_SLACK = 1024  # bytes by which compressed data may be longer than what it holds; brotli needs 5 in 16 MiB
+_SLACK = 1024  # bytes by which compressed data may exceed the plain data; chosen by hand: brotli needs 5 in 16 MiB
 
 
 class Potree2Source(OctreeSource):
-    """The folder of a metadata.json.  Raises InputError where its parts do not fit together."""
+    """The folder of a metadata.json.  Raises InputError where its parts contradict each other."""
 
     def __init__(self, path: Path):
         super().__init__(path, "Potree 2")
@@ -111,7 +111,7 @@ class Potree2Source(OctreeSource):
         return nodes, depths
 
     def _widths(self) -> list[tuple[str, int]]:
-        """Name and bytes a point of the attributes as BROTLI holds them."""
+        """Name and bytes per point of the attributes in BROTLI encoding."""
         sizes = [self._dtype[i].itemsize for i in range(len(self._attributes))]
         return [(name, _MORTON_BYTES.get(name, size)) for (name, *_), size in zip(self._attributes, sizes)]
 
@@ -145,7 +145,7 @@ class Potree2Source(OctreeSource):
         return data
 
     def _unpacked(self, data: bytes, count: int) -> bytes:
-        """The columns of a node, of exactly the length that its points take."""
+        """Unpacks the columns of a node.  Raises InputError where their length is not exactly that of its points."""
         try:
             import brotli
         except ImportError:
@@ -155,7 +155,7 @@ class Potree2Source(OctreeSource):
         unpack = brotli.Decompressor()
         try:
             part = unpack.process(data, output_buffer_limit=expected + 1)
-            while part:  # no more is unpacked than there should be, whatever the data says
+            while part:  # not more than expected, so that damaged data cannot exhaust memory
                 parts.append(part)
                 have += len(part)
                 if have > expected:
@@ -201,7 +201,7 @@ def _levels_of(children: np.ndarray) -> np.ndarray:
 
 
 def _third_bits(values: np.ndarray) -> np.ndarray:
-    """(n,) uint64: bits 0, 3, 6, ..., 45 of values, side by side: one axis of a Morton code of three times 16 bits."""
+    """(n,) uint64: bits 0, 3, 6, ..., 45 of values, compacted: one axis of a Morton code of three times 16 bits."""
     values = values & np.uint64(0x0000_2492_4924_9249 | 1 << 45)
     for shift, mask in ((2, 0x30C3_0C30_C30C_30C3), (4, 0xF00F_00F0_0F00_F00F), (8, 0x00FF_0000_FF00_00FF),
                         (16, 0xFFFF_0000_0000_FFFF), (32, 0xFFFF)):  # fmt: skip

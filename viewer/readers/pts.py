@@ -1,7 +1,6 @@
-"""PTS (Leica): a line with the number of points, then as many rows x y z [i] [r g b]; several of these may follow each other.
+"""PTS (Leica): a line with the number of points, then as many rows x y z [i] [r g b]; several such parts may follow each other.
 
-Coordinates are those of the common frame; each part counts as a scan, whose position the file does not tell.  Units: unknown,
-metres by custom.
+Coordinates are in the common frame.  Each part is a scan without a position.  Units: unknown, by convention metres.
 """
 
 from collections.abc import Iterator
@@ -17,7 +16,7 @@ from viewer.text import counted, whole_number
 
 
 class PtsSource(ColumnSource):
-    """One .pts file.  columns: as in XyzSource.  Raises InputError where counts do not fit the file."""
+    """One .pts file.  columns: as in XyzSource.  Raises InputError where the counts contradict the file."""
 
     def __init__(self, path: Path, columns: str | None = None):
         super().__init__(path, "PTS")
@@ -50,7 +49,7 @@ class PtsSource(ColumnSource):
             self.scans = [ScanInfo(f"{path.stem} {i}") for i in range(1, len(self._counts) + 1)]
 
     def _look_at(self, row: str | None) -> None:
-        """The first row of a part decides on the columns, the same in all parts."""
+        """Recognises the columns by the first row of a part; they are the same in all parts."""
         fields = len(row.split()) if row else 0
         if fields and not self._columns:
             if fields not in LEICA_COLUMNS:
@@ -60,7 +59,7 @@ class PtsSource(ColumnSource):
             self._columns = LEICA_COLUMNS[fields]
 
     def _count(self, line: str, most: int) -> int | None:
-        """The number of points that a line gives, None where it is a row."""
+        """The number of points in a line; None where the line is a row of points."""
         count = whole_number(line)
         if count is not None and count > most:
             raise InputError(f"{self.path}: says that it holds {count:,} points, which its {self.path.stat().st_size:,} bytes "

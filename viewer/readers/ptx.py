@@ -1,7 +1,7 @@
 """PTX (Leica): scans with their poses, each a header of ten lines and columns times rows of points x y z i [r g b].
 
-The header: columns, rows, scanner position, three axes, and the 4x4 matrix scanner -> file for row vectors, whose last row is
-the translation.  Rows of zeros stand for directions without a return.  Metres.  Frame: the file's; points are turned and moved.
+The header: columns, rows, scanner position, three axes, and the 4x4 matrix from scanner to file for row vectors, whose last row
+is the translation.  Rows of zeros are directions without a return.  Metres.  Frame: the file's; points are transformed to it.
 """
 
 from collections.abc import Iterator
@@ -18,8 +18,8 @@ from viewer.readers.text_rows import ROWS, TextRows, quoted
 from viewer.readers.text_sample import TextRegion, sample_rows
 from viewer.text import whole_number
 
-_VECTORS = (3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines of a header that follow columns and rows
-_ORTHOGONAL = 1e-3  # largest error of a rotation's columns: poses are written with six digits or more
+_VECTORS = (3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines of a header after columns and rows
+_ORTHOGONAL = 1e-3  # largest error of a rotation matrix; chosen by hand: poses are written with six digits or more
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class _Scan:
 
 
 class PtxSource(ColumnSource):
-    """One .ptx file.  Raises InputError where a header is none, or scans are not as long as they say."""
+    """One .ptx file.  Raises InputError where a header is not valid, or a scan is shorter than it states."""
 
     def __init__(self, path: Path):
         super().__init__(path, "PTX")
@@ -57,7 +57,7 @@ class PtxSource(ColumnSource):
                 name = f"{path.stem} {len(infos) + 1}"
                 placed = self._is_pose(matrix)
                 if not placed:
-                    self._warn(f"{path.name}: pose of {name!r} is not usable, its points stay where they are")
+                    self._warn(f"{path.name}: pose of {name!r} is not usable, its points are not moved")
                     matrix = np.eye(4)
                 columns = LEICA_COLUMNS.get(fields, "xyz")
                 self._scans.append(_Scan(count, columns, begin, text.position, matrix[:3, :3], matrix[3, :3]))
@@ -68,7 +68,7 @@ class PtxSource(ColumnSource):
             raise InputError(f"{path}: holds no points; export it again")
 
     def _header(self, text: TextRows) -> tuple[int, np.ndarray]:
-        """Points of the scan that begins here, and its matrix (4, 4)."""
+        """Reads a header: the number of points of the scan, and its matrix (4, 4)."""
         begin = text.line_number + 1
         size = [whole_number(line) if (line := text.line()) is not None else None for _ in range(2)]
         if size[0] is None or size[1] is None:
@@ -89,7 +89,7 @@ class PtxSource(ColumnSource):
         return count, np.array(vectors[4:])
 
     def _no_header(self, begin: int, line: str | None = None) -> InputError:
-        what = f", {quoted(line)} is not right there" if line else ""
+        what = f", {quoted(line)} is not expected there" if line else ""
         return InputError(f"{self.path}: line {begin:,} does not begin a scan (columns, rows, position, three axes, matrix)"
                           f"{what}; truncated or damaged, copy or export it again")  # fmt: skip
 
@@ -101,13 +101,13 @@ class PtxSource(ColumnSource):
         return bool(np.isfinite(matrix).all() and error < _ORTHOGONAL and np.array_equal(matrix[:, 3], (0, 0, 0, 1)))
 
     def _placed(self, scan: int, columns: Columns) -> tuple[Columns, np.ndarray, int]:
-        """Points in the file's frame; zeros, directions without a return, are left out."""
+        """Transforms points to the file's frame; zeros, which are directions without a return, are left out."""
         pose, size = self._scans[scan], len(columns["x"])
         local = np.stack([columns[axis] for axis in "xyz"], axis=1)
         found = local.any(axis=1)
         if not found.all():
             columns, local = {name: values[found] for name, values in columns.items()}, local[found]
-        with np.errstate(invalid="ignore", over="ignore"):  # what is not finite is left to the grid
+        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
             xyz = local if np.array_equal(pose.rotation, np.eye(3)) else local @ pose.rotation
             return columns, xyz + pose.translation, size - len(xyz)
 

@@ -1,4 +1,4 @@
-"""What the columns of a text file of points are: by its header, else by the values, else as a person says.
+"""The columns of a text file of points: named by a person, else by the file's header, else recognised by their values.
 
 Columns are named x y z (coordinates), r g b (colour), i (intensity), c (class) and - (anything else: normals, time, ...).
 """
@@ -15,7 +15,7 @@ from viewer.readers.text_rows import BLANKS, TextRows, has_decimal_comma, quoted
 COLUMNS = "xyzrgbic"
 OTHER = "-"
 LEICA_COLUMNS = {3: "xyz", 4: "xyzi", 6: "xyzrgb", 7: "xyzirgb"}
-"""What a row of PTS and PTX holds, by its number of fields."""
+"""Columns of a row of PTS and PTX, by its number of fields."""
 LEAST_ROW = 6
 """Bytes of the shortest row, "0 0 0" and its end."""
 _NAMES = {
@@ -29,26 +29,26 @@ _NAMES = {
 }  # fmt: skip
 _COLUMN_OF = {name: column for column, names in _NAMES.items() for name in names}
 _UNIT = re.compile(r"[\[(][^\])]*[\])]")
-_MOST_HEADERS = 100  # lines before the first row
-_SAMPLE_BYTES = 1 << 18  # read at the beginning, in the middle and at the end, to tell columns apart
-_UNIT_LENGTH = 0.01  # normals are at most this far from a length of one: files give two digits and more
+_MOST_HEADERS = 100  # lines before the first row; chosen by hand
+_SAMPLE_BYTES = 1 << 18  # read at the beginning, in the middle and at the end to recognise columns; chosen by hand
+_UNIT_LENGTH = 0.01  # largest error of a normal's length; chosen by hand: files have two digits or more
 
 
 @dataclass(frozen=True)
 class Layout:
-    """columns: a letter a field.  delimiter: between fields, BLANKS for blanks and tabs.  headers: lines before the rows."""
+    """columns: a letter per field.  delimiter: between fields, BLANKS for blanks and tabs.  headers: lines before the rows."""
 
     columns: str
     delimiter: str = BLANKS
     headers: int = 0
 
     def target(self, wanted: str) -> list[int]:
-        """For each field its place in ``wanted``, -1 for those that are not."""
+        """For each field its index in ``wanted``, -1 for fields that are not wanted."""
         return [wanted.find(column) if column != OTHER else -1 for column in self.columns]
 
 
 def named_columns(path: Path, text: str) -> str:
-    """The columns that ``--columns`` names, a letter each.  Raises InputError where they make no sense."""
+    """The columns named by ``--columns``, a letter each.  Raises InputError where they are not valid."""
     columns = [word.strip().lower() for word in text.split(",")]
     if wrong := next((word for word in columns if word not in (*COLUMNS, OTHER)), None):
         raise InputError(f"{path}: --columns {text}: {wrong!r} is none of {', '.join(COLUMNS)} and - (for any other)")
@@ -63,7 +63,7 @@ def named_columns(path: Path, text: str) -> str:
 def recognise(path: Path, given: str | None = None) -> Layout:
     """The layout of a text file of points.  given: its columns by ``named_columns``.
 
-    Raises InputError where it holds no rows of numbers, or the columns cannot be told.
+    Raises InputError where it holds no rows of numbers, or the columns cannot be recognised.
     """
     headers: list[str] = []
     with path.open("rb") as file:
@@ -104,7 +104,7 @@ def _fields(line: str, delimiter: str) -> list[str]:
 
 
 def _numbers(fields: list[str]) -> list[float] | None:
-    """The fields as numbers, nothing as NaN; None where one of them is none."""
+    """The fields as numbers, empty fields as NaN; None where a field is not a number."""
     found = [_number(word) for word in fields]
     return None if None in found else [value for value in found if value is not None]
 
@@ -117,13 +117,13 @@ def _number(word: str) -> float | None:
 
 
 def _words(header: str, delimiter: str) -> list[str]:
-    """The names in a header, without units in brackets; it may be a comment."""
+    """The names in a header, without units in brackets; the header may be a comment."""
     words = [_UNIT.sub("", word) for word in _fields(header.lstrip("#/ \t"), delimiter)]
     return [word for word in words if word] if delimiter == BLANKS else words
 
 
 def _by_names(header: str, delimiter: str, count: int) -> str | None:
-    """The columns that a header names, None where it is no header of ``count`` columns with x, y and z."""
+    """The columns that a header names; None where it does not name ``count`` columns with x, y and z."""
     words = _words(header, delimiter)
     if len(words) != count:
         return None
@@ -135,8 +135,8 @@ def _by_names(header: str, delimiter: str, count: int) -> str | None:
 
 
 def _by_values(path: Path, delimiter: str, count: int, headers: int) -> str:
-    """Columns by what they hold: x y z first; three with unit length are normals; three whole numbers to 255 (or else 65535),
-    or shares of 1, are a colour; and what is then left alone is an intensity."""
+    """Recognises columns by their values: x y z come first; three of unit length are normals; three integers to 255 (or else
+    65535), or shares of 1, are a colour; a single remaining column is the intensity."""
     table = _sample(path, delimiter, count, headers)
     columns = ["x", "y", "z", *[""] * (count - 3)]
     windows = range(3, count - 2)
@@ -163,7 +163,7 @@ def _are_normals(values: np.ndarray) -> bool:
     with np.errstate(invalid="ignore", over="ignore"):
         lengths = np.sqrt((values**2).sum(axis=1))
         near = np.abs(lengths - 1) < _UNIT_LENGTH
-    return bool(near.mean() > 0.9 and (values % 1 != 0).any())  # some writers give no normal to single points
+    return bool(near.mean() > 0.9 and (values % 1 != 0).any())  # some writers omit the normals of some points
 
 
 def _are_colours(values: np.ndarray) -> bool:
@@ -173,7 +173,7 @@ def _are_colours(values: np.ndarray) -> bool:
 
 
 def _sample(path: Path, delimiter: str, count: int, headers: int) -> np.ndarray:
-    """(n, count) float64: rows of the beginning, the middle and the end of a file."""
+    """(n, count) float64: rows from the beginning, the middle and the end of a file."""
     size, rows = path.stat().st_size, []
     with path.open("rb") as file:
         for place in sorted({0, max(0, size // 2), max(0, size - _SAMPLE_BYTES)}):
@@ -183,7 +183,7 @@ def _sample(path: Path, delimiter: str, count: int, headers: int) -> np.ndarray:
             found = (_numbers(_fields(line, delimiter)) for line in whole)
             rows += [row for row in found if row is not None and len(row) == count]
     if not rows:
-        raise InputError(f"{path}: holds no two rows of as many numbers; a row is x y z, and i, r g b if known")
+        raise InputError(f"{path}: holds no two rows with the same number of values; a row is x y z, and i, r g b if known")
     return np.array(rows)
 
 

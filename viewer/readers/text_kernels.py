@@ -1,9 +1,9 @@
-"""Compiled: rows of decimal numbers out of bytes of text, correctly rounded, without a Python object a number.
+"""Compiled: parses rows of decimal numbers from bytes of text, correctly rounded, without a Python object per number.
 
 Numbers of at most 19 digits with a power of ten from -22 to 22 are computed in double-double arithmetic (Dekker 1971): the
-digits as a sum of two doubles, times or divided by a power of ten, which is exact up to 10**22.  The error is near 2**-104 of
-the value, so it rounds as ``float`` does (a test compares them).  Up to 2**53 one division does (Clinger 1990).  Other tokens
-(longer ones, larger exponents, nan) are left to Python: parse_rows returns where they are.
+digits as a sum of two doubles, multiplied or divided by a power of ten, which is exact up to 10**22.  The relative error is
+near 2**-104, so the result is rounded as by ``float`` (a test compares them).  Up to 2**53 one division suffices (Clinger
+1990).  Other tokens (longer ones, larger exponents, nan) are left to Python: parse_rows returns their positions.
 """
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from model.common.jit import compiled
 
 DIGITS = 19
-"""Decimal digits that always fit 64 bits."""
-_POWERS = 10.0 ** np.arange(23)  # those that a double holds exactly
-_EXACT = np.uint64(2**53)  # whole numbers up to here are doubles
-_SPLIT = 2.0**27 + 1  # halves a double's 53 bits (Dekker)
+"""Decimal digits that fit 64 bits."""
+_POWERS = 10.0 ** np.arange(23)  # exact in a double
+_EXACT = np.uint64(2**53)  # integers up to here are exact in a double
+_SPLIT = 2.0**27 + 1  # splits a double's 53 bits in halves (Dekker)
 
 DONE, FULL, OTHER_WIDTH, TOO_SLOW = range(4)
 """Why parse_rows ended: the text is read, the table is full, a line has another number of fields, no room in ``slow``."""
@@ -48,11 +48,11 @@ def _scaled(digits, power):
 def parse_rows(text, start, stop, delimiter, target, table, slow):
     """Reads lines of ``text[start:stop]``, uint8, which ends with a newline.
 
-    delimiter: a byte between fields, beside which blanks mean nothing; nothing between two of them stands for NaN.  0: blanks
-    and tabs.  target: (fields a line,) int64, the column of ``table`` that a field is written to, -1 for none.
+    delimiter: a byte between fields; blanks beside it are ignored, and an empty field is NaN.  0: fields are separated by
+    blanks and tabs.  target: (fields a line,) int64, the column of ``table`` that a field is written to, -1 for none.
     table: (rows, columns) float64, filled.  slow: (m, 4) int64, filled: row, column, begin and end of tokens left to Python.
-    Blank lines and lines that begin with # or // are left out.
-    Returns rows read, place after the last of them, tokens in ``slow``, why it ended, lines passed, fields of the line there.
+    Blank lines and lines that begin with # or // are skipped.
+    Returns rows read, position after the last of them, tokens in ``slow``, why it ended, lines passed, fields of the next line.
     """
     width, rows, slows, lines, i = len(target), 0, 0, 0, start
     while i < stop:
@@ -145,9 +145,9 @@ def parse_rows(text, start, stop, delimiter, target, table, slow):
 
 @compiled(nogil=True)
 def skip_rows(text, start, stop, most):
-    """Passes up to ``most`` of the lines that parse_rows would read, whatever they hold.
+    """Skips up to ``most`` rows without parsing them.
 
-    Returns lines of these, place after the last, lines passed in all.
+    Returns rows skipped, position after the last, lines skipped including blank lines and comments.
     """
     rows, lines, i = 0, 0, start
     while i < stop and rows < most:
@@ -160,22 +160,3 @@ def skip_rows(text, start, stop, most):
         i += 1
         lines += 1
     return rows, i, lines
-
-
-@compiled(nogil=True)
-def count_lines(text, start, stop):
-    """Lines of ``text[start:stop]``, uint8, which begins with a line and ends with a newline.
-
-    Returns (lines, lines among them that may be no rows: they begin with a blank, a comment mark or their end).  One loop
-    without branches, which compiles to vector instructions, for the many files where every line is a row.
-    """
-    lines, others = 0, 0
-    first = text[start]
-    if first <= 32 or first == 35 or first == 47:
-        others += 1
-    for i in range(start, stop - 1):
-        ends = text[i] == 10
-        after = text[i + 1]
-        lines += ends
-        others += ends & ((after <= 32) | (after == 35) | (after == 47))
-    return lines + 1, others

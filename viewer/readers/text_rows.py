@@ -1,6 +1,6 @@
-"""Rows of numbers out of a text file, a block at a time, with the place of whatever cannot be read.
+"""Reads rows of numbers from a text file, a block at a time; errors name the line that is not numbers.
 
-Frame and units: the file's.  Memory: two blocks of text and the rows asked for.
+Frame and units: the file's.  Memory: two blocks of text and the requested rows.
 """
 
 import re
@@ -12,16 +12,16 @@ import numpy as np
 from viewer.errors import InputError
 from viewer.text import counted
 
-_BLOCK = 1 << 24  # bytes of text read at a time
-_LONGEST_LINE = 1 << 16  # bytes; a longer one is no row of a scan
-_SHOWN = 40  # characters of a line that a message quotes
+_BLOCK = 1 << 24  # bytes of text read at a time; chosen by hand
+_LONGEST_LINE = 1 << 16  # bytes of a line; chosen by hand: rows of scans have some hundreds
+_SHOWN = 40  # characters of a line that a message quotes; chosen by hand
 _NAN = re.compile(r"[-+]?(?:nan|1\.#)", re.IGNORECASE)  # as C libraries print it: -nan(ind), 1.#QNAN
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # of UTF-8, as some spreadsheets write it
 ROWS = 1 << 18
-"""Most rows that readers ask for at a time: of seven columns 15 MB, which a chunk of CHUNK points would take four times."""
+"""Rows that readers request at a time; chosen by hand: seven columns take 15 MB."""
 BLANKS = ""
-"""The delimiter of fields that are separated by blanks or tabs."""
+"""The delimiter where fields are separated by blanks or tabs."""
 
 
 class TextRows:
@@ -35,7 +35,7 @@ class TextRows:
         self._text, self._rest, self._at, self._ended = b"", b"", 0, False
         self._added = 0  # newlines that the file does not have
         self.line_number = lines
-        """Lines that were passed."""
+        """Number of lines before the current position."""
 
     def line(self) -> str | None:
         """The next line that is not blank, without its end; None at the end of the file."""
@@ -48,18 +48,18 @@ class TextRows:
         return None
 
     def peek(self) -> str | None:
-        """The line that ``line`` would return, left where it is."""
+        """The line that ``line`` will return next."""
         found = self.line()
         if found is not None:
             self._at, self.line_number = self._text.rfind(b"\n", 0, self._at - 1) + 1, self.line_number - 1
         return found
 
     def rows(self, target: list[int], most: int, delimiter: str = BLANKS) -> tuple[np.ndarray, int | None]:
-        """Up to ``most`` of the next rows, and how many fields the line behind them has where these are another number.
+        """Reads up to ``most`` of the next rows.
 
-        target: for each field of a line its column in what is returned, -1 for none.
-        Returns (n, columns) float64, and None where the rows ended with the file or ``most``.
-        Raises InputError naming the line where a field that is wanted holds no number.
+        target: for each field of a line its column in the result, -1 for none.
+        Returns (n, columns) float64, and the number of fields of the next line where it differs, else None.
+        Raises InputError naming the line where a wanted field is not a number.
         """
         from viewer.readers.text_kernels import OTHER_WIDTH, parse_rows
 
@@ -90,8 +90,8 @@ class TextRows:
         return self.peek() is None
 
     def unreadable(self, at: int | None = None, fields: tuple[int, int] | None = None) -> InputError:
-        """The error about a line that holds something else than numbers.  at: a place in it, by default in the next one.
-        fields: how many it has and how many were expected, where that is what is wrong."""
+        """The error about a line that is not numbers.  at: a position in it, by default the next line.
+        fields: the number of fields it has, and the number expected, where these differ."""
         at = self._at if at is None else at
         begin = self._text.rfind(b"\n", 0, at) + 1
         line = self._text[begin : self._text.find(b"\n", at)].decode("latin-1").strip()
@@ -107,27 +107,23 @@ class TextRows:
         return InputError(f"{self.path}: line {number:,} holds {quoted(line)} where numbers are expected; export it again")
 
     def skip_lines(self, lines: int) -> None:
-        """Passes lines, blank ones and comments included."""
+        """Skips to line number ``lines``, counting blank lines and comments."""
         while self.line_number < lines and self._fill():
             self._at, self.line_number = self._text.index(b"\n", self._at) + 1, self.line_number + 1
 
     def skip(self, most: int) -> int:
-        """Passes up to ``most`` rows, whatever they hold, and returns how many there were."""
-        from viewer.readers.text_kernels import count_lines, skip_rows
+        """Skips up to ``most`` rows without parsing them, and returns how many there were."""
+        from viewer.readers.text_kernels import skip_rows
 
         passed = 0
         while passed < most and self._fill():
             text = np.frombuffer(self._text, np.uint8)
-            lines, others = count_lines(text, self._at, len(text))
-            if lines <= most - passed and not others:  # every line is a row
-                n, self._at = lines, len(self._text)
-            else:
-                n, self._at, lines = skip_rows(text, self._at, len(text), most - passed)
+            n, self._at, lines = skip_rows(text, self._at, len(text), most - passed)
             passed, self.line_number = passed + n, self.line_number + lines
         return passed
 
     def _fill(self) -> bool:
-        """Makes sure that a whole line is there; False at the end of the file."""
+        """Reads on until a complete line is there; returns False at the end of the file."""
         while self._at >= len(self._text):
             if self._ended:
                 return False
@@ -142,7 +138,7 @@ class TextRows:
             self._text, self._rest, self._at = text[:end], text[end:], 0
             if len(self._rest) > _LONGEST_LINE:
                 what = f"line {self.line_number + 1 + self._text.count(bytes([10])):,} has more than {_LONGEST_LINE:,} bytes"
-                raise InputError(f"{self.path}: {what}, this is no text file of points; export it again")
+                raise InputError(f"{self.path}: {what}, it is not a text file of points; export it again")
         return True
 
 
@@ -153,13 +149,13 @@ def quoted(line: str) -> str:
 
 
 def has_decimal_comma(line: str) -> bool:
-    """Whether a line holds three numbers or more like 1,5, separated by blanks, tabs or semicolons."""
+    """Whether a line holds at least three numbers such as 1,5, separated by blanks, tabs or semicolons."""
     words = re.split(r"[;\s]+", line.strip("; \t\r\n"))
     return len(words) >= 3 and sum(bool(_DECIMAL_COMMA.fullmatch(word)) for word in words) >= 3
 
 
 def _number(token: bytes) -> float | None:
-    """A token as ``float`` reads it, quotes around it left out; NaN however it is written; None where it is no number."""
+    """A token as ``float`` reads it, without quotes around it; NaN in any spelling; None where it is not a number."""
     text = token.decode("latin-1").strip("\"'")
     if _NAN.match(text):
         return float("nan")
