@@ -20,7 +20,7 @@ from model.synth.scanner import ScannerModel, VirtualScanner
 
 
 @dataclass(frozen=True)
-class Shot:
+class RoomView:
     """One picture with depth and pose.  fl: focal length, pixels; the principal point is the centre of the picture."""
 
     folder: Path
@@ -60,12 +60,12 @@ class Shot:
 
 @dataclass(frozen=True)
 class StationScene:
-    """A scene folder: ``stations`` is a list of six-face lists, ``views`` and ``path`` are lists of shots."""
+    """A scene folder: ``stations`` is a list of six-face lists, ``views`` and ``path`` are lists of views."""
 
     name: str
-    stations: list[list[Shot]]
-    views: list[Shot]
-    path: list[Shot] = field(default_factory=list)
+    stations: list[list[RoomView]]
+    views: list[RoomView]
+    path: list[RoomView] = field(default_factory=list)
 
     def scan(self, seed: int) -> Scan:
         """The merged scan of the stations, degraded with this seed.
@@ -77,10 +77,10 @@ class StationScene:
         return instrument_scan(self, seed, model) if kind[1] < INSTRUMENT_SHARE else scan_stations(self, seed, model)
 
 
-def _shot(folder: Path, entry: dict, scale: float) -> Shot:
-    """A shot from an entry of scene.json.  Raises KeyError, TypeError or ValueError where it is not a picture with a camera."""
-    made = Shot(folder, str(entry["rgb"]), str(entry["depth"]), int(entry["w"]), int(entry["h"]), float(entry["fl"]),
-                np.asarray(entry["camera_to_world"], np.float64).reshape(4, 4), scale)
+def _room_view(folder: Path, entry: dict, scale: float) -> RoomView:
+    """A view from an entry of scene.json.  Raises KeyError, TypeError or ValueError where it is not a picture with a camera."""
+    made = RoomView(folder, str(entry["rgb"]), str(entry["depth"]), int(entry["w"]), int(entry["h"]), float(entry["fl"]),
+                    np.asarray(entry["camera_to_world"], np.float64).reshape(4, 4), scale)
     turn = made.camera_to_world[:3, :3]
     if not ((np.abs(made.camera_to_world) < FAR).all() and np.allclose(turn @ turn.T, np.eye(3), atol=1e-2)):
         raise ValueError(f"{made.rgb_file}: camera_to_world is not a rotation and a translation")
@@ -101,14 +101,14 @@ def load_scene(folder: Path) -> StationScene:
         if not 0 < scale < np.inf:
             raise ValueError(f"depth_scale {scale:g}: expected the number of depth steps in a metre")
 
-        def shot(entry: dict) -> Shot:
-            return _shot(folder, entry, scale)
+        def read(entry: dict) -> RoomView:
+            return _room_view(folder, entry, scale)
 
         scene = StationScene(
             str(data.get("scene", folder.name)),
-            [[shot(face) for face in station["faces"]] for station in data["stations"]],
-            [shot(view) for view in data["views"]],
-            [shot(view) for view in data.get("path", [])],
+            [[read(face) for face in station["faces"]] for station in data["stations"]],
+            [read(view) for view in data["views"]],
+            [read(view) for view in data.get("path", [])],
         )
         alike = all(len(faces) == FACES and len({(f.width, f.height, f.fl) for f in faces}) == 1 for faces in scene.stations)
         if not (scene.stations and alike):
@@ -118,33 +118,33 @@ def load_scene(folder: Path) -> StationScene:
     except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         reason = error if isinstance(error, (OSError, ValueError)) else repr(error)
         raise DataError(f"{folder / 'scene.json'}: not a scene description ({reason})") from None
-    shots = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
-    pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in shots for name in (s.rgb_file, s.depth_file))
-    if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in shots]):
+    views = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
+    pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in views for name in (s.rgb_file, s.depth_file))
+    if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in views]):
         raise DataError(f"{folder}: {len(wrong)} pictures named in scene.json cannot be used: {'; '.join(wrong[:10])}")
     if not any(np.isfinite(face.depth()).any() for faces in scene.stations for face in faces):
         raise DataError(f"{folder}: the depth pictures of its stations have no return (all 0); write metres x depth_scale")
     return scene
 
 
-def shot_points(shot: Shot) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def room_view_points(view: RoomView) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The pixels of a picture with depth as points.
 
     Returns xyz (N, 3) float64 world, rgb (N, 3) uint8, and edge (N,) bool: the pixel is on a depth discontinuity.
     """
-    depth = shot.depth().astype(np.float64)
+    depth = view.depth().astype(np.float64)
     finite = np.isfinite(depth)
     j, i = np.nonzero(finite)
     z = depth[finite]
     local = np.stack(
-        [(i + 0.5 - shot.width / 2) / shot.fl * z, -(j + 0.5 - shot.height / 2) / shot.fl * z, -z], axis=1
+        [(i + 0.5 - view.width / 2) / view.fl * z, -(j + 0.5 - view.height / 2) / view.fl * z, -z], axis=1
     )
-    xyz = local @ shot.camera_to_world[:3, :3].T + shot.camera_to_world[:3, 3]
+    xyz = local @ view.camera_to_world[:3, :3].T + view.camera_to_world[:3, 3]
     inverse = np.pad(np.where(finite, 1.0 / depth, 0.0), 1, mode="edge")
     mid = inverse[1:-1, 1:-1]
     bend = [abs(inverse[1:-1, :-2] + inverse[1:-1, 2:] - 2 * mid), abs(inverse[:-2, 1:-1] + inverse[2:, 1:-1] - 2 * mid)]
     edge = np.maximum(*bend) > EDGE * mid
-    return xyz, shot.rgb()[finite], edge[finite]
+    return xyz, view.rgb()[finite], edge[finite]
 
 
 EDGE = 0.03
@@ -198,7 +198,7 @@ def scan_stations(scene: StationScene, seed: int, model: ScanModel | None = None
         balance = gains[index] * (1 + model.white_balance * rng.uniform(-1, 1, 3))
         shift = rng.normal(0, model.misregistration, 3)
         for face in faces:
-            xyz, rgb, edge = shot_points(face)
+            xyz, rgb, edge = room_view_points(face)
             keep = rng.random(len(xyz)) >= model.dropout
             xyz, rgb, edge = xyz[keep], rgb[keep], edge[keep]
             centre = face.camera_to_world[:3, 3]
@@ -227,7 +227,7 @@ UP = "y"
 """Up axis of scene folders."""
 
 
-def panorama(faces: list[Shot]) -> Panorama:
+def panorama(faces: list[RoomView]) -> Panorama:
     """The six faces of a station as a panorama in a z-up world."""
     rotations = np.stack([to_z_up(face.camera_to_world[:3, :3].T, UP).T for face in faces])
     depth = np.stack([face.depth() for face in faces]).astype(np.float64)

@@ -15,7 +15,7 @@ from PIL import Image, UnidentifiedImageError
 from torch import Tensor
 
 from model.data.dataset import DataError
-from model.data.stations import Shot
+from model.data.stations import RoomView
 
 NAMED = 10  # at most, in a message
 
@@ -33,12 +33,12 @@ class Outside:
     folder: Path
     path_frames: bool = False
 
-    def file(self, shot: Shot, density: float) -> Path:
+    def file(self, shot: RoomView, density: float) -> Path:
         """Where the picture of a view must lie."""
         within = self.folder / density_folder(density)
         return (within if within.is_dir() else self.folder) / f"{Path(shot.rgb_file).stem}.png"
 
-    def picture(self, shot: Shot, density: float) -> Tensor:
+    def picture(self, shot: RoomView, density: float) -> Tensor:
         """(3, H, W) in 0..1."""
         with Image.open(self.file(shot, density)) as image:
             return torch.from_numpy(np.asarray(image.convert("RGB")).copy()).permute(2, 0, 1) / 255
@@ -57,7 +57,7 @@ def parse_outside(texts: Sequence[str]) -> dict[str, Path]:
     return result
 
 
-def _problem(path: Path, shot: Shot) -> str | None:
+def _problem(path: Path, shot: RoomView) -> str | None:
     if not path.is_file():
         return f"{path} is missing"
     try:
@@ -70,7 +70,7 @@ def _problem(path: Path, shot: Shot) -> str | None:
     return None
 
 
-def open_outside(folders: dict[str, Path], views: Sequence[Shot], frames: Sequence[Shot],
+def open_outside(folders: dict[str, Path], views: Sequence[RoomView], frames: Sequence[RoomView],
                  densities: Sequence[float]) -> list[Outside]:
     """Checks every picture that will be needed before anything is computed.  Raises DataError naming the first ten bad ones.
 

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from model.data.dataset import DataError, Scan, TruePicture
 from model.data.projected import Projected, project_scan, scan_spacing
-from model.data.stations import Shot, StationScene, load_scene, scan_stations
+from model.data.stations import RoomView, StationScene, load_scene, scan_stations
 from model.evaluation.figures import Figures, Truth
 from model.evaluation.flicker import Key, measure_flicker, middle_stretch
 from model.evaluation.flip import ABSENT, flip_judge
@@ -47,7 +47,7 @@ FRAMES = 20
 """Of the path, from its middle, unless more are asked for."""
 
 
-def pick_views(scene: StationScene, count: int | None) -> list[Shot]:
+def pick_views(scene: StationScene, count: int | None) -> list[RoomView]:
     """``count`` views, evenly chosen; None: all.  Raises DataError where there is none, or one is too small to judge."""
     if count is not None and count < 1:
         raise DataError(f"{count} views: at least 1")
@@ -115,7 +115,7 @@ class Evaluation:
             self.times.setdefault((name, density), (ms, None))
         return {name: picture for name, (picture, _) in drawn.items()}
 
-    def rows(self, shots: Sequence[Shot]) -> list[dict]:
+    def rows(self, shots: Sequence[RoomView]) -> list[dict]:
         """Mean figures of every method at every density and exposure, over the views.
 
         A network's row also counts the views that are worse than what went into it: ``against_filled``, of
@@ -177,7 +177,7 @@ class Evaluation:
                 self.worst.look(cases[-1], pictures[name], pictures[method.name], truth.rgb)
         return cases
 
-    def _pictures(self, view: Sight, shot: Shot, density: float, exposure: str):
+    def _pictures(self, view: Sight, shot: RoomView, density: float, exposure: str):
         """(method, exposure, picture, mask or None) of a sight.  What knows no exposure comes with the first one only."""
         for method in self.methods:
             mask = None if method.mask is None else view.mask(method.mask)
@@ -188,12 +188,12 @@ class Evaluation:
             for other in self.outside:
                 yield other.name, "-", other.picture(shot, density), None
 
-    def flicker(self, frames: Sequence[Shot]) -> list[dict]:
+    def flicker(self, frames: Sequence[RoomView]) -> list[dict]:
         """Flicker along frames, at the last exposure.  The same points survive in every frame: the seed never changes."""
         exposure = self.exposures[-1]
 
         def draw(shot: TruePicture) -> dict[Key, Tensor]:
-            assert isinstance(shot, Shot)
+            assert isinstance(shot, RoomView)
             seen = self.exposed(project_scan(self.scan, shot, seed=self.seed), exposure)
             depth = torch.from_numpy(shot.depth())
             pictures: dict[Key, Tensor] = {}

@@ -1,4 +1,4 @@
-"""Options that cannot be followed are refused at once: one line, exit code 2, and nothing made."""
+"""Invalid options are refused at once: one line, exit code 2, no files."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from viewer.commands import COMMANDS
 
 
 def refused(capsys, *arguments) -> str:
-    """The one line that a command line is refused with."""
+    """The one line with which a command line is refused."""
     assert main([str(a) for a in arguments]) == 2
     said = capsys.readouterr()
     assert said.err.startswith("pointglass: ") and said.err.count("\n") == 1 and not said.out, said
@@ -45,13 +45,13 @@ def test_training_refuses_options_before_a_place_is_built(options, said, tmp_pat
     (("--recipe", "gpu", "--minutes", "0"), "--minutes 0: --recipe needs more than 0 minutes"),
     (("--tune", "scan.e57", "--minutes", "0"), "--minutes 0: --tune needs more than 0 minutes"),
 ])
-def test_no_minutes_are_refused_where_steps_do_not_count(options, said, tmp_path, capsys):
+def test_zero_minutes_are_refused_where_steps_do_not_count(options, said, tmp_path, capsys):
     assert said in refused(capsys, "train", *options, "--out", tmp_path / "out")
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("way", [("--recipe", "night"), ("--tune", "scan.e57")])
-def test_what_trains_in_one_process_is_refused_in_several(way, tmp_path, capsys, monkeypatch):
+def test_training_in_one_process_is_refused_under_torchrun(way, tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("WORLD_SIZE", "2")
     said = refused(capsys, "train", *way, "--out", tmp_path / "out")
     assert f"{way[0]} trains in one process, not in 2" in said and not list(tmp_path.iterdir())
@@ -69,7 +69,7 @@ def test_what_trains_in_one_process_is_refused_in_several(way, tmp_path, capsys,
     (("--tune", "scan.e57", "--quality", "fast", "--seed", "4"), ""),
     (("room", "--steps", "5", "--start-from", "WEIGHTS", "--unfiltered"), ""),
 ])
-def test_training_says_which_options_it_has_no_use_for(options, said, tmp_path, capsys, monkeypatch):
+def test_training_names_the_options_it_ignores(options, said, tmp_path, capsys, monkeypatch):
     from model.train import command as train_command
     from model.train import recipes
     from model.weights import weights_dir
@@ -122,7 +122,7 @@ def test_simulate_refuses_options_before_any_work(options, said, tmp_path, capsy
     assert not list(tmp_path.iterdir())
 
 
-def test_a_full_disk_leaves_nothing_of_a_simulation(tmp_path, capsys, monkeypatch):
+def test_a_full_disk_leaves_no_files_of_a_simulation(tmp_path, capsys, monkeypatch):
     import errno
 
     from model.synth import demo
@@ -158,7 +158,7 @@ def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monke
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_help_of_a_command_says_what_it_does_and_explains_every_option(command, capsys):
+def test_the_help_of_a_command_describes_it_and_every_option(command, capsys):
     from viewer.commands import make_parser
 
     with pytest.raises(SystemExit):
@@ -177,7 +177,7 @@ def test_the_help_of_simulate_names_the_cameras_file(capsys):
     assert "_cameras.json" in capsys.readouterr().out
 
 
-def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
+def test_empty_folders_of_a_failure_are_removed(tmp_path):
     from model.common.folders import made_folder
 
     with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "a" / "b"):
@@ -194,8 +194,8 @@ def test_folders_that_a_failure_leaves_empty_go_again(tmp_path):
 
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
 @pytest.mark.parametrize("module", ["argparse", "torch"])
-def test_a_stop_during_the_imports_is_one_line(tmp_path, module, stop):
-    """A module that is slow to import stands for a slow disk; a stop that is raised there is a crash, as in torch's."""
+def test_an_interrupt_during_imports_gives_one_line(tmp_path, module, stop):
+    """A slow module simulates a slow disk; an exception raised there would crash, as in torch's imports."""
     import os
     import signal
     import subprocess
@@ -218,19 +218,19 @@ def test_a_stop_during_the_imports_is_one_line(tmp_path, module, stop):
 
 
 @pytest.mark.parametrize(("command", "policy"), [("info", "passive"), ("train", None)])
-def test_the_networks_threads_sleep_between_frames_and_not_between_steps(monkeypatch, command, policy):
+def test_openmp_threads_wait_passively_except_in_training(monkeypatch, command, policy):
     import os
 
     from viewer import cli
 
-    monkeypatch.setenv("OMP_WAIT_POLICY", "")  # so that it is put back
+    monkeypatch.setenv("OMP_WAIT_POLICY", "")  # so that monkeypatch restores it
     monkeypatch.delenv("OMP_WAIT_POLICY")
     monkeypatch.setitem(cli._RUN, command, lambda _options: 0)
     assert cli.main([command, "--out", "x", "y"] if command == "train" else [command, "y"]) == 0
     assert os.environ.get("OMP_WAIT_POLICY") == policy
 
 
-def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys):
+def test_ctrl_c_is_recognised_in_the_error_of_a_compiled_loop(monkeypatch, capsys):
     from viewer import cli
 
     def stopped(_options):
@@ -244,8 +244,8 @@ def test_ctrl_c_is_known_in_what_a_compiled_loop_makes_of_it(monkeypatch, capsys
 
 
 @pytest.mark.parametrize("stop", ["SIGINT", "SIGTERM"])
-def test_a_stop_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch, stop):
-    """Raised before, it was a crash of the process: of several results numba does not look whether each was made."""
+def test_an_interrupt_in_a_compiled_loop_waits_for_its_results(monkeypatch, stop):
+    """Raised earlier, it would crash the process: numba does not check every one of several results."""
     import signal
 
     from model.synth import shapes
@@ -259,7 +259,7 @@ def test_a_stop_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch
 
     number, place, before = getattr(signal, stop), Place(1, probe_rays=0), signal.default_int_handler
     monkeypatch.setattr(shapes, "trace_rays", interrupted)
-    given = signal.signal(number, before)  # a shell's background jobs are given none
+    given = signal.signal(number, before)  # a shell's background jobs ignore it
     try:
         with pytest.raises(KeyboardInterrupt):
             place.shapes.trace(np.ones((1, 3)), np.array([[0.0, 0.0, 1.0]]))
@@ -268,7 +268,7 @@ def test_a_stop_in_a_compiled_loop_waits_until_its_results_are_whole(monkeypatch
         signal.signal(number, given)
 
 
-def test_convert_of_a_torn_scan_leaves_no_folders(tmp_path, capsys):
+def test_convert_of_a_truncated_scan_leaves_no_folders(tmp_path, capsys):
     from viewer.paths import assets_dir
 
     torn = tmp_path / "torn.laz"
@@ -289,7 +289,7 @@ def test_render_without_weights_reads_no_scan_and_makes_no_folder(tmp_path, caps
     assert not list(tmp_path.iterdir())
 
 
-def test_pictures_that_cannot_be_made_leave_no_folder(tmp_path):
+def test_pictures_that_cannot_be_written_leave_no_folder(tmp_path):
     from types import SimpleNamespace
     from typing import Any
 
@@ -306,7 +306,7 @@ def test_pictures_that_cannot_be_made_leave_no_folder(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_training_stopped_while_places_are_built_leaves_no_folder(tmp_path, monkeypatch, capsys):
+def test_a_training_interrupted_while_places_are_built_leaves_no_folder(tmp_path, monkeypatch, capsys):
     import model.data.procedural as procedural
 
     def stopped(_place):
@@ -323,5 +323,5 @@ def test_a_training_stopped_while_places_are_built_leaves_no_folder(tmp_path, mo
     (("demo", "--size", "9x9"), "unrecognized arguments: --size (see `pointglass demo --help`)"),  # not --view
     (("bench", "frame", "--zzz"), "unrecognized arguments: --zzz (see `pointglass bench --help`)"),
 ])
-def test_what_is_misspelt_is_told_before_what_is_missing(words, said, capsys):
+def test_misspelt_options_are_reported_before_missing_ones(words, said, capsys):
     assert said in refused(capsys, *words)
