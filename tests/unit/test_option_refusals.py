@@ -296,11 +296,12 @@ def test_pictures_that_cannot_be_written_leave_no_folder(tmp_path):
     from viewer.settings import Settings
     from viewer.tools.export import export_pictures
 
-    def stopped(*_):
-        raise KeyboardInterrupt
+    class Interrupted:
+        def __getattr__(self, _name):
+            raise KeyboardInterrupt
 
     cameras: Any = [SimpleNamespace(name="a")]
-    renderer: Any = SimpleNamespace(render=stopped)
+    renderer: Any = Interrupted()
     with pytest.raises(KeyboardInterrupt):
         export_pictures(renderer, cameras, Settings(), tmp_path / "a" / "b")
     assert not list(tmp_path.iterdir())
