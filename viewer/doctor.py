@@ -1,7 +1,7 @@
-"""``pointglass doctor``: what works on this machine, what is used, what to do about the rest.
+"""``pointglass doctor``: reports which parts work on this machine, which are used, and how to fix the rest.
 
-Drivers can take a process down, so whatever touches one is a probe in a process of its own (:mod:`viewer.doctor_probes`): a
-crash is an answer.  Times and sizes are shown in units a person reads; the dict holds the same text and is JSON-able.
+A driver can crash a process, so every check that uses one is a probe in its own process (:mod:`viewer.doctor_probes`), and a
+crash is reported as its result.  Sizes are in units for a person; the dict holds the same text and can be written as JSON.
 """
 
 import json
@@ -26,14 +26,15 @@ LIBRARIES = (
     "av", "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
     "platformdirs", "plyfile", "pye57", "safetensors", "scipy", "torch", "tqdm", "zstandard",
 )  # fmt: skip
-"""What pyproject.toml asks for, for a checkout that is run without being installed."""
+"""Dependencies in pyproject.toml, for a checkout that is run without being installed."""
 OPTIONAL = ("cuda-core", "cuda-bindings")
-_SECONDS = 120  # a probe that takes longer hangs
+_SECONDS = 120
+"""Seconds after which a probe counts as hanging.  How it was chosen is not recorded."""
 
 
 def examine() -> dict:
     """{"version", "pictures": bool, "items": [{"name", "status", "value", "remedy"}]}; status as in doctor_probes.STATUSES."""
-    running = {name: _start(name) for name in PROBES}  # side by side: each waits for libraries to load
+    running = {name: _start(name) for name in PROBES}  # in parallel: each waits for libraries to load
     items = [_memory(), _processor(), _cache(), _libraries()]
     found = [item for name, process in running.items() for item in _finish(name, process)]
     items = found + items
@@ -75,7 +76,7 @@ def _start(name: str) -> subprocess.Popen:
 
 
 def _finish(name: str, process: subprocess.Popen) -> list[dict]:
-    """The probe's items, or one that says how it died."""
+    """The probe's items, or one that reports how it failed."""
     remedy = "update the graphics driver; if it persists, report it with this output"
     try:
         out, err = process.communicate(timeout=_SECONDS)
@@ -90,7 +91,7 @@ def _finish(name: str, process: subprocess.Popen) -> list[dict]:
     return [item(name, "fail", f"the probe {how}", remedy)]
 
 
-# -- what needs no driver -------------------------------------------------------------------------------------------
+# -- checks without a driver -------------------------------------------------------------------------------------------
 
 
 def _memory() -> dict:
@@ -130,13 +131,13 @@ def _cache() -> dict:
 
 
 def _required() -> tuple[str, ...]:
-    """Names of the packages that pointglass cannot do without, as its own metadata has them."""
+    """Names of the packages that pointglass requires, from its own metadata."""
     try:
         wanted = metadata.requires("pointglass") or []
     except metadata.PackageNotFoundError:
         return LIBRARIES
     names = [re.findall(r"[\w.-]+", re.split(r"[<>=!~;\s]", line, maxsplit=1)[0]) for line in wanted if "extra ==" not in line]
-    return tuple(name for parts in names for name in parts)  # of laspy[lazrs] both: that extra is called what it brings
+    return tuple(name for parts in names for name in parts)  # laspy[lazrs] gives both: the extra has the name of its package
 
 
 def _libraries() -> dict:

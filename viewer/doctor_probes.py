@@ -1,7 +1,7 @@
-"""The doctor's probes: whatever touches a driver, each run in a process of its own.  ``python -m viewer.doctor_probes NAME``
-prints one's items as a line of JSON.
+"""The doctor's probes: every check that uses a driver, each run in its own process.  ``python -m viewer.doctor_probes NAME``
+prints the items of one probe as a line of JSON.
 
-An item is a line of the report; its sizes are in units a person reads.
+An item is one line of the report; its sizes are in units for a person.
 """
 
 import json
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 STATUSES = ("ok", "warn", "fail", "skipped")
 GB = 1e9
 _WORDS = 4096
+"""Words that the self-test mixes: 64 workgroups."""
 
 
 def item(name: str, status: str, value: str, remedy: str = "") -> dict:
@@ -182,7 +183,7 @@ def interop_item(programs: "Programs") -> dict:
 
     matched = use_matching_device(programs.context)
     where = "" if matched.index is None else f"; {matched.how}"
-    found: dict[str, str | None] = {}
+    found: dict[str, str | None] = {}  # problem of each library, None where it works
     for name in MAPPERS:
         try:
             CudaBridge(programs, (64, 48), (name,)).release()
@@ -190,7 +191,7 @@ def interop_item(programs: "Programs") -> dict:
         except PointglassError as error:
             found[name] = str(error)
     works = [name for name, problem in found.items() if problem is None]
-    broken = list(dict.fromkeys(problem for problem in found.values() if problem is not None))  # both may say the same
+    broken = list(dict.fromkeys(problem for problem in found.values() if problem is not None))  # both may report the same
     if not works:
         return item("interop", "warn", "; ".join(broken) + where, "frames are copied through memory, which is right but slower")
     value = f"OpenGL buffers are mapped into CUDA by {works[0]}, nothing is copied; self-test passed{where}"

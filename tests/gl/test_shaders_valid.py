@@ -8,13 +8,19 @@ import re
 import shutil
 import subprocess
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
+import moderngl
 import pytest
+from clouds import camera_in, room
 from driver_pictures import sources
 
 from viewer.paths import shaders_dir
+from viewer.render import renderer as module
+from viewer.render.renderer import Renderer
 from viewer.render.shader import BINDINGS
+from viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 
@@ -38,6 +44,8 @@ GROUP_SIZE, GROUP_INVOCATIONS = (1024, 1024, 64), 1024
 """MAX_COMPUTE_WORK_GROUP_SIZE and _INVOCATIONS."""
 SHARED_BYTES = 32768
 """MAX_COMPUTE_SHARED_MEMORY_SIZE."""
+STORAGE_BLOCK_BYTES = 1 << 24
+"""MAX_SHADER_STORAGE_BLOCK_SIZE."""
 STORAGE_BINDINGS = 8
 """MAX_SHADER_STORAGE_BUFFER_BINDINGS."""
 
@@ -162,3 +170,30 @@ def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(files):
 
     assert max(BINDINGS.values()) < STORAGE_BINDINGS
     assert each(problems, files) == []
+
+
+def test_no_shader_is_given_a_larger_buffer_than_opengl_4_3_guarantees(context, monkeypatch):
+    """On a device whose storage blocks have the least size of the standard: points in pages, pictures in bands, and the same
+    bytes as with one page and one band."""
+    largest: list[int] = []
+    bind = moderngl.Buffer.bind_to_storage_buffer
+
+    def noted(self, binding=0, offset=0, size=-1):
+        largest.append(self.size if size < 0 else size)
+        return bind(self, binding, offset, size)
+
+    monkeypatch.setattr(moderngl.Buffer, "bind_to_storage_buffer", noted)
+    scene = room(5, 1_500_000)  # 18 MB of points
+    camera, pictures = camera_in(scene, 5, (1280, 960)), []  # 19.7 MB of carries
+    known = module.describe_device
+    for limit in (None, STORAGE_BLOCK_BYTES):
+        largest.clear()
+        if limit is not None:
+            monkeypatch.setattr(module, "describe_device", lambda given, limit=limit: replace(known(given), storage_limit=limit))
+        renderer = Renderer(context, scene, raster="compute")
+        frame = renderer.render(camera, Settings(), ("raw", "filled"))
+        pictures.append([frame.image(view).tobytes() for view in ("raw", "filled")] + [frame.depth().tobytes()])
+        assert limit is None or max(largest) <= limit
+        assert largest
+        renderer.release()
+    assert pictures[0] == pictures[1]
