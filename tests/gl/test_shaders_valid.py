@@ -189,7 +189,8 @@ def test_no_shader_is_given_a_larger_buffer_than_opengl_4_3_guarantees(context, 
     for limit in (None, STORAGE_BLOCK_BYTES):
         largest.clear()
         if limit is not None:
-            monkeypatch.setattr(module, "describe_device", lambda given, limit=limit: replace(known(given), storage_limit=limit))
+            limited = replace(known(context), storage_limit=limit)
+            monkeypatch.setattr(module, "describe_device", lambda _, limited=limited: limited)
         renderer = Renderer(context, scene, raster="compute")
         frame = renderer.render(camera, Settings(), ("raw", "filled"))
         pictures.append([frame.image(view).tobytes() for view in ("raw", "filled")] + [frame.depth().tobytes()])

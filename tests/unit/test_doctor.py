@@ -19,8 +19,9 @@ def test_examination_is_complete_and_readable(monkeypatch):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     report = json.loads(json.dumps(doctor.examine()))
     items = {item["name"]: item for item in report["items"]}
-    assert {"OpenGL", "limits", "window", "torch", "CUDA", "weights", "interop", "memory", "processor", "cache",
-            "libraries"} == set(items)  # fmt: skip
+    assert {"OpenGL", "limits", "GPU memory", "window", "torch", "CUDA", "weights", "interop", "memory", "processor",
+            "cache", "libraries"} == set(items)  # fmt: skip
+    assert re.search(r"[\d.]+ GB.* free \(.*for points at most [\d.]+ GB", items["GPU memory"]["value"])
     assert all(item["status"] in doctor_probes.STATUSES and item["value"] for item in items.values())
     assert all(item["remedy"] for item in items.values() if item["status"] in ("warn", "fail"))
     assert "self-test passed" in items["OpenGL"]["value"]
