@@ -70,11 +70,11 @@ def _read_colmap(folder: Path) -> list[Camera]:
     raise InputError(f"{folder}: no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder")
 
 
-def write_camera_path(path: Path, cameras: Iterable[Camera]) -> None:
+def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.0, seconds: float | None = None) -> None:
     """Writes nerfstudio's camera_path.json, as ``read_cameras`` reads it back.
 
     The format knows one size for all, square pixels and a centred principal point; other cameras are refused
-    (InputError) rather than changed.
+    (InputError) rather than changed.  seconds: of the film; None: one frame a camera.
     """
     cameras = list(cameras)
     if not cameras:
@@ -99,8 +99,8 @@ def write_camera_path(path: Path, cameras: Iterable[Camera]) -> None:
         for camera in cameras
     ]
     write_json(path, {
-        "camera_type": "perspective", "render_width": width, "render_height": height, "fps": 24,
-        "seconds": len(frames) / 24, "camera_path": frames,
+        "camera_type": "perspective", "render_width": width, "render_height": height, "fps": fps,
+        "seconds": len(frames) / fps if seconds is None else seconds, "camera_path": frames,
     })
 
 

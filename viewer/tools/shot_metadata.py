@@ -8,7 +8,7 @@ import json
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -136,7 +136,7 @@ def read_shot(path: Path) -> Shot:
         comparison = found.get("comparison") or {}
         shot = Shot(_camera(found["camera"], str(path)), Settings(**settings), found["background"], found["exposures"],
                     tuple(map(str, found["scans"])), int(found["points"]), str(found["weights"]), str(found["version"]),
-                    Alterations() if altered is None else from_json(Alterations, altered, "alterations"),
+                    Alterations() if altered is None else cast(Alterations, from_json(Alterations, altered, "alterations")),
                     str(comparison.get("view", "")), float(comparison.get("split_at", 0.5)))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise InputError(f"{path}: its description is damaged; give --cameras instead") from None

@@ -19,6 +19,7 @@ import numpy as np
 from model.common.interrupts import finish_before_interrupt
 from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
+from viewer.window.clipboard import SystemClipboard
 from viewer.window.input import Input
 from viewer.window.interaction.table import toolbox
 from viewer.window.interaction.tool import ToolContext
@@ -107,6 +108,7 @@ class App:
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
         self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
+        self.tools.folder, self.tools.clipboard = folder or Path.cwd(), SystemClipboard(glfw, self.window)
         self._save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
         self._settle = _SETTLE
         self._awake_until = 0.0

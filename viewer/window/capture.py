@@ -9,6 +9,7 @@ import numpy as np
 
 from model.common.atomic_write import write_atomic
 from viewer.errors import InputError
+from viewer.tools.files import write_png
 
 STAGES = ("cull", "raster", "filter", "fill", "network", "present")
 """Columns of the recording, milliseconds; a stage that a view does not need stays empty."""
@@ -32,17 +33,23 @@ def write_beside(path: Path, data: bytes) -> None:
     try:
         write_atomic(path, lambda beside: beside.write_bytes(data))
     except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error}); "
-                         "start pointglass in a folder that has room and can be written to") from None
+        raise _unwritable(path, error) from None
 
 
-def save_png(path: Path, image: np.ndarray) -> None:
-    """image: (H, W, 3) or (H, W, 4) uint8, row 0 on top.  Raises InputError if it cannot be written."""
-    from PIL import Image
+def save_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None) -> None:
+    """Writes (H, W, 3) or (H, W, 4) uint8, row 0 on top, with the text kept inside, the same bytes as ``render``.
 
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "PNG", compress_level=4)
-    write_beside(path, buffer.getvalue())
+    Raises InputError if it cannot be written.
+    """
+    try:
+        write_png(path, image, text)
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError(f"{path}: cannot be written ({error.strerror or error}); "
+                      "start pointglass in a folder that has room and can be written to")
 
 
 class FrameTimes:
@@ -70,6 +77,30 @@ class FrameTimes:
         row |= {f"{stage}_ms": f"{stats['stages'][stage]:.3f}" for stage in STAGES if stage in stats["stages"]}
         self._rows.append(row)
         self._last = now
+
+    def plot(self, path: Path) -> None:
+        """Writes a PNG: the milliseconds of each frame by stage, stacked, over the seconds.  Raises InputError."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        seconds = np.array([float(row["seconds"]) for row in self._rows])
+        parts = {stage: np.array([float(row.get(f"{stage}_ms") or 0.0) for row in self._rows]) for stage in STAGES}
+        parts = {stage: values for stage, values in parts.items() if values.any()}
+        total = np.array([float(row["total_ms"]) for row in self._rows])
+        figure = Figure(figsize=(9.6, 4.8), dpi=150, layout="constrained")
+        FigureCanvasAgg(figure)
+        axes = figure.add_subplot()
+        if parts:
+            axes.stackplot(seconds, *parts.values(), labels=list(parts), step="mid", alpha=0.85)
+        axes.step(seconds, total, where="mid", color="black", linewidth=0.8, label="total")
+        middle, slow = np.percentile(total, [50, 95])
+        axes.set(xlabel="seconds", ylabel="milliseconds a frame", ylim=(0, None),
+                 title=f"{len(total)} frames, median {middle:.1f} ms, 95 % below {slow:.1f} ms")
+        axes.legend(loc="upper right", ncols=4, fontsize=8, frameon=False)
+        axes.spines[["top", "right"]].set_visible(False)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png")
+        write_beside(path, buffer.getvalue())
 
     def save(self, path: Path) -> None:
         """Writes the CSV.  Raises InputError if it cannot be written."""

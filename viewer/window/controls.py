@@ -49,12 +49,13 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("DRAG_HANDLE",), "Drag the handle", "split_handle", "move the line between the two", "mouse"),
     ),
     "Keep": (
-        Control(("F12",), "F12", "screenshot", "save the picture as PNG"),
-        Control(("F9",), "F9", "record", "start or stop recording frame times to CSV"),
+        Control(("F12",), "F12", "screenshot", "save the picture as PNG, with what `render --like` needs to draw it again"),
+        Control(("F9",), "F9", "record", "start or stop recording frame times, as CSV and a plot"),
         Control(("DROP",), "Drop files", "drop", "open them as one scene", "mouse"),
     ),
     "Work": (
         Control(("CTRL_Z",), "Ctrl+Z", "undo", "undo; Ctrl+Y or Ctrl+Shift+Z redoes", "chord"),
+        Control(("CTRL_C",), "Ctrl+C", "copy_camera", "copy the camera as text; Ctrl+V flies to a copied one", "chord"),
         Control(("CTRL_S",), "Ctrl+S", "save", "save the project: clips, measurements, look, viewpoint", "chord"),
     ),
     "Window": (

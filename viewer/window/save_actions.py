@@ -1,10 +1,12 @@
-"""F12 and F9: save the picture or frame times, and say where, or why not."""
+"""F12 and F9: save the picture, or frame times and their plot, and say where, or why not."""
 
 from pathlib import Path
 
 from viewer.errors import PointglassError
 from viewer.text import counted
+from viewer.tools.shot_metadata import KEY
 from viewer.window import capture
+from viewer.window.saved_picture import saved_picture
 from viewer.window.session import Session
 from viewer.window.viewport import Viewport
 
@@ -23,15 +25,17 @@ class SaveActions:
             self._session.notices.toast("Nothing to save yet: drop a scan here first", instead_of="Nothing to ")
             return None
         try:
-            image = self._painter.full_picture()
-            if image is None:
-                return None
             path = capture.stamped("pointglass", ".png", self._folder)
-            capture.save_png(path, image)
+            made = saved_picture(self._session, self._painter, path.stem)
+            if made is None:
+                return None
+            image, shot = made
+            capture.save_png(path, image, {KEY: shot.text()} if shot is not None else None)
         except PointglassError as error:
             self._session.notices.say("No screenshot was saved", str(error))
             return None
-        self._session.notices.toast(f"Saved {path}")
+        again = "" if shot is not None else "; it shows a photograph or the tint, so `render --like` cannot draw it again"
+        self._session.notices.toast(f"Saved {path}{again}")
         return path
 
     def record(self) -> Path | None:
@@ -53,6 +57,7 @@ class SaveActions:
         path = capture.stamped("pointglass-frames", ".csv", self._folder)
         try:
             times.save(path)
+            times.plot(path.with_suffix(".png"))
         except PointglassError as error:
             session.notices.say("The frame times were not saved", str(error))
             return None

@@ -22,6 +22,7 @@ _DRAWN_ANEW = ("hidden_stations", "clips", "look")
 
 class Work:
     """history: of the document.  project: the file it was read from or saved to, else None.
+    shot_scale: times the sides of the picture that F12 saves.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves."""
 
@@ -31,6 +32,7 @@ class Work:
         self.tint = False
         self.under_pointer: Picked | None = None
         self.photo: ShownPhoto | None = None
+        self.shot_scale = 1
         self._next: tuple[Document, Path | None] = Document(), None  # what is being opened
 
     @property

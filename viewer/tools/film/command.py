@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING
 from viewer import __version__
 from viewer.errors import InputError
 from viewer.text import counted
+from viewer.tools.document import Alterations
+from viewer.tools.film.frames import FrameMaker
 from viewer.tools.film.path import frame_name, interpolate
+from viewer.tools.project import to_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -90,22 +93,37 @@ def _timing(path: Path) -> tuple[float | None, float | None]:
 
 
 def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate: float, settings: "Settings", out: Path, *,
-         panorama: bool = False, supersample: int = 1, background: str = "black", resume: bool = False) -> str:
-    """Makes the film; returns the line that tells a person what was made.  Raises InputError."""
-    from viewer.tools.film.encode import write_folder, write_mp4
-    from viewer.tools.film.frames import FrameMaker
+         panorama: bool = False, supersample: int = 1, background: str = "black", resume: bool = False,
+         alterations: Alterations | None = None) -> str:
+    """Makes the film; returns the line that tells a person what was made.  alterations: of a project.  Raises InputError."""
+    from viewer.tools.altered_pictures import AlteredPictures
 
-    size = cameras[0].width, cameras[0].height
-    maker = FrameMaker(renderer, settings, size, supersample, panorama, background)
+    altered = None if alterations is None or alterations.none else AlteredPictures(renderer, alterations)
+    try:
+        size = cameras[0].width, cameras[0].height
+        maker = FrameMaker(renderer, settings, size, supersample, panorama, background, altered)
+        return _write(scene, maker, cameras, rate, out, resume=resume, alterations=alterations)
+    finally:
+        if altered is not None:
+            altered.release()
+
+
+def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate: float, out: Path, *, resume: bool,
+           alterations: Alterations | None) -> str:
+    from viewer.tools.film.encode import write_folder, write_mp4
+
+    size = maker.size
     if out.suffix.lower() in MP4:
         fps = Fraction(rate).limit_denominator(1001)
         write_mp4(out, cameras, maker.picture, size=size, fps=fps)
         return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}"
     made_of = {
-        "version": __version__, "scans": scene.meta.get("sources"), "points": scene.count, "settings": asdict(settings),
-        "size": list(size), "panorama": panorama, "supersample": supersample, "background": background,
+        "version": __version__, "scans": scene.meta.get("sources"), "points": scene.count, "settings": asdict(maker.settings),
+        "size": list(size), "panorama": maker.panorama, "supersample": maker.supersample, "background": maker.background,
         "path": [[*c.camera_to_world[:3].ravel().tolist(), c.fx, c.fy, c.cx, c.cy] for c in cameras],
     }
+    if alterations is not None and not alterations.none:
+        made_of["alterations"] = to_json(alterations)
     made = write_folder(out, cameras, maker.picture, made_of=made_of, resume=resume)
     kept = f", {len(cameras) - made:,} kept" if made < len(cameras) else ""
     return f"{counted(len(cameras), 'frame')} in {out}{kept}"

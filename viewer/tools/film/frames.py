@@ -14,6 +14,7 @@ from viewer.tools.film.equirectangular import Panorama
 if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.render.renderer import Renderer
+    from viewer.tools.altered_pictures import AlteredPictures
 
 LARGEST_SUPERSAMPLE = 4
 
@@ -25,6 +26,7 @@ class FrameMaker:
     size: (width, height) of the pictures.  supersample: each picture is rendered this many times wider and higher and averaged
     in linear light, 1 to 4.  panorama: equirectangular pictures of all directions, around each camera's position, with its
     heading in the middle.  background: a key of viewer.tools.background.COLOURS.
+    altered: makes the pictures where a project changes them; None: pictures are as the settings say.
     """
 
     renderer: "Renderer"
@@ -33,6 +35,7 @@ class FrameMaker:
     supersample: int = 1
     panorama: bool = False
     background: str = "black"
+    altered: "AlteredPictures | None" = None
 
     def __post_init__(self) -> None:
         if not 1 <= self.supersample <= LARGEST_SUPERSAMPLE:
@@ -50,6 +53,8 @@ class FrameMaker:
         return composite(averaged(made, self.supersample), self.background)
 
     def _draw(self, camera: "Camera") -> np.ndarray:
+        if self.altered is not None:
+            return self.altered.images(camera, self.settings, (self.settings.view,))[0]
         return self.renderer.render(camera, self.settings).image(self.settings.view)
 
 

@@ -1,6 +1,6 @@
 """What all tools share to change the document: one step that can be undone, the keys of undo and redo, and picking.
 
-Ctrl+Z undoes; Ctrl+Y and Ctrl+Shift+Z redo; Ctrl+S saves the project.
+Ctrl+Z undoes; Ctrl+Y and Ctrl+Shift+Z redo; Ctrl+S saves the project; Ctrl+C and Ctrl+V copy and paste the camera.
 """
 
 from typing import TYPE_CHECKING
@@ -11,6 +11,8 @@ from viewer.errors import PointglassError
 from viewer.tools.clip import contains
 from viewer.tools.measure import MeasuredPoint, unit_name
 from viewer.tools.pick import Picked, pick, surface_around
+from viewer.tools.shot_metadata import camera_line, parse_camera_line
+from viewer.window.navigation import looking
 
 if TYPE_CHECKING:
     from viewer.render.frame import Frame
@@ -28,13 +30,35 @@ def edit(context: "ToolContext", label: str, gesture: object = None, **changes: 
 
 def shared_key(event: "KeyEvent", context: "ToolContext") -> bool:
     """Undoes, redoes or saves where a key asks for it.  Returns whether it did."""
-    if event.kind == "release" or not event.modifiers.control or event.key not in ("Z", "Y", "S"):
+    if event.kind == "release" or not event.modifiers.control or event.key not in ("Z", "Y", "S", "C", "V"):
         return False
+    if event.key in ("C", "V"):
+        (copy_camera if event.key == "C" else paste_camera)(context)
+        return True
     if event.key == "S":
         save_project(context)
     else:
         step(context, redo=event.key == "Y" or event.modifiers.shift)
     return True
+
+
+def copy_camera(context: "ToolContext") -> None:
+    """Puts the camera into the clipboard, as a line of text."""
+    if context.scene is not None:
+        context.clipboard.write(camera_line(context.camera))
+        context.toast("Copied the camera; Ctrl+V flies to it, also in another window")
+
+
+def paste_camera(context: "ToolContext") -> None:
+    """Flies to the camera in the clipboard; its lens stays the window's."""
+    try:
+        camera = parse_camera_line(context.clipboard.read())
+    except PointglassError as error:
+        context.toast(str(error))
+        return
+    flight = context.session.flight
+    flight.go(looking(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+    context.renew_picture()
 
 
 def save_project(context: "ToolContext") -> None:

@@ -8,6 +8,7 @@ the same size on every screen.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -61,15 +62,30 @@ class KeyEvent:
     modifiers: Modifiers = Modifiers()
 
 
+class Clipboard:
+    """Text that is copied and pasted; here kept in memory, in a window the system's (viewer.window.app)."""
+
+    def __init__(self) -> None:
+        self._text = ""
+
+    def read(self) -> str:
+        return self._text
+
+    def write(self, text: str) -> None:
+        self._text = text
+
+
 class ToolContext:
     """What a tool may use.  One object a window; its properties are always those of the present moment.
 
     session: notices, flight, view settings.  viewport: the renderer and the last Frame (depth, mask), for picking.
-    theme: sizes and colours.  glfw: for ``pointer_captured``.
+    theme: sizes and colours.  clipboard: text copied and pasted.  folder: where tools save what a person asks for.
     """
 
     def __init__(self, session: "Session", viewport: "Viewport", theme: "Theme", *, set_captured: Any = None):
         self.session, self.viewport, self.theme = session, viewport, theme
+        self.clipboard = Clipboard()
+        self.folder = Path.cwd()
         self._set_captured = set_captured or (lambda captured: None)
 
     @property

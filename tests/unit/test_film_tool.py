@@ -1,0 +1,160 @@
+"""The Film and Section tools without a window: bookmarks and keyframes are steps of the history, paths go to files and back,
+and sheets are saved beside the window."""
+
+import time
+
+import numpy as np
+import pytest
+from window_session import session
+
+from viewer.camera import look_at
+from viewer.tools.camera_files import read_cameras
+from viewer.tools.document import CameraPath, Document, Keyframe, Viewpoint
+from viewer.tools.film.command import read_path
+from viewer.tools.shot_metadata import camera_line
+from viewer.window.interaction.editing import shared_key
+from viewer.window.interaction.film_tool import Film, cameras_along, path_seconds
+from viewer.window.interaction.section_tool import SectionTool
+from viewer.window.interaction.tool import KeyEvent, Modifiers, ToolContext
+from viewer.window.navigation import looking
+
+
+@pytest.fixture
+def context(tmp_path):
+    made, _ = session()
+    found = ToolContext(made, None, None)  # type: ignore[arg-type]
+    found.folder = tmp_path
+    return found
+
+
+def stand(context, place, ahead):
+    flight = context.session.flight
+    flight.go(looking(place, ahead, flight.state.speed))
+
+
+def with_path(context, film, count=3, seed=2):
+    rng = np.random.default_rng(seed)
+    places = rng.uniform((1, 1, 1), (7, 5, 2), (count, 3))
+    for place in places:
+        stand(context, place, rng.normal(size=3) * (1, 1, 0.2))
+        film.add_keyframe(context)
+    return places
+
+
+def test_bookmarks_and_keyframes_are_steps_that_can_be_undone(context):
+    film = Film()
+    stand(context, (1.0, 2.0, 1.5), (1.0, 0.5, 0.0))
+    before = context.camera.camera_to_world
+    film.add_bookmark(context)
+    film.add_bookmark(context)
+    assert [view.name for view in context.document.viewpoints] == ["View", "View 2"]
+    stand(context, (5.0, 4.0, 1.0), (-1.0, 0.0, 0.3))
+    film.fly_to(context, context.document.viewpoints[0])
+    assert np.allclose(context.camera.camera_to_world, before, atol=1e-12)
+    places = with_path(context, film)
+    assert [key.time for key in context.document.path.keyframes] == [0.0, 3.0, 6.0]
+    film.set_length(context, 12.0)
+    assert path_seconds(context.document.path) == pytest.approx(12.0)
+    film.show_at(context, 0.0)
+    assert np.allclose(context.camera.position, places[0])
+    film.show_at(context, 99.0)
+    assert film.at == pytest.approx(12.0) and np.allclose(context.camera.position, places[-1])
+    for _ in range(6):
+        context.session.work.undo()
+    assert context.document.viewpoints == () and context.document.path == CameraPath()
+
+
+def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(context, tmp_path):
+    film = Film()
+    film.path_file, film.size = str(tmp_path / "path.json"), (320, 180)
+    with_path(context, film, 4)
+    film.set_length(context, 2.0)
+    path = context.document.path
+    film.write_path(context)
+    cameras, rate = read_path(tmp_path / "path.json")
+    assert rate == path.fps and len(cameras) == 60
+    for made, own in zip(cameras, film.job(context).cameras, strict=True):
+        assert np.allclose(made.camera_to_world, own.camera_to_world, atol=1e-9) and made.fx == pytest.approx(own.fx)
+    film.read_path(context)
+    for key, before in zip(context.document.path.keyframes, path.keyframes, strict=True):
+        assert np.allclose(key.view.camera_to_world, before.view.camera_to_world, atol=1e-12)
+    assert len(read_cameras(tmp_path / "path.json")) == 4
+
+
+def test_a_closed_path_ends_where_it_began():
+    keys = tuple(Keyframe(float(n), Viewpoint.of(look_camera(place), str(n)))
+                 for n, place in enumerate([(0, 0, 1), (4, 0, 1), (4, 3, 1)]))
+    cameras = cameras_along(keys, 50, (160, 90), closed=True)
+    assert np.allclose(cameras[0].position, cameras[-1].position, atol=1e-9)
+    assert path_seconds(CameraPath(keys, closed=True)) == pytest.approx(3.0)
+
+
+def look_camera(place):
+    from viewer.camera import from_fov
+
+    return from_fov(160, 90, 60.0, look_at(np.array(place, float), (2.0, 9.0, 1.0)))
+
+
+def test_a_camera_is_copied_and_pasted_as_text(context):
+    stand(context, (1.0, 2.0, 1.5), (1.0, 0.5, -0.2))
+    before = context.camera
+    assert shared_key(KeyEvent("C", "press", Modifiers(control=True)), context)
+    assert context.clipboard.read() == camera_line(before)
+    stand(context, (5.0, 4.0, 1.0), (-1.0, 0.0, 0.3))
+    assert shared_key(KeyEvent("V", "press", Modifiers(control=True)), context)
+    assert np.allclose(context.camera.camera_to_world, before.camera_to_world, atol=1e-12)
+    context.clipboard.write("no camera")
+    shared_key(KeyEvent("V", "press", Modifiers(control=True)), context)
+    assert np.allclose(context.camera.camera_to_world, before.camera_to_world, atol=1e-12)
+    assert any("no camera" in toast.text for toast in context.session.notices.toasts)
+
+
+def finish(tool, context):
+    end = time.monotonic() + 60
+    while tool.worker is not None and time.monotonic() < end:
+        time.sleep(0.01)
+        tool._follow(context)
+    assert tool.worker is None
+
+
+def test_a_sheet_is_saved_beside_the_window(context, tmp_path):
+    tool = SectionTool()
+    tool.scale, tool.format = 100, ".png"
+    tool.start(context)
+    finish(tool, context)
+    (made,) = tmp_path.iterdir()
+    assert made.name.startswith("pointglass-plan-") and made.suffix == ".png"
+    tool.kind = "line"
+    tool.start(context)  # no ends yet
+    assert tool.worker is None and any("two ends" in toast.text for toast in context.session.notices.toasts)
+    tool.ends = [np.array([0.5, 3.0, 1.0]), np.array([7.5, 3.0, 2.0])]
+    cut = tool.cut(context)
+    assert cut is not None and cut.rightmost == pytest.approx(7.0)
+    assert cut.contains(cut.paper(np.array([[4.0, 3.05, 1.0]]))).all()
+    tool.keep_slab(context)
+    (clip,) = context.document.clips
+    assert clip.name == "Section" and clip.thickness == pytest.approx(cut.far - cut.near)
+    tool.height, tool.kind = 1e9, "plan"
+    tool.start(context)
+    finish(tool, context)
+    assert "holds no point" in context.session.notices.message.text and len(list(tmp_path.iterdir())) == 1
+
+
+def test_frame_times_become_a_plot(tmp_path):
+    from PIL import Image
+
+    from viewer.window.capture import FrameTimes
+
+    times, rng = FrameTimes(), np.random.default_rng(3)
+    for number in range(40):
+        stages = {"cull": 1.0, "raster": float(rng.uniform(5, 9)), "filter": 2.0}
+        times.add(number * 0.03, {"total_ms": sum(stages.values()), "stages": stages, "points_drawn": 1, "cells_drawn": 1,
+                                  "raster": "compute", "network": None}, (64, 48), ("filtered",))  # fmt: skip
+    times.plot(tmp_path / "a.png")
+    image = np.asarray(Image.open(tmp_path / "a.png").convert("RGB"))
+    assert image.shape[0] > 400 and len(np.unique(image.reshape(-1, 3), axis=0)) > 10
+
+
+def test_alterations_are_what_changes_pictures():
+    assert Document().alterations.none
+    assert not Document(hidden_stations=(3,)).alterations.none

@@ -1,0 +1,62 @@
+"""A film rendered beside the window: on a thread, with an OpenGL context and a renderer of its own."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from viewer.errors import InputError
+from viewer.settings import Settings
+from viewer.tools.document import Alterations
+from viewer.tools.film.command import MP4, film
+from viewer.window.worker import Worker
+
+if TYPE_CHECKING:
+    from viewer.camera import Camera
+    from viewer.grid.scene import Scene
+
+
+@dataclass(frozen=True)
+class FilmJob:
+    """All that a film is made of, taken when it is started: later changes in the window do not reach it."""
+
+    scene: "Scene | None"
+    cameras: "tuple[Camera, ...]"
+    fps: float
+    settings: Settings
+    out: Path
+    panorama: bool = False
+    supersample: int = 1
+    background: str = "black"
+    alterations: Alterations = field(default_factory=Alterations)
+
+    def render(self) -> str:
+        """Makes the film; a folder is continued where it holds frames of the same film.  Returns what was made, in words.
+
+        Raises PointglassError.
+        """
+        from viewer.render.context import create_context
+        from viewer.render.renderer import Renderer
+
+        if self.scene is None or not self.cameras:
+            raise InputError("a film needs a scan and a keyframe; add a keyframe first")
+        if self.settings.view == "neural":
+            from model.common.torch_process import prepare_inference
+
+            prepare_inference()
+        context = create_context()
+        try:
+            renderer = Renderer(context, self.scene)
+            try:
+                return film(self.scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
+                            supersample=self.supersample, background=self.background, alterations=self.alterations,
+                            resume=self.out.suffix.lower() not in MP4)
+            finally:
+                renderer.release()
+        finally:
+            context.release()
+
+
+def film_worker(job: FilmJob, wake: Callable[[], None]) -> Worker:
+    """Starts a film; its progress counts frames, and cancelling leaves no half file."""
+    return Worker(job.render, "Rendering the film", wake)

@@ -1,0 +1,213 @@
+"""Section: plans, elevations and sections to scale of what is in sight, saved as PDF or PNG.
+
+A click on a measured point sets the height of a plan, or the ends of a section line.  The slab is drawn over the picture; it
+can be made a clip, so that the view shows what the sheet will.  Sheets are drawn on a thread of their own.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from viewer.errors import InputError
+from viewer.tools.clip import Slab, vector
+from viewer.tools.document import unique_name
+from viewer.tools.exporting.selection import Selection
+from viewer.tools.section.command import THICKNESS, paper_of, title_of
+from viewer.tools.section.cut import KINDS, Cut, along_line, elevation, plan
+from viewer.tools.up_axis import upright_axes
+from viewer.window.capture import stamped
+from viewer.window.interaction.editing import Pointing, edit, metres_per_unit, unit_of
+from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
+from viewer.window.worker import Worker
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from viewer.window.overlay import OverlayCanvas
+
+SCALES = (10, 20, 50, 100, 200, 500)
+FORMATS = (".pdf", ".png")
+_HINTS = ("Click the left end of the line.", "Click the right end of the line.", "A further click begins another line.")
+"""By the number of ends that are set."""
+
+
+class SectionTool(Tool):
+    """kind: a key of KINDS.  height, azimuth, ends, thickness: of the cut, None until they are set or take a usual value."""
+
+    name, label, letter, key = "section", "Section", "N", "N"
+    help = "plan, elevation or section to scale, as PDF or PNG"
+    cursor = "crosshair"
+
+    def __init__(self) -> None:
+        self._pointing = Pointing()
+        self.kind = "plan"
+        self.height: float | None = None
+        self.azimuth = 0.0
+        self.ends: list[np.ndarray] = []
+        self.thickness: float | None = None
+        self.scale, self.format = 50, ".pdf"
+        self.worker: Worker | None = None
+
+    def cut(self, context: ToolContext) -> Cut | None:
+        """The cut as it is set; None while a line lacks an end."""
+        scene = context.scene
+        if scene is None:
+            return None
+        up = context.document.up
+        if self.kind == "elevation":
+            return elevation(self.azimuth, None, scene.bounds, up)
+        thickness = self.thickness or self._usual_thickness(context)
+        if self.kind == "plan":
+            return plan(self._height(context), thickness, up)
+        if len(self.ends) < 2:
+            return None
+        level = upright_axes(up)[:, :2]
+        return along_line(self.ends[0] @ level, self.ends[1] @ level, thickness, up)
+
+    def _usual_thickness(self, context: ToolContext) -> float:
+        return THICKNESS / (metres_per_unit(context) or 1.0)
+
+    def _height(self, context: ToolContext) -> float:
+        """Where a person set it, else a third of the way up."""
+        if self.height is not None:
+            return self.height
+        low, high = self._heights(context)
+        return low + 0.35 * (high - low)
+
+    def _heights(self, context: ToolContext) -> tuple[float, float]:
+        """Lowest and highest coordinate along the up axis."""
+        assert context.scene is not None
+        ends = context.scene.bounds @ np.array(context.document.up)
+        return float(ends.min()), float(ends.max())
+
+    def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
+        if event.kind != "release" or event.button != "left" or event.clicks != 1 or self.kind == "elevation":
+            return False
+        picked = self._pointing.at(context, event.position)
+        if picked is None:
+            context.toast("No measured point here: this pixel is filled or background")
+            return False
+        place = np.array(picked.position)
+        if self.kind == "plan":
+            self.height = float(place @ np.array(context.document.up))
+        else:
+            self.ends = [place] if len(self.ends) != 1 else [*self.ends, place]
+        return False
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        for place in self.ends if self.kind == "line" else ():
+            overlay.marker(place, "accent", 5.0, "diamond")
+        cut = self.cut(context)
+        if cut is None or context.scene is None or not np.isfinite([cut.near, cut.far]).all():
+            return
+        corners = np.array(np.meshgrid(*context.scene.bounds.T)).reshape(3, -1).T
+        paper = cut.paper(corners)
+        low, high = paper.min(axis=0), paper.max(axis=0)
+        left, right = max(low[0], cut.left), min(high[0], cut.rightmost)
+        for depth in (cut.near, cut.far):
+            square = [(left, low[1], depth), (right, low[1], depth), (right, high[1], depth), (left, high[1], depth)]
+            overlay.polyline(np.array(square) @ cut.axes + np.array(cut.origin), "accent", 1.5, closed=True)
+
+    def keep_slab(self, context: ToolContext) -> None:
+        """Makes the slab a clip, so that the view shows what the sheet will."""
+        cut = self.cut(context)
+        if cut is None or not np.isfinite([cut.near, cut.far]).all():
+            return
+        clips = context.document.clips
+        centre = np.array(cut.origin) + (cut.near + cut.far) / 2 * np.array(cut.forward)
+        name = unique_name(KINDS[cut.kind].capitalize(), (clip.name for clip in clips))
+        edit(context, f"Clip {name.lower()}", clips=(*clips, Slab(vector(centre), cut.forward, cut.far - cut.near, name=name)))
+
+    def start(self, context: ToolContext) -> None:
+        """Draws and saves the sheet, on a thread."""
+        cut, scene, document = self.cut(context), context.scene, context.document
+        if cut is None or scene is None:
+            context.toast("Click the two ends of the section line first")
+            return
+        selection = Selection(scene, document.clips, hidden=frozenset(document.hidden_stations))
+        known, scale = metres_per_unit(context), float(self.scale)
+        out = stamped(f"pointglass-{KINDS[cut.kind]}", self.format, context.folder)
+
+        def work() -> "Path":
+            from dataclasses import replace
+
+            from viewer.tools.section.orthographic import draw
+            from viewer.tools.section.sheet import write_sheet
+
+            paper = paper_of(scene, scale)
+            if known:
+                paper = replace(paper, metres=known, assumed=False)
+            write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, title_of(scene))
+            return out
+
+        self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
+
+    def _follow(self, context: ToolContext) -> None:
+        if self.worker is None or not self.worker.finished:
+            return
+        done, self.worker = self.worker, None
+        if done.error is not None:
+            context.session.notices.say("The sheet was not drawn", done.error)
+        else:
+            context.toast("Drawing cancelled" if done.cancelled else f"Saved {done.result}")
+
+    def panel(self, ui: Any, context: ToolContext) -> None:
+        self._follow(context)
+        if context.scene is None:
+            return
+        for kind, title in KINDS.items():
+            if ui.radio_button(title, self.kind == kind):
+                self.kind = kind
+            ui.same_line()
+        ui.new_line()
+        unit, clamp = unit_of(context), ui.SliderFlags_.always_clamp
+        if self.kind == "plan":
+            ui.set_next_item_width(-1)
+            low, high = self._heights(context)
+            changed, height = ui.slider_float("##height", self._height(context), low, high, f"height %.2f {unit}", clamp)
+            self.height = height if changed else self.height
+        elif self.kind == "elevation":
+            ui.set_next_item_width(-1)
+            changed, azimuth = ui.slider_float("##azimuth", self.azimuth, 0.0, 360.0, "looking %.0f°", clamp)
+            self.azimuth = azimuth if changed else self.azimuth
+            if ui.button("As the camera looks"):
+                x, y, _ = upright_axes(context.document.up).T @ context.camera.forward
+                self.azimuth = float(np.degrees(np.arctan2(x, y)) % 360)
+        else:
+            ui.text_wrapped(_HINTS[len(self.ends)])
+        if self.kind != "elevation":
+            ui.set_next_item_width(-1)
+            now = self.thickness or self._usual_thickness(context)
+            low, high = self._heights(context)
+            least, most = (high - low) / 1e4, 10 * float(np.ptp(context.scene.bounds, axis=0).max())
+            text = f"thickness %.3f {unit}"
+            changed, thickness = ui.drag_float("##thickness", now, now / 100, least, most, text, clamp)
+            self.thickness = thickness if changed else self.thickness
+            if ui.button("Clip the view to it"):
+                self.keep_slab(context)
+        self._save(ui, context)
+
+    def _save(self, ui: Any, context: ToolContext) -> None:
+        ui.separator()
+        if self.worker is not None:
+            ui.text_unformatted(self.worker.label or "Drawing…")
+            ui.progress_bar(self.worker.fraction or 0.0)
+            if ui.button("Cancel"):
+                self.worker.cancel()
+            return
+        width = ui.get_content_region_avail().x / 2 - 4
+        scales = [f"1:{scale}" for scale in SCALES]
+        for label, texts, values in (("scale", scales, SCALES), ("format", ["PDF", "PNG"], FORMATS)):
+            ui.set_next_item_width(width)
+            if ui.begin_combo(f"##{label}", texts[values.index(getattr(self, label))]):
+                for text, value in zip(texts, values, strict=True):
+                    if ui.selectable(text, value == getattr(self, label))[0]:
+                        setattr(self, label, value)
+                ui.end_combo()
+            ui.same_line()
+        ui.new_line()
+        if ui.button("Save sheet"):
+            try:
+                self.start(context)
+            except InputError as error:
+                context.toast(str(error))
