@@ -11,9 +11,10 @@ from viewer.camera import look_at
 from viewer.tools.camera_files import read_cameras
 from viewer.tools.document import CameraPath, Document, Keyframe, Viewpoint
 from viewer.tools.film.command import read_path
+from viewer.tools.film.keyframes import cameras_along, path_seconds
 from viewer.tools.shot_metadata import camera_line
 from viewer.window.interaction.editing import shared_key
-from viewer.window.interaction.film_tool import Film, cameras_along, path_seconds
+from viewer.window.interaction.film_tool import Film
 from viewer.window.interaction.section_tool import SectionTool
 from viewer.window.interaction.tool import KeyEvent, Modifiers, ToolContext
 from viewer.window.navigation import looking

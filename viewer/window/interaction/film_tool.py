@@ -6,55 +6,32 @@ on a thread of its own, so that the window stays usable; it shows what the windo
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from viewer.camera import Camera
 from viewer.errors import PointglassError
 from viewer.settings import VIEWS
-from viewer.tools.document import CameraPath, Keyframe, Viewpoint, replaced, unique_name, without
+from viewer.tools.document import Keyframe, Viewpoint, replaced, unique_name, without
 from viewer.tools.film.command import MP4, PANORAMA_SIZE
+from viewer.tools.film.keyframes import cameras_along, path_seconds, preview_cameras
 from viewer.window.interaction.editing import edit
 from viewer.window.interaction.film_job import FilmJob, film_worker
 from viewer.window.interaction.tool import Tool, ToolContext
 from viewer.window.navigation import looking
+from viewer.window.saved_picture import LARGEST
 from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
     from viewer.window.overlay import OverlayCanvas
 
 SIZES = ((1280, 720), (1920, 1080), (3840, 2160), (1080, 1920))
+SHOTS = tuple(range(1, LARGEST + 1))
 RATES = (24.0, 25.0, 30.0, 60.0)
 STEP = 3.0
 """Seconds from one new keyframe to the next."""
 _CURVE = 96
 """Places of the path that are drawn over the picture."""
-
-
-def cameras_along(keys: Sequence[Keyframe], count: int, size: tuple[int, int], *, closed: bool = False) -> list[Camera]:
-    """``count`` cameras of ``size`` pixels along the path through keyframes, at constant speed."""
-    from viewer.tools.film.path import interpolate
-
-    cameras = [key.view.camera(*size) for key in keys]
-    if closed and len(cameras) > 1:
-        cameras.append(replace(cameras[0], name="again"))
-    return interpolate(cameras, count)
-
-
-@cache
-def _preview(path: CameraPath) -> list[Camera]:
-    count = max(2, min(round(path_seconds(path) * path.fps), 3000))
-    return cameras_along(path.keyframes, count, (160, 90), closed=path.closed)
-
-
-def path_seconds(path: CameraPath) -> float:
-    """How long the path takes: to its last keyframe and, closed, on to the first at the same mean pace."""
-    if len(path.keyframes) < 2:
-        return 0.0
-    last = path.keyframes[-1].time - path.keyframes[0].time
-    return last * len(path.keyframes) / (len(path.keyframes) - 1) if path.closed else last
 
 
 class Film(Tool):
@@ -133,7 +110,7 @@ class Film(Tool):
     def show_at(self, context: ToolContext, seconds: float) -> None:
         """Puts the camera where the path is after so many seconds."""
         path = context.document.path
-        cameras, length = _preview(path), path_seconds(path)
+        cameras, length = preview_cameras(path), path_seconds(path)
         self.at = min(max(seconds, 0.0), length)
         camera = cameras[round(self.at / length * (len(cameras) - 1))] if length > 0 else cameras[0]
         flight = context.session.flight
@@ -154,7 +131,7 @@ class Film(Tool):
             return
         self.playing = False
         if len(keys) > 1:
-            curve = _preview(context.document.path)
+            curve = preview_cameras(context.document.path)
             overlay.polyline([camera.position for camera in curve[:: max(1, len(curve) // _CURVE)]], "accent", 1.5)
         for key in keys:
             place = key.view.camera(16, 9).position
@@ -199,6 +176,8 @@ class Film(Tool):
         self._follow(context)
         if context.scene is None:
             return
+        work = context.session.work
+        work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x the window's size" for n in SHOTS], SHOTS, work.shot_scale)
         self._bookmarks(ui, context)
         ui.separator()
         self._path(ui, context)
