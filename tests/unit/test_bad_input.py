@@ -95,7 +95,7 @@ def test_las_records_behind_the_points_end_with_the_file(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["las", "ascii", "binary_little_endian", "binary_big_endian", "vertex_list"])
-def test_points_beyond_those_that_the_header_counts_are_said(tmp_path, kind):
+def test_points_beyond_the_count_of_the_header_give_a_warning(tmp_path, kind):
     xyz, rgb = surface(500)
     if kind == "las":
         path = write_las(tmp_path / "a.las", xyz, rgb)
@@ -112,7 +112,7 @@ def test_points_beyond_those_that_the_header_counts_are_said(tmp_path, kind):
     assert scene.count == 400 and len(told) == 1
 
 
-def test_values_that_are_no_colours_and_no_places_are_read_quietly(tmp_path, recwarn):
+def test_invalid_colours_and_positions_are_read_without_numpy_warnings(tmp_path, recwarn):
     """NumPy would tell of casts, on lines of its own."""
     head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {axis}\n" for axis in "xyz")
     head += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue")) + "property uchar intensity\nend_header\n"
@@ -128,7 +128,7 @@ def test_values_that_are_no_colours_and_no_places_are_read_quietly(tmp_path, rec
     assert [str(warning.message) for warning in recwarn] == []
 
 
-def test_points_beyond_all_places_are_left_out_quietly(tmp_path, recwarn):
+def test_points_beyond_valid_positions_are_left_out_without_numpy_warnings(tmp_path, recwarn):
     xyz, rgb = surface(4000)
     xyz[[5, 2500]] = [[1.7e308, 0, 0], [-1.7e308, 1e300, 1e25]]
     halves = enumerate((slice(2000), slice(2000, None)))
@@ -159,7 +159,7 @@ def test_truncated_ply_says_how_many_points_could_be_read(tmp_path, order, form)
     refused(path, "truncated in its header")
 
 
-def test_ply_that_cannot_be_shown(tmp_path):
+def test_ply_files_without_usable_vertices_are_refused(tmp_path):
     path = tmp_path / "a.ply"
     xyz = "property float x\nproperty float y\nproperty float z\n"
     big, many = "format binary_big_endian 1.0\n", "\xff" * 40
@@ -229,7 +229,7 @@ TEXT, NUMBER = b' type="String"><![CDATA[what]]></', b' type="Integer">5</'
     (rb"<vectorChild .*</data3D>", b"<vectorChild" + NUMBER + b"vectorChild></data3D>", "data3D[0] is not a Structure"),
     (rb"<points .*</points>", b"<points" + NUMBER + b"points>", "data3D[0]/points is not a CompressedVector"),
 ])  # fmt: skip
-def test_e57_entries_of_another_kind_are_left_out_or_refused(tmp_path, old, new, said):
+def test_e57_nodes_of_an_unexpected_type_are_ignored_or_refused(tmp_path, old, new, said):
     xyz, rgb = surface(100)
     path = write_e57(tmp_path / "a.e57", [E57Scan(xyz, rgb, np.linspace(0, 1, 100), (1, 0, 0, 0), (0, 0, 0), name="one")])
     edited_e57(path, (old, new))
@@ -240,21 +240,21 @@ def test_e57_entries_of_another_kind_are_left_out_or_refused(tmp_path, old, new,
             assert open_scene(path, cache=False).count == 100
 
 
-def test_e57_with_packets_of_no_kind_is_refused(tmp_path):
+def test_e57_with_packets_of_unknown_type_is_refused(tmp_path):
     """libe57's own message quotes the byte, which is no text."""
     path = edited_e57(write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))]), byte=(80, 0xA0))
     refused(path, "damaged")
 
 
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names are text there")
-def test_scans_whose_names_are_no_text_are_read(tmp_path):
+def test_scans_whose_file_names_are_not_valid_text_are_read(tmp_path):
     path = write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))])
     path = path.rename(os.fsdecode(os.fsencode(tmp_path) + b"/a\xff\xfe.e57"))
     assert open_scene(path, cache=False).count == 100
 
 
 @pytest.mark.parametrize("name", ["bad-crc.e57", "empty.e57", "ZeroPoints.e57"])
-def test_known_bad_e57_files_are_one_line(name):
+def test_known_bad_e57_files_are_refused_in_one_line(name):
     if not (SCANS / "e57" / name).exists():
         pytest.skip(f"{SCANS / 'e57' / name} is not on this machine")
     with pytest.raises(InputError) as error:
@@ -281,7 +281,7 @@ def test_colour_depth_is_decided_over_the_whole_file(tmp_path):
     assert max(colours_of(open_scene(write_las(tmp_path / "c.las", xyz, late)))) == (255, 255, 255)
 
 
-def test_without_colour_intensity_is_shown_or_else_height(tmp_path):
+def test_scans_without_colour_show_intensity_or_else_height(tmp_path):
     xyz, _ = surface(5000)
     levels = np.linspace(1000, 3000, 5000).astype(np.uint16)
     black = np.zeros((5000, 3), np.uint16)
@@ -307,7 +307,7 @@ def test_a_scan_without_colour_among_coloured_ones(tmp_path):
     assert len(np.unique(colours[number == 1, 0])) > 200
 
 
-def test_float32_coordinates_too_large_for_their_digits_are_said(tmp_path):
+def test_float32_coordinates_too_large_for_their_precision_give_a_warning(tmp_path):
     xyz, rgb = surface(5000, origin=(4_500_000.0, 300_000.0, 0.0))
     scene = open_scene(write_ply(tmp_path / "a.ply", xyz, rgb, kind="float"))
     assert any("too few digits" in warning for warning in scene.meta["warnings"])
@@ -324,7 +324,7 @@ REAL = {
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_real_scans_open_with_the_counts_and_colours_they_have(name):
+def test_real_scans_open_with_their_counts_and_colours(name):
     if not (SCANS / name).exists():
         pytest.skip(f"{SCANS / name} is not on this machine")
     count, colour, bits = REAL[name]
@@ -337,7 +337,7 @@ def test_real_scans_open_with_the_counts_and_colours_they_have(name):
 
 
 @pytest.mark.parametrize("kind", ["las", "laz", "ply", "e57"])
-def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
+def test_a_file_truncated_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
     """Cut off by another program between two chunks: one line, and no end by a bus error."""
     for module in ("las.CHUNK", "ply.CHUNK", "e57._CHUNK"):
         monkeypatch.setattr(f"viewer.readers.{module}", 20_000)
@@ -357,7 +357,7 @@ def test_a_file_that_shrinks_while_it_is_read_is_refused(tmp_path, monkeypatch, 
     assert str(path) in str(error.value) and "\n" not in str(error.value)
 
 
-def test_a_disk_that_fails_while_a_scan_is_read_is_one_line_that_names_the_scan(tmp_path, monkeypatch):
+def test_a_disk_error_while_reading_names_the_scan_in_one_line(tmp_path, monkeypatch):
     path = write_ply(tmp_path / "a.ply", *surface(300))
     columns = PlySource._columns
 
@@ -370,7 +370,7 @@ def test_a_disk_that_fails_while_a_scan_is_read_is_one_line_that_names_the_scan(
         open_scene(path, cache=False)
 
 
-def test_a_full_disk_is_told_before_points_are_placed(monkeypatch):
+def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
     """A page of a memory map that finds no room is a bus error, which nobody can catch."""
     from collections import namedtuple
 

@@ -28,14 +28,14 @@ def ring(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e4])
-def test_a_dark_rim_around_a_hole_is_known_at_any_scale_and_from_any_side(scale):
+def test_a_black_border_around_a_hole_is_detected_at_any_scale_and_orientation(scale):
     for seed in range(4):
         xyz, rgb, rim = ring(seed)
         turn = Rotation.from_euler("xyz", np.random.default_rng(seed).uniform(0, 360, 3), degrees=True)
         assert black_border_share(scale * (turn.apply(xyz) + [30.0, -7.0, 2.0]), rgb) == rim.mean() > 0.0
 
 
-def test_what_is_merely_dark_stays_a_colour():
+def test_other_dark_points_keep_their_colour():
     random = np.random.default_rng(3)
     xyz, rgb = floor(3)
     shadow = rgb.copy()
@@ -56,7 +56,7 @@ def test_what_is_merely_dark_stays_a_colour():
     assert black_border_share(xyz, rgb) == 0.0 and black_border_share(xyz[:50], rgb[:50]) == 0.0
 
 
-def test_the_rim_is_filled_in_from_around_in_the_file_that_has_one(tmp_path):
+def test_only_the_file_with_a_black_border_loses_those_colours(tmp_path):
     xyz, rgb, rim = ring(7)
     other, dark = floor(8)
     dark[np.hypot(other[:, 0] - 1.2, other[:, 1]) < 0.15] = 5
@@ -75,6 +75,6 @@ def test_the_rim_is_filled_in_from_around_in_the_file_that_has_one(tmp_path):
 
 @pytest.mark.skipif(not (SCANS / "plant_room.laz").is_file(), reason="real scans are on some machines only")
 @pytest.mark.parametrize(("name", "has"), [("plant_room.laz", True), ("lion_takanawa.copc.laz", False), ("pumpA.e57", False)])
-def test_of_real_scans_the_plant_room_has_such_a_rim(name, has):
+def test_plant_room_is_the_real_scan_with_a_black_border(name, has):
     told = [text for text in open_scene([SCANS / name], cache=False).meta["warnings"] if "at the dark rim" in text]
     assert bool(told) == has

@@ -26,7 +26,7 @@ def test_boxes_are_those_of_the_points(seed, count, threads, monkeypatch):
     assert scene.boxes.dtype == np.uint8 and np.array_equal(scene.boxes, plain(scene))
 
 
-def test_a_grid_tried_twice_has_the_boxes_of_the_last_cells(seed):
+def test_a_grid_built_twice_has_the_boxes_of_its_final_cells(seed):
     """Tight clusters far apart: the first cells are too coarse and others are chosen."""
     rng = np.random.default_rng(seed)
     xyz = rng.normal(size=(4000, 3)) * 1e-4 + rng.integers(0, 3, (4000, 1)) * 1e4
@@ -34,7 +34,7 @@ def test_a_grid_tried_twice_has_the_boxes_of_the_last_cells(seed):
     assert np.array_equal(scene.boxes, plain(scene))
 
 
-def test_marks_of_all_threads_count_and_an_unmarked_cell_is_taken_whole():
+def test_marks_of_all_threads_are_joined_and_an_unmarked_cell_has_the_whole_box():
     bit = 1
     marks = np.zeros((2, 3), np.int64)
     marks[0, 0] = bit << 3 | bit << (SHARES + 15) | bit << (2 * SHARES)

@@ -53,7 +53,7 @@ def mapped_and_touched(points: np.ndarray) -> int:
 
 @pytest.mark.parametrize("where", ["file", "memory", "nameless file", "part of a file", "private copy"])
 @pytest.mark.parametrize("threads", [1, 3])
-def test_every_chunk_arrives_as_it_is_in_the_scene(tmp_path, where, threads):
+def test_every_chunk_arrives_with_the_scenes_points(tmp_path, where, threads):
     points = random_points(20_000)
     match where:
         case "file":
@@ -110,7 +110,7 @@ class Gate(ChunkSource):
         return super().read(chunk, into)
 
 
-def test_a_newer_request_drops_what_is_stale_and_keeps_what_is_not():
+def test_a_new_request_cancels_old_chunks_and_keeps_common_ones():
     points, woken = random_points(20 * 64), threading.Semaphore(0)
     source = Gate(points, 64)
     reader = ChunkReader(source, threads=1, wake=woken.release)
@@ -130,7 +130,7 @@ def test_a_newer_request_drops_what_is_stale_and_keeps_what_is_not():
     reader.close()
 
 
-def test_a_chunk_no_longer_wanted_when_it_is_there_is_dropped():
+def test_a_chunk_cancelled_while_it_is_read_is_dropped():
     source = Gate(random_points(20 * 64), 64)
     reader = ChunkReader(source, threads=1)
     reader.request(np.array([7]))
@@ -141,7 +141,7 @@ def test_a_chunk_no_longer_wanted_when_it_is_there_is_dropped():
     reader.close()
 
 
-def test_a_chunk_being_read_is_not_read_by_another_thread_too():
+def test_a_chunk_is_never_read_by_two_threads():
     source = Gate(random_points(20 * 64), 64)
     reader = ChunkReader(source, threads=2)
     reader.request(np.array([7]))
@@ -154,7 +154,7 @@ def test_a_chunk_being_read_is_not_read_by_another_thread_too():
 
 
 @pytest.mark.timeout(30)
-def test_a_chunk_that_failed_is_not_read_again_before_somebody_was_told():
+def test_a_failed_chunk_is_not_read_again_before_its_error_is_raised():
     woken = threading.Semaphore(0)
 
     class Bad(Gate):
@@ -180,7 +180,7 @@ def test_a_chunk_that_failed_is_not_read_again_before_somebody_was_told():
 
 
 @pytest.mark.timeout(30)
-def test_buffers_are_bounded_and_come_back():
+def test_buffers_are_bounded_and_reused():
     points = random_points(64 * 64)
     reader = ChunkReader(ChunkSource(SimpleNamespace(points=points, checksums=None), 64), memory=3 * 64 * 12, threads=2)
     for turn in range(5):
@@ -198,7 +198,7 @@ def test_buffers_are_bounded_and_come_back():
     reader.close()
 
 
-def test_a_file_cut_short_while_open_is_a_message_and_no_crash(tmp_path):
+def test_a_file_truncated_while_open_gives_an_error_message(tmp_path):
     scene = on_disk(tmp_path, random_points(5 * 1024))
     reader = ChunkReader(ChunkSource(scene, 1024), threads=2)
     os.truncate(tmp_path / "points.npy", 128 + 2 * 1024 * 12 + 100)
@@ -218,7 +218,7 @@ def test_a_file_cut_short_while_open_is_a_message_and_no_crash(tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_one_wrong_bit_is_found_and_the_other_chunks_are_served(tmp_path, seed):
+def test_one_wrong_bit_is_detected_and_other_chunks_are_read(tmp_path, seed):
     rng = np.random.default_rng(seed)
     points = random_points(2 * CHUNK + 999, seed)
     scene = on_disk(tmp_path, points)
@@ -239,7 +239,7 @@ def test_one_wrong_bit_is_found_and_the_other_chunks_are_served(tmp_path, seed):
     source.close()
 
 
-def test_a_file_that_is_gone_and_a_disk_that_fails_are_messages(tmp_path, monkeypatch):
+def test_a_missing_file_and_a_disk_error_give_error_messages(tmp_path, monkeypatch):
     scene = on_disk(tmp_path, random_points(100))
     reader = ChunkReader(ChunkSource(scene, 64))
 
@@ -258,7 +258,7 @@ def test_a_file_that_is_gone_and_a_disk_that_fails_are_messages(tmp_path, monkey
         ChunkSource(scene)
 
 
-def test_without_pread_the_same_is_read(tmp_path, monkeypatch):
+def test_reading_without_pread_gives_the_same_points(tmp_path, monkeypatch):
     monkeypatch.delattr(os, "preadv", raising=False)
     points = random_points(3000)
     reader = ChunkReader(ChunkSource(on_disk(tmp_path, points), 128), threads=3)
@@ -271,7 +271,7 @@ def test_without_pread_the_same_is_read(tmp_path, monkeypatch):
     reader.close()
 
 
-def test_closing_ends_the_threads_whatever_they_are_at():
+def test_closing_ends_the_threads_in_any_state():
     source = Gate(random_points(1000), 64)
     reader = ChunkReader(source, threads=2)
     threads = reader._threads
@@ -284,7 +284,7 @@ def test_closing_ends_the_threads_whatever_they_are_at():
     assert list(reader.arrivals(wait=True)) == []
 
 
-def test_whatever_ends_a_thread_is_heard_by_whoever_waits():
+def test_an_error_that_ends_a_thread_is_raised_where_chunks_are_awaited():
     def wake() -> None:
         raise RuntimeError("no window to wake")
 

@@ -18,7 +18,7 @@ def _warned(files):
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
-def test_files_far_apart_are_told_with_their_names_and_how_far(tmp_path, scale, seed):
+def test_files_far_apart_give_a_warning_with_names_and_distance(tmp_path, scale, seed):
     offsets = [(0, 0, 0), (250, 0, 0), (12, 0, 0)]
     rng = np.random.default_rng(seed)
     files = [write_ply(tmp_path / f"{n}.ply", scale * (rng.uniform(0, 10, (3000, 3)) + offset), rng.integers(0, 256, (3000, 3)))
@@ -29,11 +29,11 @@ def test_files_far_apart_are_told_with_their_names_and_how_far(tmp_path, scale, 
     assert abs(told - 240 * scale) <= 0.05 * 240 * scale
 
 
-def test_files_of_one_place_are_not_however_long_their_row(tmp_path):
+def test_neighbouring_files_in_a_long_row_give_no_warning(tmp_path):
     assert not _warned(_files(tmp_path, [(50.0 * n, 0, 0) for n in range(8)]))
 
 
-def test_a_stray_point_or_none_that_is_finite_tells_nothing(tmp_path):
+def test_outlier_points_and_files_without_finite_points_give_no_warning(tmp_path):
     files = _files(tmp_path, [(0, 0, 0), (20, 0, 0)])
     far = np.random.default_rng(1).uniform(0, 10, (3000, 3))
     far[7] = 9000.0

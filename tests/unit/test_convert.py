@@ -39,7 +39,7 @@ def named(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("there", ["empty", "a grid", "nothing"])
-def test_a_link_is_followed_and_stays_a_link(scan, tmp_path, there):
+def test_a_link_is_followed_and_kept(scan, tmp_path, there):
     disk, link = tmp_path / "disk" / "grid", tmp_path / "link"
     disk.parent.mkdir()
     if there == "empty":
@@ -62,7 +62,7 @@ def test_a_link_in_a_circle_is_refused(scan, tmp_path, capsys, no_work):
 
 @pytest.mark.parametrize("out", [".", "..", "{here}", "{above}", "{link}"])
 @pytest.mark.parametrize("grid", [False, True])
-def test_the_folder_one_is_in_is_never_replaced(scan, tmp_path, capsys, monkeypatch, request, out, grid):
+def test_the_current_folder_is_never_replaced(scan, tmp_path, capsys, monkeypatch, request, out, grid):
     above, link = tmp_path / "above", tmp_path / "link"
     here = above / "here"
     if grid:
@@ -75,7 +75,7 @@ def test_the_folder_one_is_in_is_never_replaced(scan, tmp_path, capsys, monkeypa
     assert os.stat(".").st_ino == here.stat().st_ino
 
 
-def test_a_folder_inside_the_one_one_is_in_is_fine(scan, tmp_path, monkeypatch):
+def test_a_folder_inside_the_current_one_is_accepted(scan, tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     assert main(["convert", str(scan), "--out", "grid"]) == 0
@@ -94,7 +94,7 @@ def test_a_mounted_disk_is_refused_before_any_work(scan, tmp_path, capsys, monke
 
 
 @pytest.mark.parametrize("kept", ["scan.ply", "pictures/a.png"])
-def test_what_somebody_put_into_a_grid_is_not_deleted_with_it(scan, tmp_path, capsys, request, kept):
+def test_other_files_in_a_folder_of_a_grid_are_not_deleted(scan, tmp_path, capsys, request, kept):
     out = tmp_path / "grid"
     convert([scan], out)
     (out / kept).parent.mkdir(exist_ok=True)
@@ -104,7 +104,7 @@ def test_what_somebody_put_into_a_grid_is_not_deleted_with_it(scan, tmp_path, ca
     assert (out / kept).is_file() and open_scene(out).count == 3000
 
 
-def test_what_somebody_puts_there_while_a_grid_is_made_is_not_deleted(scan, tmp_path, capsys, monkeypatch):
+def test_files_added_while_a_grid_is_built_are_not_deleted(scan, tmp_path, capsys, monkeypatch):
     out, build = tmp_path / "grid", convert_module.build_scene
     convert([scan], out)
     before = (out / "meta.json").stat().st_mtime_ns
@@ -119,7 +119,7 @@ def test_what_somebody_puts_there_while_a_grid_is_made_is_not_deleted(scan, tmp_
     assert named(tmp_path) == ["floor.ply", "grid"], "something stays behind"
 
 
-def test_a_scan_given_twice_is_one_however_it_is_spelt(tmp_path, monkeypatch):
+def test_a_scan_given_by_two_paths_is_opened_once(tmp_path, monkeypatch):
     scan = write_ply(tmp_path / "a.ply", *surface(2000))
     (tmp_path / "link.ply").symlink_to(scan)
     monkeypatch.chdir(tmp_path)

@@ -30,7 +30,7 @@ def test_files_that_name_a_code_have_its_units():
 
 
 @pytest.mark.parametrize("text", ["", "zone 32", "EPSG:", "999999", "EPSG:5783", "-1"])
-def test_what_is_no_horizontal_system_is_refused_in_a_line(text):
+def test_codes_without_a_horizontal_system_are_refused_in_one_line(text):
     """EPSG:5783 is a system of heights."""
     with pytest.raises(InputError, match=r"epsg\.io") as refused:
         assigned(text)

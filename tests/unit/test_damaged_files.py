@@ -72,7 +72,7 @@ def both(scan, tmp_path, damage) -> None:
 
 @pytest.mark.parametrize("how", ["empty", "torn header", "torn", "zip", "garbled header", "dtype", "shape"])
 @pytest.mark.parametrize("name", ARRAYS)
-def test_an_array_that_is_none_is_never_read(scan, tmp_path, name, how):
+def test_an_invalid_array_is_never_read(scan, tmp_path, name, how):
     both(scan, tmp_path, lambda folder: damaged(folder / f"{name}.npy", how))
 
 
@@ -91,7 +91,7 @@ def test_boxes_of_zeros_are_never_read(scan, tmp_path):
     both(scan, tmp_path, lambda folder: np.save(folder / "boxes.npy", np.zeros_like(np.load(folder / "boxes.npy"))))
 
 
-def test_a_folder_without_sums_opens_as_before(scan, tmp_path):
+def test_a_folder_without_checksums_still_opens(scan, tmp_path):
     """Earlier versions wrote none."""
     fresh, out = open_scene(scan), tmp_path / "grid"
     convert([scan], out)
@@ -114,7 +114,7 @@ def test_a_folder_is_read_in_the_parts_that_its_version_made(scan, tmp_path, sai
     assert open_scene(out).parts == parts
 
 
-def test_what_was_checked_is_what_is_used_whatever_becomes_of_the_files(scan, tmp_path):
+def test_arrays_are_not_changed_by_later_changes_of_their_files(scan, tmp_path):
     convert([scan], tmp_path / "grid")
     scene = open_scene(tmp_path / "grid")
     small = {name: np.array(getattr(scene, name)) for name in ARRAYS if name != "points"}
@@ -127,7 +127,7 @@ def test_what_was_checked_is_what_is_used_whatever_becomes_of_the_files(scan, tm
         np.testing.assert_array_equal(getattr(scene, name), array)
 
 
-def test_points_in_another_order_are_not_taken_for_points(scan, tmp_path):
+def test_an_array_in_fortran_order_is_refused(scan, tmp_path):
     def transposed(folder):
         np.save(folder / "points.npy", np.asfortranarray(np.load(folder / "points.npy")))
 
@@ -138,7 +138,7 @@ def test_points_in_another_order_are_not_taken_for_points(scan, tmp_path):
     {"count": float("inf")}, {"meta": []}, {"shapes": []}, {"parts": None}, {"parts": 3}, {"spacing": 0}, {"cell_size": 0.0},
     {"origin": [0, 0, float("nan")]}, {"bounds": [[0, 0, 0]]},
 ])
-def test_facts_that_are_none_are_never_read(scan, tmp_path, change):
+def test_invalid_header_values_are_never_read(scan, tmp_path, change):
     def changed(folder):
         head = json.loads((folder / "meta.json").read_text())
         del head["sum"]
@@ -151,7 +151,7 @@ def test_facts_that_are_none_are_never_read(scan, tmp_path, change):
     {"scans": [[0, 0]]}, {"scans": [{"name": "a", "count": 1, "position": [0, "x", [1]]}]}, {"metres_per_unit": "feet"},
     {"warnings": [None]}, {"colour": 5},
 ])  # fmt: skip
-def test_what_is_told_of_the_scan_is_checked_too(scan, tmp_path, change):
+def test_a_changed_description_of_the_scan_is_detected(scan, tmp_path, change):
     """It is believed by whoever draws or describes the scene: damaged, it was a traceback."""
     def changed(folder):
         head = json.loads((folder / "meta.json").read_text())
@@ -161,7 +161,7 @@ def test_what_is_told_of_the_scan_is_checked_too(scan, tmp_path, change):
     both(scan, tmp_path, changed)
 
 
-def test_a_meta_json_of_brackets_is_none(scan, tmp_path):
+def test_a_meta_json_of_nested_brackets_is_damaged(scan, tmp_path):
     fresh, out = open_scene(scan), tmp_path / "grid"
     convert([scan], out)
     for folder in (cache.folder_of([scan]), out):
@@ -174,7 +174,7 @@ def test_a_meta_json_of_brackets_is_none(scan, tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with names here")
 @pytest.mark.parametrize("name", ["faces.npy", "points.npy", "meta.json"])
-def test_a_pipe_in_place_of_a_file_is_not_waited_for(scan, tmp_path, name):
+def test_a_pipe_in_place_of_a_file_does_not_block(scan, tmp_path, name):
     out = tmp_path / "grid"
     convert([scan], out)
     (out / name).unlink()
@@ -193,7 +193,7 @@ def test_a_pipe_in_place_of_a_file_is_not_waited_for(scan, tmp_path, name):
         signal.signal(signal.SIGALRM, before)
 
 
-def test_the_command_says_so_in_one_line(scan, tmp_path, capsys):
+def test_the_command_reports_a_damaged_folder_in_one_line(scan, tmp_path, capsys):
     convert([scan], tmp_path / "grid")
     (tmp_path / "grid" / "boxes.npy").write_bytes(b"")
     capsys.readouterr()

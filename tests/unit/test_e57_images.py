@@ -200,7 +200,7 @@ def test_points_fall_on_their_own_colours(points, tmp_path, kind):
     assert np.median(wrong) > 20
 
 
-def test_larger_pictures_are_averaged_down_with_their_camera(points, tmp_path):
+def test_larger_pictures_are_reduced_with_their_camera(points, tmp_path):
     given = pinhole((0.3, -0.4, 0.2), 2.2, size=(1500, 1100), fl=900.0, offset=(30.0, -20.0), coding="jpeg")
     (photo,), _ = read_photographs(write_photos(tmp_path / "a.e57", [given], *points), longest=400)
     assert photo.picture.shape[1] == 400 and np.isclose(photo.fl, 240.0) and np.isclose(photo.cx, 780 * 400 / 1500)
@@ -208,7 +208,7 @@ def test_larger_pictures_are_averaged_down_with_their_camera(points, tmp_path):
     assert np.median(errors) <= 4 and np.mean(errors > 20) < 0.05
 
 
-def test_pixels_that_are_not_square_are_made_so(points, tmp_path):
+def test_non_square_pixels_are_resampled_to_square_ones(points, tmp_path):
     given = pinhole((0.1, 0.2, 0.0), 1.0, size=(384, 288), fl=240.0)
     tall = np.asarray(Image.open(io.BytesIO(given.blobs["pngImage"]))).repeat(2, axis=0)
     given.blobs["pngImage"] = encoded(tall)
@@ -249,7 +249,7 @@ def test_a_panorama_is_sampled_between_the_middles_of_its_pixels(seed, around):
         assert valid[j, i] == trusted[int(y), int(x)]
 
 
-def test_part_of_a_sphere_is_valid_only_where_it_reaches(points, tmp_path):
+def test_part_of_a_sphere_is_valid_only_inside_its_range(points, tmp_path):
     whole = panorama((0.0, 0.0, 0.0), 0.0, 512)
     picture = np.asarray(Image.open(io.BytesIO(whole.blobs["pngImage"])))
     whole.blobs["pngImage"] = encoded(np.ascontiguousarray(picture[80:176, 128:384]))  # 67 degrees high, 180 around
@@ -262,7 +262,7 @@ def test_part_of_a_sphere_is_valid_only_where_it_reaches(points, tmp_path):
     assert np.median(colour_errors(front, *points)) <= 4
 
 
-def test_whole_spheres_with_impossible_pixels_are_read_and_said(points, tmp_path):
+def test_whole_spheres_with_impossible_pixel_sizes_are_read_with_a_warning(points, tmp_path):
     given = panorama((0.4, 0.1, -0.2), 0.6)
     given.values |= {"pixelWidth": 5e-6, "pixelHeight": 5e-6}
     photos, warnings = read_photographs(write_photos(tmp_path / "a.e57", [given], *points))
@@ -270,7 +270,7 @@ def test_whole_spheres_with_impossible_pixels_are_read_and_said(points, tmp_path
     assert np.median(colour_errors(photos[0], *points)) <= 6
 
 
-def test_masks_say_where_a_picture_is_valid(points, tmp_path):
+def test_masks_limit_the_valid_pixels(points, tmp_path):
     given = pinhole((0.3, -0.4, 0.2), 0.7)
     mask = np.zeros((72, 96), np.uint8)
     mask[10:60, 20:80] = 1
@@ -302,7 +302,7 @@ def _refused(tmp_path, points, picture: Picture) -> str:
 
 
 @pytest.mark.parametrize("kind", ["png", "jpeg"])
-def test_torn_and_foreign_pictures_are_refused_by_name(points, tmp_path, kind):
+def test_damaged_pictures_and_other_formats_are_refused_by_name(points, tmp_path, kind):
     given = pinhole((0, 0, 0), 0.0, coding=kind, name="bad", size=(200, 160))
     (key, content), *_ = given.blobs.items()
     for damaged in (content[: len(content) // 2], content[:4], b"GIF89a" + content, b"\0" * 500):
@@ -315,7 +315,7 @@ def test_torn_and_foreign_pictures_are_refused_by_name(points, tmp_path, kind):
     ({"focalLength": 2e-6}, "focal length"), ({"principalPointX": 1e9}, "principal point"),
     ({"pixelHeight": 0.0}, "pixelHeight"),
 ])  # fmt: skip
-def test_cameras_that_make_no_sense_are_refused_by_name(points, tmp_path, values, told):
+def test_impossible_cameras_are_refused_by_name(points, tmp_path, values, told):
     given = pinhole((0, 0, 0), 0.0, name="bad")
     given.values |= values
     assert told in _refused(tmp_path, points, given)
@@ -336,7 +336,7 @@ def test_missing_fields_and_pictures_are_refused_by_name(points, tmp_path):
             assert "degrees" in _refused(tmp_path, points, given)
 
 
-def test_entries_of_another_kind_are_refused_or_said(points, tmp_path):
+def test_image_nodes_of_an_unexpected_type_are_refused_or_give_a_warning(points, tmp_path):
     for name, told in (("pixelWidth", "focal length"), ("pngImage", "its pngImage is not a Blob"),
                        ("pinholeRepresentation", ""), ("pose", ""), ("images2D", None)):  # fmt: skip
         tag = name.encode()
@@ -350,20 +350,20 @@ def test_entries_of_another_kind_are_refused_or_said(points, tmp_path):
             assert photos == [] and len(warnings) == (0 if told is None else 1)
 
 
-def test_size_is_checked_before_anything_is_decoded(points, tmp_path, monkeypatch):
+def test_the_size_is_checked_before_decoding(points, tmp_path, monkeypatch):
     given = pinhole((0, 0, 0), 0.0, name="bad")
     monkeypatch.setattr(e57_images, "MOST_PIXELS", 96 * 72 - 1)
     monkeypatch.setattr(ImageFile.ImageFile, "load", lambda self: pytest.fail("decoded"))
     assert "96x72" in _refused(tmp_path, points, given)
 
 
-def test_of_too_many_pictures_some_are_picked_evenly(points, tmp_path):
+def test_if_there_are_too_many_pictures_some_are_picked_evenly(points, tmp_path):
     given = [pinhole((0, 0, 0), 0.1 * n, name=f"p{n}", size=(32, 24)) for n in range(10)]
     photos, warnings = read_photographs(write_photos(tmp_path / "a.e57", given, *points), most=4)
     assert [p.name for p in photos] == ["p0", "p3", "p5", "p8"] and "4 of 10" in warnings[0]
 
 
-def test_a_real_file_with_a_picture_to_look_at_only():
+def test_a_real_file_with_a_visual_reference_has_no_camera():
     path = SCANS / "pumpA.e57"
     if not path.is_file():
         pytest.skip(f"{path} is not there: real scans are never committed")

@@ -32,7 +32,7 @@ def _brightness(scene):
     return np.stack([(word >> s) & 0xFF for s in (0, 8, 16)], 1).astype(float)
 
 
-def test_the_matching_of_stations_is_told_as_a_step_of_its_own_and_can_be_cancelled(tmp_path):
+def test_exposure_compensation_shows_progress_and_can_be_cancelled(tmp_path):
     from viewer.errors import Cancelled
     from viewer.progress import set_sink
 
@@ -55,7 +55,7 @@ def test_the_matching_of_stations_is_told_as_a_step_of_its_own_and_can_be_cancel
 
 
 @pytest.mark.parametrize("kind", ["laz", "laz 16-bit", "e57", "three plys"])
-def test_stations_are_matched_in_every_format_that_tells_them_apart(tmp_path, kind):
+def test_exposures_are_compensated_in_every_format_with_stations(tmp_path, kind):
     xyz, rgb, station = _stations(1)
     if kind.startswith("laz"):
         wide = rgb.astype(np.uint16) * (257 if "16" in kind else 1)
@@ -77,7 +77,7 @@ def test_stations_are_matched_in_every_format_that_tells_them_apart(tmp_path, ki
     assert abs(_brightness(matched).mean() - _brightness(plain).mean()) < 1
 
 
-def test_colours_of_16_bits_are_matched_as_those_of_8(tmp_path):
+def test_exposures_of_16_bit_colours_are_compensated_like_8_bit_ones(tmp_path):
     xyz, rgb, station = _stations(6)
     files = [write_las(tmp_path / f"{factor}.las", xyz, rgb.astype(np.uint16) * factor, source=station) for factor in (1, 257)]
     narrow, wide = (unpack(open_scene([file], cache=False))[1].astype(int) for file in files)
@@ -97,7 +97,7 @@ def test_one_station_and_equal_stations_keep_every_colour(tmp_path):
     assert np.array_equal(a.points, b.points) and facts(a)["exposures"]["applied"] is False
 
 
-def test_as_scanned_and_matched_grids_are_kept_apart(tmp_path, monkeypatch):
+def test_compensated_grids_and_grids_as_scanned_have_different_cache_keys(tmp_path, monkeypatch):
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
     xyz, rgb, station = _stations(3)
     file = write_las(tmp_path / "a.las", xyz, rgb, source=station)
@@ -105,7 +105,7 @@ def test_as_scanned_and_matched_grids_are_kept_apart(tmp_path, monkeypatch):
         assert (facts(open_scene([file], match=match))["exposures"] is not None) == match
 
 
-def test_a_converted_scan_is_converted_again_where_other_exposures_are_asked_for(tmp_path):
+def test_a_scan_is_converted_again_for_other_exposures(tmp_path):
     xyz, rgb, station = _stations(3, 5000)
     write_las(tmp_path / "a.las", xyz, rgb, source=station)
     for match in (True, False, False, True):
@@ -124,7 +124,7 @@ def test_convert_leaves_colours_as_scanned_when_asked(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["stations", "black"])
-def test_a_grid_of_matched_scans_is_refused_where_colours_as_scanned_are_asked_for(tmp_path, capsys, kind):
+def test_a_compensated_folder_is_refused_for_colours_as_scanned(tmp_path, capsys, kind):
     xyz, rgb, station = _stations(7)
     if kind == "black":  # and nothing else to be matched
         xyz, rgb, station = xyz[station == 1], np.maximum(rgb[station == 1], 20), None
@@ -138,7 +138,7 @@ def test_a_grid_of_matched_scans_is_refused_where_colours_as_scanned_are_asked_f
     assert open_scene(grid).matched and not open_scene(plain, match=False).matched
 
 
-def test_a_grid_in_which_nothing_was_matched_is_as_scanned(tmp_path):
+def test_a_folder_without_compensation_counts_as_scanned(tmp_path):
     xyz, rgb, station = _stations(8)
     one = station == 1
     file = write_las(tmp_path / "one.las", xyz[one], rgb[one])
@@ -147,7 +147,7 @@ def test_a_grid_in_which_nothing_was_matched_is_as_scanned(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["laz", "ply", "wide ply"])
-def test_black_points_among_coloured_ones_are_taken_for_no_colour(tmp_path, kind):
+def test_frequent_black_among_colours_is_treated_as_missing_colour(tmp_path, kind):
     """Where nobody photographed, scanners write black; a picture's own dark is spread over the lowest levels."""
     xyz, rgb = surface(20_000, 5)
     rgb = np.maximum(rgb, 20)
@@ -175,7 +175,7 @@ def test_black_points_among_coloured_ones_are_taken_for_no_colour(tmp_path, kind
     assert (dark.max(axis=1) == 0).mean() > 0.01 and not opened(dark, "dark").unlit
 
 
-def test_black_is_no_colour_in_one_file_and_one_in_another_of_the_same_name(tmp_path):
+def test_missing_colour_is_decided_for_each_file_even_with_equal_names(tmp_path):
     xyz, rgb = surface(20_000, 5)
     holed, night = np.maximum(rgb, 20), rgb // 20 + 3
     holed[np.random.default_rng(5).random(len(xyz)) < 0.2] = 0
@@ -186,7 +186,7 @@ def test_black_is_no_colour_in_one_file_and_one_in_another_of_the_same_name(tmp_
     assert (~colours.any(axis=1)).sum() == (~holed.any(axis=1)).sum(), "the dark scan keeps its colours"
 
 
-def test_black_of_another_file_stays_a_colour(tmp_path):
+def test_black_of_another_file_remains_a_colour(tmp_path):
     xyz, rgb = surface(8_000, 6)
     rgb = np.maximum(rgb, 20)
     holed, print_ = rgb.copy(), rgb.copy()

@@ -46,7 +46,7 @@ def test_pcd(tmp_path, data, form):
     assert got[0].format == "PCD" and got[0].count == 400 and got[0].warnings == []
 
 
-def test_pcd_of_float32_says_so_and_a_viewpoint_is_told(tmp_path):
+def test_pcd_of_float32_has_their_precision_and_a_viewpoint_gives_a_warning(tmp_path):
     points = some(origin=(10.0, 0.0, 0.0))
     got = gather(write_pcd(tmp_path / "a.pcd", points, "binary", real="f4", viewpoint=(1, 2, 3, 1, 0, 0, 0)))
     same(got, points)
@@ -97,7 +97,7 @@ def test_text_columns_are_recognised(tmp_path, names, head, suffix, delimiter):
     assert (got[3] is None) == ("i" not in names) and got[0].format == suffix.upper()
 
 
-def test_text_columns_that_cannot_be_told_are_asked_for(tmp_path, capsys):
+def test_text_columns_that_are_not_recognised_are_asked_for(tmp_path, capsys):
     points = some()
     path = tmp_path / "a.txt"
     path.write_text(text_rows([points.xyz, points.rgb, points.classes]))  # either three of the four may be a colour
@@ -115,7 +115,7 @@ def test_text_columns_that_cannot_be_told_are_asked_for(tmp_path, capsys):
     assert "--columns is for text files" in capsys.readouterr().err
 
 
-def test_columns_have_a_place_of_their_own_in_the_cache(tmp_path, monkeypatch):
+def test_named_columns_are_part_of_the_cache_key(tmp_path, monkeypatch):
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "cache"))
     points = some(origin=(0, 0, 0))
     path = tmp_path / "a.xyz"
@@ -159,7 +159,7 @@ def test_text_with_other_line_ends_empty_fields_marks_and_names(tmp_path):
 
 
 @pytest.mark.parametrize("block", [1 << 10, 1 << 24])
-def test_blocks_of_text_do_not_show(tmp_path, monkeypatch, block):
+def test_the_size_of_blocks_of_text_does_not_change_the_result(tmp_path, monkeypatch, block):
     monkeypatch.setattr("viewer.readers.text_rows._BLOCK", block)
     monkeypatch.setattr("viewer.readers.xyz.ROWS", 57)
     points = some()
@@ -211,7 +211,7 @@ def test_ptx_scans_are_placed_by_their_poses(tmp_path, colour):
     assert [scan["position"] for scan in scene.meta["scans"]] == [[0, 0, 0], list(FAR)] and scene.meta["units"] == "metre"
 
 
-def test_ptx_with_a_matrix_that_is_no_pose_stays_where_it_is(tmp_path):
+def test_ptx_points_are_not_moved_by_an_invalid_pose(tmp_path):
     points = some()
     got = gather(write_ptx(tmp_path / "a.ptx", [PtxScan(points, np.eye(3) * 2)]))
     same(got, points, classes=False)

@@ -108,7 +108,7 @@ def changes(data: bytes, random: np.random.Generator, number: int):
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_damaged_files_are_read_or_refused_in_a_line(tmp_path, name):
+def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, name):
     path = tmp_path / name
     FILES[name](path)
     data, random = path.read_bytes(), np.random.default_rng(ord(name[0]))
@@ -121,7 +121,7 @@ def test_damaged_files_are_read_or_refused_in_a_line(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", FOLDERS)
-def test_damaged_folders_are_read_or_refused_in_a_line(tmp_path, name):
+def test_damaged_folders_are_read_or_refused_in_one_line(tmp_path, name):
     folder = FOLDERS[name](tmp_path / "scan")
     assert isinstance(outcome(folder), int)
     random, refused = np.random.default_rng(7), 0
@@ -140,7 +140,7 @@ def test_damaged_folders_are_read_or_refused_in_a_line(tmp_path, name):
 
 @pytest.mark.parametrize("name", [name for name in FILES if name != "e.csv"])  # which does not say how many points it has
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
-def test_files_cut_off_are_refused(tmp_path, name, share):
+def test_truncated_files_are_refused(tmp_path, name, share):
     path = tmp_path / name
     FILES[name](path)
     data = path.read_bytes()
@@ -185,7 +185,7 @@ HEADERS = [
 
 
 @pytest.mark.parametrize(("name", "data", "said"), HEADERS)
-def test_headers_that_cannot_be_are_told_in_a_line(tmp_path, name, data, said):
+def test_invalid_headers_are_refused_in_one_line(tmp_path, name, data, said):
     (tmp_path / name).write_bytes(data)
     line = outcome(tmp_path / name)
     assert isinstance(line, str) and said in line, line
@@ -215,7 +215,7 @@ META = {
 
 
 @pytest.mark.parametrize(("kind", "key", "value", "said"), [(kind, *row) for kind, rows in META.items() for row in rows])
-def test_descriptions_that_cannot_be_are_told_in_a_line(tmp_path, kind, key, value, said):
+def test_invalid_descriptions_are_refused_in_one_line(tmp_path, kind, key, value, said):
     folder = FOLDERS[kind](tmp_path / "scan")
     path = next(folder / name for name in ("cloud.js", "metadata.json", "ept.json") if (folder / name).exists())
     path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
@@ -223,7 +223,7 @@ def test_descriptions_that_cannot_be_are_told_in_a_line(tmp_path, kind, key, val
     assert isinstance(line, str) and said in line, line
 
 
-def test_a_hierarchy_that_leads_back_to_itself_ends(tmp_path):
+def test_a_cyclic_hierarchy_does_not_loop(tmp_path):
     folder = FOLDERS["potree 2"](tmp_path / "a")
     data = bytearray((folder / "hierarchy.bin").read_bytes())
     first = json.loads((folder / "metadata.json").read_text())["hierarchy"]["firstChunkSize"]

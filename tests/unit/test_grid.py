@@ -99,7 +99,7 @@ def attributes(n, seed=0):
 # a subnormal origin is left out: -5e-324 divided by a cell of 2 is no longer negative, here and in the twin
 @given(n=st.integers(200, 90_000), exponent=st.floats(-3, 6), origin=st.floats(-1e7, 1e7, allow_subnormal=False),
        seed=st.integers(0, 1000))
-def test_the_grid_equals_its_numpy_twin_bit_for_bit(n, exponent, origin, seed):
+def test_the_grid_equals_its_numpy_reference_bit_for_bit(n, exponent, origin, seed):
     xyz, rgb = surface(n, seed)
     xyz = xyz * 10**exponent + origin * np.array([1, -0.7, 0.01])
     intensity, scan = attributes(n, seed)
@@ -114,7 +114,7 @@ def test_the_grid_equals_its_numpy_twin_bit_for_bit(n, exponent, origin, seed):
 
 @SLOW
 @given(n=st.integers(1, 3000), exponent=st.integers(-12, 20), seed=st.integers(0, 1000))
-def test_unpacking_gives_points_back_to_half_a_step(n, exponent, seed):
+def test_unpacked_points_are_within_half_a_step(n, exponent, seed):
     xyz, rgb = surface(n, seed)
     xyz = (xyz - 2.0) * 1.7**exponent
     intensity, scan = attributes(n, seed)
@@ -132,7 +132,7 @@ def test_unpacking_gives_points_back_to_half_a_step(n, exponent, seed):
     assert [s["count"] for s in scene.meta["scans"]] == np.bincount(scan).tolist()
 
 
-def test_every_layer_has_seven_eighths_of_it_and_all_before_and_every_point_appears_once():
+def test_each_layer_holds_seven_eighths_of_itself_and_coarser_ones_and_each_point_once():
     n = 400_000
     xyz, _ = surface(n)
     number = np.arange(n)
@@ -196,7 +196,7 @@ def test_shifting_by_whole_cells_changes_no_bit(cells):
     np.testing.assert_array_equal(one.origin + shift, other.origin)
 
 
-def test_the_grid_depends_neither_on_chunks_nor_on_processors(monkeypatch):
+def test_the_grid_does_not_depend_on_chunks_or_processors(monkeypatch):
     xyz, rgb = surface(150_000)
     one = scene_from_arrays(xyz, rgb)
     for chunk, block, processors in ((10_007, 1000, 5), (60_000, 77_777, 1)):
@@ -210,7 +210,7 @@ def test_the_grid_depends_neither_on_chunks_nor_on_processors(monkeypatch):
 
 
 @pytest.mark.parametrize("processors", [1, 2, 5])
-def test_nothing_is_written_by_two_threads_at_a_time(monkeypatch, processors):
+def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
     """Blocks are packed while others are, and placed: some late, each in arrays that nobody else has at the time."""
     pack, place, calls = kernels.pack_points, kernels.place_points, itertools.count()
     busy, shared, lock = {}, [], threading.Lock()
@@ -268,7 +268,7 @@ def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):
         np.testing.assert_array_equal(other.offsets, scenes[0].offsets)
 
 
-def test_points_unpack_alike_however_they_are_asked_for():
+def test_all_ways_of_indexing_unpack_the_same_points():
     scene = scene_from_arrays(*surface(5_000))
     for part in (slice(3, 4_000), slice(3, 4_000, 7), slice(None, None, 11), slice(None, None, -1), slice(7, 7)):
         for one, other in zip(unpack(scene, part), unpack(scene, np.arange(5_000)[part]), strict=True):
@@ -294,7 +294,7 @@ def test_points_that_are_not_finite_are_dropped_and_counted():
         scene_from_arrays(np.full_like(xyz, np.nan), rgb)
 
 
-def test_points_beyond_all_places_are_not_called_invalid():
+def test_points_too_far_from_zero_are_counted_as_outlier_points():
     xyz, rgb = surface(1000)
     with pytest.raises(InputError, match=r"all of its 1,000 points are too far from zero \(beyond 1e\+20\)") as caught:
         scene_from_arrays(xyz + 1e30, rgb)
@@ -303,7 +303,7 @@ def test_points_beyond_all_places_are_not_called_invalid():
         scene_from_arrays(np.where(np.arange(1000)[:, None] % 2, xyz + 1e30, np.nan), rgb)
 
 
-def test_a_stray_point_far_away_costs_nothing():
+def test_an_outlier_point_far_away_does_not_coarsen_the_grid():
     xyz, rgb = surface(50_000)
     one = scene_from_arrays(xyz, rgb)
     far = xyz.copy()
@@ -317,7 +317,7 @@ def test_a_stray_point_far_away_costs_nothing():
 
 
 @pytest.mark.parametrize("far", [90, 300, 3000, 10_000])
-def test_a_scan_that_goes_on_far_from_where_it_began_is_kept_whole(monkeypatch, far):
+def test_a_scan_that_continues_far_from_its_beginning_is_complete(monkeypatch, far):
     """A hundredth of a chunk, and less, is taken for strays."""
     monkeypatch.setattr(arrays_module, "CHUNK", 10_000)
     a, rgb = surface(10_000, size=1e-3)
@@ -328,7 +328,7 @@ def test_a_scan_that_goes_on_far_from_where_it_began_is_kept_whole(monkeypatch, 
     assert scene.count == 20_000 - strays and scene.meta["dropped"]["stray"] == strays
 
 
-def test_tight_clusters_far_apart_stay_resolved():
+def test_dense_clusters_far_apart_are_resolved():
     random = np.random.default_rng(3)
     middles = random.random((40, 3)) * 5000
     xyz = (middles[:, None] + random.random((40, 500, 3)) * [0.1, 0.1, 0.0]).reshape(-1, 3)
@@ -373,7 +373,7 @@ def test_arrays_that_do_not_fit_are_named():
         scene_from_arrays(xyz[:0], rgb[:0])
 
 
-def test_a_scan_too_large_for_memory_is_built_in_a_nameless_file(monkeypatch):
+def test_a_scan_too_large_for_memory_is_built_in_a_file_without_a_name(monkeypatch):
     from viewer.grid import open_scene as build
 
     xyz, rgb = surface(5000)

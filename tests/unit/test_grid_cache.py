@@ -153,7 +153,7 @@ def test_a_changed_file_is_read_again(scan):
     assert open_scene(scan).count == 2000
 
 
-def test_whatever_decides_a_grid_decides_its_place_in_the_cache(scan, tmp_path, monkeypatch):
+def test_everything_that_determines_a_grid_is_part_of_its_cache_key(scan, tmp_path, monkeypatch):
     other = tmp_path / "other"
     other.mkdir()
     (other / scan.name).write_bytes(scan.read_bytes())
@@ -237,7 +237,7 @@ def test_an_unusable_cache_names_the_folder_and_the_remedy(scan, tmp_path, monke
     assert describe([scan])["points"] == 3000
 
 
-def test_a_full_disk_is_found_out_before_writing(scan, store, monkeypatch):
+def test_a_full_disk_is_detected_before_writing(scan, store, monkeypatch):
     import shutil
 
     usage = shutil.disk_usage(scan.parent)
@@ -280,7 +280,7 @@ def test_convert_makes_a_folder_that_opens_like_a_scan(scan, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
-def test_convert_into_a_place_that_cannot_be_written(scan, tmp_path):
+def test_convert_into_a_folder_that_cannot_be_written_is_refused(scan, tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(InputError, match=r"cannot be written .*--out"):
         convert([scan], tmp_path / "file" / "grid")
@@ -299,7 +299,7 @@ def test_convert_refuses_a_folder_with_other_files(scan, tmp_path):
     assert (out / "thesis.txt").read_text() == "years"
 
 
-def test_what_file_managers_leave_in_a_folder_is_in_nobodys_way(scan, tmp_path):
+def test_files_of_file_managers_do_not_prevent_replacing_a_folder(scan, tmp_path):
     out = tmp_path / "grid"
     out.mkdir()
     for _ in range(2):  # into a folder that was only looked at, and over a grid
@@ -308,7 +308,7 @@ def test_what_file_managers_leave_in_a_folder_is_in_nobodys_way(scan, tmp_path):
         assert open_scene(out).count and not (out / ".DS_Store").exists()
 
 
-def test_a_folder_of_scans_is_converted_in_shards_that_know_nothing_of_each_other(tmp_path):
+def test_a_folder_of_scans_is_converted_in_independent_shards(tmp_path):
     scans = tmp_path / "scans"
     scans.mkdir()
     files = [write_ply(scans / f"hall{k}.ply", *surface(400 + k)) for k in range(5)]
@@ -324,7 +324,7 @@ def test_a_folder_of_scans_is_converted_in_shards_that_know_nothing_of_each_othe
     assert open_scene(tmp_path / "grids" / "hall2").count == 900
 
 
-def test_a_bad_scan_among_many_does_not_keep_the_others_from_being_converted(tmp_path):
+def test_other_scans_are_converted_if_one_cannot_be_read(tmp_path):
     scans = tmp_path / "scans"
     scans.mkdir()
     write_ply(scans / "a.ply", *surface(300))
@@ -361,7 +361,7 @@ def test_info_can_be_written_as_json_and_as_text(scan):
     assert "3,000" in text and "PLY" in text
 
 
-def test_the_log_says_why_a_grid_is_built_again(scan, caplog):
+def test_the_log_has_the_reason_why_a_grid_is_built_again(scan, caplog):
     with caplog.at_level("INFO", logger="viewer.grid.cache"):
         open_scene(scan)
         open_scene(scan)
@@ -374,7 +374,7 @@ def test_the_log_says_why_a_grid_is_built_again(scan, caplog):
 
 
 @pytest.mark.parametrize("error", [TypeError, ValueError, KeyError, OSError])
-def test_a_bug_in_reading_the_cache_is_not_taken_for_damage(scan, monkeypatch, error):
+def test_a_bug_in_reading_the_cache_is_not_treated_as_damage(scan, monkeypatch, error):
     open_scene(scan)
 
     def broken(*_, **__):

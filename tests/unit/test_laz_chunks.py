@@ -73,7 +73,7 @@ def test_whole_files_are_read(tmp_path, point_format, chunk):
     ("table", 4, "I", 2**32 - 1, "4,294,967,295 chunks"), ("table", 4, "I", 0, f"0 of {COUNT:,} points"),
     ("table", 4, "I", 10_000, ""), ("layers", 0, "I", 2**32 - 1, "chunk 1 of"), ("layers", 36, "I", 10**6, "chunk 1 of"),
 ])  # fmt: skip
-def test_chunks_that_cannot_be_are_refused_on_opening(tmp_path, chunk, part, at, kind, value, said):
+def test_invalid_chunk_tables_are_refused_on_opening(tmp_path, chunk, part, at, kind, value, said):
     path = write_laz(tmp_path / "a.laz", chunk=chunk)
     data = bytearray(path.read_bytes())
     struct.pack_into("<" + kind, data, places(data)[part] + at, value)
@@ -83,7 +83,7 @@ def test_chunks_that_cannot_be_are_refused_on_opening(tmp_path, chunk, part, at,
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
-def test_counts_that_differ_are_refused_or_said(tmp_path):
+def test_different_counts_are_refused_or_give_a_warning(tmp_path):
     for chunk, count, told in ((300, 2300, "2,000 of 2,300 points"), (300, 1700, "counts 1,700 points, its chunks hold 2,000")):
         path = write_laz(tmp_path / "a.laz", chunk=chunk)
         data = bytearray(path.read_bytes())
@@ -99,7 +99,7 @@ def test_counts_that_differ_are_refused_or_said(tmp_path):
     assert any("49,000 points, but more follow" in text for text in open_source(path).warnings)
 
 
-def test_a_chunk_too_large_to_be_held_is_read_bit_by_bit(tmp_path, monkeypatch):
+def test_a_chunk_too_large_for_memory_is_read_in_pieces(tmp_path, monkeypatch):
     """lazrs would reserve what the record allows a chunk, here 77 GB, and end the process where it cannot."""
     path = write_laz(tmp_path / "a.laz")
     data = bytearray(path.read_bytes())
@@ -125,7 +125,7 @@ def test_a_header_that_counts_no_points_is_refused(tmp_path):
         open_scene(path, cache=False)
 
 
-def test_a_panic_of_the_library_is_one_line(tmp_path, monkeypatch):
+def test_a_panic_of_lazrs_is_reported_in_one_line(tmp_path, monkeypatch):
     """Some damage within a chunk is found by its decoder's own checks, and what that raises is no Exception."""
     class PanicException(BaseException):
         pass

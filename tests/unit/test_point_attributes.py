@@ -96,7 +96,7 @@ def test_reading_back_what_was_packed_is_within_half_a_step(rng):
         assert np.abs(layout.intensity_of(layout.pack(None, np.array([low, high], np.uint16), 2)) - [low, high]).max() == 0
 
 
-def test_counting_begins_anew():
+def test_counting_can_be_reset():
     counts = AttributeCounts()
     chunk = Chunk(np.zeros((3, 3)), None, np.array([4, 5, 6], np.uint16), classification=np.array([2, 2, 9], np.uint8))
     for _ in range(2):
@@ -107,6 +107,6 @@ def test_counting_begins_anew():
 
 @pytest.mark.parametrize("wrong", [[], {"class": 3}, {"class": {"300": 1}}, {"class": {"x": 1}}, {"intensity": {"low": 5}},
                                    {"intensity": {"low": 9, "high": 3}}])
-def test_descriptions_that_make_no_sense_are_refused(wrong):
+def test_invalid_descriptions_of_attributes_are_refused(wrong):
     with pytest.raises((ValueError, KeyError)):
         layout_from({"attributes": wrong})

@@ -40,7 +40,7 @@ def test_a_preview_is_spread_over_the_whole_file_in_its_colours(tmp_path, name, 
     assert scene.meta["preview"] and scene.meta["sources"] == [str(path)]
 
 
-def test_small_damaged_and_unknown_files_have_none(tmp_path):
+def test_small_damaged_and_unknown_files_have_no_preview(tmp_path):
     xyz, rgb = street()
     whole = write_las(tmp_path / "a.laz", xyz, rgb)
     assert preview_scene([whole]) is None  # it opens as fast
@@ -54,7 +54,7 @@ def test_small_damaged_and_unknown_files_have_none(tmp_path):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_runs_are_spread_wherever_one_stops(seed):
+def test_every_beginning_of_the_list_of_runs_is_spread_over_the_file(seed):
     rng = np.random.default_rng(seed)
     count, run = int(rng.integers(10_000, 10_000_000)), int(rng.integers(1, 2000))
     align = int(rng.choice([1, 5000, 50_000]))

@@ -26,7 +26,7 @@ def plain(scene) -> np.ndarray:
 
 
 @pytest.mark.parametrize("count", [100, 3000, 200_000])
-def test_shares_are_those_of_a_plain_count(seed, count):
+def test_coverage_equals_a_plain_count(seed, count):
     rng = np.random.default_rng(seed)
     xyz = rng.normal(size=(count, 3)) * (1, 0.3, 0.02) + rng.integers(0, 2, (count, 1)) * (0, 5, 1)
     scene = scene_from_arrays(xyz, rng.integers(0, 256, (count, 3)).astype(np.uint8))
@@ -47,7 +47,7 @@ def test_a_wall_covers_its_own_face_and_the_others_by_its_edge():
     assert len(faces) and (faces[:, 1] >= SQUARES - 1).all() and (faces[:, [0, 2]] == 8).all()
 
 
-def test_a_cell_with_few_points_says_nothing():
+def test_the_coverage_of_a_cell_with_few_points_is_unknown():
     xyz = np.random.default_rng(2).uniform(0, 1, (LEAST - 1, 3))
     scene = scene_from_arrays(xyz, np.zeros(xyz.shape, np.uint8))
     assert (scene.faces == UNKNOWN).all() and len(unpack(scene)[0]) == LEAST - 1

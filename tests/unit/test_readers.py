@@ -21,7 +21,7 @@ def gather(path):
 
 
 @pytest.mark.parametrize("suffix", ["las", "laz"])
-def test_las_gives_back_coordinates_to_the_bit(tmp_path, suffix):
+def test_las_coordinates_are_read_bit_for_bit(tmp_path, suffix):
     xyz, rgb = surface(5000, origin=(4_500_000.0, 300_000.0, -20.0))
     intensity = np.arange(5000, dtype=np.uint16)
     path = write_las(tmp_path / f"a.{suffix}", xyz, rgb.astype(np.uint16) << 8, intensity)
@@ -34,7 +34,7 @@ def test_las_gives_back_coordinates_to_the_bit(tmp_path, suffix):
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("form", [{}, {"extra": True}, {"faces_first": True}, {"vertex_list": True}])
-def test_ply_gives_back_points_whatever_else_it_carries(tmp_path, order, form):
+def test_ply_points_are_read_beside_other_elements_and_properties(tmp_path, order, form):
     xyz, rgb = surface(500)
     got = gather(write_ply(tmp_path / "a.ply", xyz, rgb, order=order, **form))
     np.testing.assert_array_equal(got[0], xyz)
@@ -42,7 +42,7 @@ def test_ply_gives_back_points_whatever_else_it_carries(tmp_path, order, form):
 
 
 @pytest.mark.parametrize("names", [("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue")])
-def test_ply_knows_other_names_of_colour(tmp_path, names):
+def test_ply_colours_are_read_under_their_other_names(tmp_path, names):
     xyz, rgb = surface(50)
     np.testing.assert_array_equal(gather(write_ply(tmp_path / "a.ply", xyz, rgb, names=names))[1], rgb)
 
@@ -64,7 +64,7 @@ def test_ply_with_windows_line_ends(tmp_path):
     np.testing.assert_array_equal(got[0], xyz)
 
 
-def test_e57_scans_come_with_their_poses(tmp_path):
+def test_e57_scans_are_placed_by_their_poses(tmp_path):
     xyz, rgb = surface(400, origin=(1.0, 1.0, 1.0))
     half = np.sqrt(0.5)  # a quarter turn about z: x -> y, y -> -x
     scans = [
@@ -121,7 +121,7 @@ def test_e57_colours_end_at_the_next_full_number_of_bits(tmp_path, largest, full
     np.testing.assert_array_equal(gather(path)[1], expected)
 
 
-def test_content_decides_the_format_and_a_wrong_suffix_is_said(tmp_path):
+def test_the_content_determines_the_format_and_a_wrong_suffix_gives_a_warning(tmp_path):
     xyz, rgb = surface(50)
     path = write_ply(tmp_path / "a.ply", xyz, rgb).rename(tmp_path / "a.las")
     scene = open_scene(path, cache=False)
@@ -168,7 +168,7 @@ def test_ply_reader_agrees_with_open3d(tmp_path):
         assert np.array_equal(colours[order], rgb[other])
 
 
-def test_units_that_differ_are_told_from_units_that_are_unknown(tmp_path):
+def test_different_units_and_unknown_units_give_different_warnings(tmp_path):
     xyz, rgb = surface(500)
     metres, other = (write_e57(tmp_path / f"{name}.e57", [E57Scan(xyz, rgb)]) for name in "ab")
     unknown = write_ply(tmp_path / "c.ply", xyz, rgb)
@@ -181,7 +181,7 @@ def test_units_that_differ_are_told_from_units_that_are_unknown(tmp_path):
     assert "the files differ in their units of length" in mixed
 
 
-def test_coordinate_systems_that_differ_are_told_where_units_do_not(tmp_path):
+def test_different_coordinate_systems_of_equal_units_give_a_warning(tmp_path):
     def warned(*names):
         files = [write_las(tmp_path / f"{k}.las", *surface(200, k), wkt=f'PROJCS["{name}",UNIT["metre",1.0]]')
                  for k, name in enumerate(names)]  # fmt: skip

@@ -54,7 +54,7 @@ def some(rng, count: int, most: int) -> np.ndarray:
 
 @given(SEEDS)
 @settings(max_examples=60, deadline=None)
-def test_the_pool_agrees_with_a_plain_twin(seed):
+def test_the_pool_agrees_with_its_reference_implementation(seed):
     rng = np.random.default_rng(seed)
     chunks, slots = int(rng.integers(1, 120)), int(rng.integers(2, 60))
     pinned = int(rng.integers(0, slots // 2 + 1))
@@ -79,7 +79,7 @@ def test_the_pool_agrees_with_a_plain_twin(seed):
         assert residency.absent == chunks - len(held) and residency.complete == (len(held) == chunks)
 
 
-def test_of_chunks_needed_equally_long_ago_the_finest_goes_first():
+def test_the_finest_of_equally_old_chunks_is_evicted_first():
     residency = Residency(10 * 64, 4, chunk_points=64)
     for chunk, slot in zip(*residency.plan(np.array([1, 2, 5, 7])), strict=True):
         residency.place(chunk, slot)
@@ -131,7 +131,7 @@ def test_rounds_hold_every_needed_chunk_once_and_each_fits(seed):
 
 @given(SEEDS)
 @settings(max_examples=60, deadline=None)
-def test_what_fits_are_the_coarsest_chunks_and_no_chunk_more_would(seed):
+def test_fitting_returns_the_coarsest_chunks_and_as_many_as_fit(seed):
     rng = np.random.default_rng(seed)
     residency = Residency(100 * 64, int(rng.integers(4, 120)), chunk_points=64, pinned=int(rng.integers(0, 4)))
     needed = some(rng, 100, 100)
@@ -144,7 +144,7 @@ def test_what_fits_are_the_coarsest_chunks_and_no_chunk_more_would(seed):
 
 @given(SEEDS)
 @settings(max_examples=60, deadline=None)
-def test_what_is_needed_lies_within_reach_and_no_slot_more_is_asked_for(seed):
+def test_the_slots_allocated_are_exactly_those_needed(seed):
     rng = np.random.default_rng(seed)
     chunks, slots = int(rng.integers(1, 100)), int(rng.integers(2, 120))
     residency = Residency(chunks * 64, slots, chunk_points=64, pinned=int(rng.integers(0, 2)))
@@ -172,7 +172,7 @@ def test_a_first_picture_waits_for_whole_layers_at_least_the_coarsest():
     assert waits == [10, 10, 10, 10, 30, 30, 70, 70]
 
 
-def test_a_pool_in_which_nothing_could_move_is_refused():
+def test_a_pool_without_slots_to_load_into_is_refused():
     with pytest.raises(ValueError, match="nothing could be loaded"):
         Residency(64 * 64, 4, chunk_points=64, pinned=4)
     with pytest.raises(ValueError, match="power of two"):

@@ -174,7 +174,7 @@ def test_a_sample_reads_a_small_part_of_the_file(tmp_path, monkeypatch, name):
 
 
 @pytest.mark.parametrize("name", MAKERS)
-def test_samples_of_damaged_files_end_in_a_line_or_are_points(tmp_path, name):
+def test_samples_of_damaged_files_are_points_or_one_line_errors(tmp_path, name):
     random = np.random.default_rng(SEED)
     made = MAKERS[name](along(some(2_000, SEED)), tmp_path / "made" if (tmp_path / "made").mkdir() is None else tmp_path)
     for trial in range(12):

@@ -29,7 +29,7 @@ def assert_found(xyz: np.ndarray, begins: np.ndarray, places: np.ndarray, within
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e5])
-def test_sweeps_tell_where_the_scanner_stood_at_any_scale_and_tilt(scale):
+def test_scan_lines_give_the_scanner_position_at_any_scale_and_tilt(scale):
     for seed in range(3):
         xyz, begins = stations([sweep(place, seed) for place in PLACES])
         turn = Rotation.from_euler("xyz", np.random.default_rng(seed).uniform(0, 360, 3), degrees=True)
@@ -37,19 +37,19 @@ def test_sweeps_tell_where_the_scanner_stood_at_any_scale_and_tilt(scale):
         assert_found(scale * (turn.apply(xyz) + away), begins, scale * (turn.apply(PLACES) + away), 0.02 * scale)
 
 
-def test_a_thinned_file_still_tells():
+def test_a_thinned_file_gives_the_scanner_positions_too():
     for seed in range(3):
         parts = [sweep(place, seed, 400, 400) for place in PLACES]
         xyz, begins = stations([part[np.random.default_rng(seed).random(len(part)) < 0.3] for part in parts])
         assert_found(xyz, begins, PLACES, 0.2)
 
 
-def test_rows_of_pictures_tell_to_the_millimetre():
+def test_rows_of_depth_images_give_positions_to_the_millimetre():
     xyz, begins = stations([pictures(place) for place in PLACES])
     assert_found(xyz, begins, PLACES, 0.001)
 
 
-def test_other_orders_tell_nothing():
+def test_other_orders_give_no_positions():
     random = np.random.default_rng(4)
     xyz, _ = stations([sweep(place, 4) for place in PLACES])
     assert not find_stations(windows(random.permutation(xyz))), "at random"
@@ -60,14 +60,14 @@ def test_other_orders_tell_nothing():
     assert not find_stations(np.zeros((100, WINDOW, 3))) and not find_stations(windows(xyz[: 40 * WINDOW]))
 
 
-def test_stations_that_take_turns_are_left_alone():
+def test_alternating_stations_give_no_positions():
     """In files of blocks each holds a piece of every station: who measured what is told for some of the points only."""
     one, other = (sweep(place, 5)[: 174 * WINDOW].reshape(29, -1, 3) for place in PLACES[:2])
     assert not find_stations(windows(np.stack([one, other], axis=1).reshape(-1, 3)))
 
 
 @pytest.mark.parametrize("room", ["living-room-2", "kitchen", "staircase2"])
-def test_of_registered_rooms_every_place_is_told(room, shared_data):
+def test_all_stations_of_registered_rooms_are_found(room, shared_data):
     from model.data.stations import load_scene, scan_stations
 
     scan = scan_stations(load_scene(shared_data / "renders" / room), 11)

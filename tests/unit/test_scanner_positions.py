@@ -43,7 +43,7 @@ def stations_of(scene, xyz) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", ["ply", "laz"])
-def test_a_merged_file_is_told_apart_by_the_order_of_its_points(tmp_path, kind):
+def test_a_merged_file_is_split_into_stations_by_the_order_of_its_points(tmp_path, kind):
     xyz, rgb, station = swept(3)
     scene = open_scene([written(tmp_path / f"room.{kind}", xyz, rgb)], cache=False)
     assert np.abs(scene.station_places - PLACES).max() < 0.05
@@ -54,7 +54,7 @@ def test_a_merged_file_is_told_apart_by_the_order_of_its_points(tmp_path, kind):
     assert "room, station 2: " in told and "told by the order of the points" in told and facts(scene)["stations"] == "weighed"
 
 
-def test_stations_so_told_apart_are_matched_in_brightness(tmp_path):
+def test_inferred_stations_get_exposure_compensation(tmp_path):
     xyz, rgb, station = swept(2)
     file = written(tmp_path / "room.laz", xyz, rgb * np.array([0.85, 1.15])[station][:, None])
     scene = open_scene([file], cache=False)
@@ -67,7 +67,7 @@ def test_stations_so_told_apart_are_matched_in_brightness(tmp_path):
     assert plain.meta["exposures"] is None and (unpack(plain)[3] == unpack(scene)[3]).all(), "stations, but no colour changed"
 
 
-def test_files_of_a_station_each_are_told_apart_too(tmp_path):
+def test_files_of_one_station_each_get_inferred_positions(tmp_path):
     xyz, rgb, station = swept(2)
     files = [written(tmp_path / f"{n}.ply", xyz[station == n], rgb[station == n]) for n in range(2)]
     scene = open_scene(files, cache=False)
@@ -77,7 +77,7 @@ def test_files_of_a_station_each_are_told_apart_too(tmp_path):
     assert alone.meta["scans"] == [{"name": "0", "count": int((station == 0).sum()), "position": None}], "one: nothing to gain"
 
 
-def test_what_the_order_does_not_tell_or_the_file_does_is_left(tmp_path):
+def test_shuffled_files_and_files_that_state_positions_are_not_split(tmp_path):
     xyz, rgb, station = swept(2)
     order = np.random.default_rng(1).permutation(len(xyz))
     scene = open_scene([written(tmp_path / "mixed.ply", xyz[order], rgb[order])], cache=False)
@@ -88,7 +88,7 @@ def test_what_the_order_does_not_tell_or_the_file_does_is_left(tmp_path):
     assert np.array_equal(scene.station_places, [[0, 0, 0], [1, 0, 0]]), "a file that says is believed"
 
 
-def test_stretches_are_points_in_a_row_however_a_file_is_read_and_few(monkeypatch):
+def test_stretches_are_consecutive_points_for_any_chunk_size_and_few(monkeypatch):
     xyz, _, _ = swept(2)
     monkeypatch.setattr(scanner_positions, "MOST_STRETCHES", 20)
     for size in (1000, 4096, 7777):
@@ -101,7 +101,7 @@ def test_stretches_are_points_in_a_row_however_a_file_is_read_and_few(monkeypatc
             assert place % WINDOW == 0 and np.array_equal(window, xyz[place : place + WINDOW])
 
 
-def test_of_many_files_only_one_is_held_at_a_time():
+def test_stretches_of_only_one_file_are_held_at_a_time():
     xyz, _, _ = swept(1)
     watcher = StationInference([Source(f"{n}.ply", "PLY", scans=[ScanInfo(str(n))]) for n in range(3)])  # pyright: ignore[reportArgumentType]
     for source in range(3):

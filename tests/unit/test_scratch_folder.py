@@ -30,7 +30,7 @@ with scratch(Path(sys.argv[1])) as work:
 """
 
 
-def test_what_a_killed_process_left_is_swept_and_what_another_is_making_is_not(tmp_path):
+def test_folders_of_killed_processes_are_removed_and_those_of_running_ones_are_not(tmp_path):
     """Whatever the process's number says: on another machine, or in another container, it is another's or nobody's."""
     ours = subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path / "abc")], stdout=subprocess.PIPE, text=True)
     assert ours.stdout is not None
@@ -46,7 +46,7 @@ def test_what_a_killed_process_left_is_swept_and_what_another_is_making_is_not(t
     assert not elsewhere.exists() and (tmp_path / ".theirs.tmp").exists()
 
 
-def test_without_locks_only_what_has_long_been_left_is_swept(tmp_path, monkeypatch):
+def test_without_locks_only_old_folders_are_removed(tmp_path, monkeypatch):
     monkeypatch.setattr(scratch, "fcntl", None)
     old, new = tmp_path / ".abc.0123abcd.1.tmp", tmp_path / ".abc.0123abce.2.old.2.tmp"
     for folder in (old, new):
@@ -61,7 +61,7 @@ def test_without_locks_only_what_has_long_been_left_is_swept(tmp_path, monkeypat
     assert new.exists(), "a file in it was written just now"
 
 
-def test_a_folder_is_replaced_whole_and_kept_where_that_fails(tmp_path, monkeypatch):
+def test_a_folder_is_replaced_atomically_or_kept(tmp_path, monkeypatch):
     new(tmp_path)
     with pytest.raises(OSError, match="no room"), scratch.scratch(tmp_path / "new") as work:
         (work / "points.npy").write_text("newer")
@@ -82,7 +82,7 @@ def test_a_folder_is_replaced_whole_and_kept_where_that_fails(tmp_path, monkeypa
 
 
 @pytest.mark.parametrize("error", [OSError(24, "Too many open files"), PermissionError(13, "denied")])
-def test_what_keeps_a_folder_from_being_locked_is_said_and_leaves_nothing(tmp_path, monkeypatch, error):
+def test_errors_of_locking_are_reported_and_leave_nothing_behind(tmp_path, monkeypatch, error):
     def fails(_):
         raise error
 

@@ -29,14 +29,14 @@ def test_duplicate_points_do_not_increase_density(points, times):
 
 @pytest.mark.parametrize("times", [1, 2, 5, 40])
 @pytest.mark.parametrize("taken", [0.02, 0.3, 0.9, 1.0])
-def test_places_kept_of_points_taken_at_random(times, taken):
+def test_the_estimated_share_of_remaining_positions_is_right(times, taken):
     left = np.random.default_rng(7).random((20_000, times)) < taken
     there = left.any(axis=1)
     assert abs(spacing._places_kept(taken, left.sum() / there.sum()) / there.mean() - 1) < 0.1
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_distance_to_the_eighth_nearest_place_is_that_of_a_search_tree(seed):
+def test_distances_to_the_eighth_nearest_position_equal_a_search_trees(seed):
     random = np.random.default_rng(seed)
     places = np.unique(random.integers(0, 2 ** random.integers(2, 16), (random.integers(1, 400), 3)), axis=0)
     xyz = random.permutation(np.repeat(places, random.integers(1, 20, len(places)), axis=0)).astype(float)
