@@ -25,7 +25,7 @@ from model.blend_rows import (
     mean_row,
     square_means,
     square_row,
-    weigh_row,
+    start_row,
 )
 from model.common.jit import compiled
 from model.unet import BLENDS, CONTRAST_AT, MEAN_BLOCK
@@ -54,7 +54,7 @@ def _make(packed, blocks, block, means, made, first, last):
     between(block, means.shape[2], left, part)
     for row in range(max(first - behind, 0), last + behind):
         if row < height:
-            weigh_row(packed[row], kept[row % 3], out[row % (behind + 1)])
+            start_row(packed[row], kept[row % 3], out[row % (behind + 1)])
         for number in range(BLENDS):
             reach, late = 2**number, 2 ** (number + 1) - 1
             y = row - late

@@ -24,7 +24,7 @@ _F = np.float32
 
 
 @compiled(nogil=True)
-def weigh_row(packed, sums, out):
+def start_row(packed, sums, out):
     """Initialises a row: sums (>= 4, W), weighted colours and weight, and out (3, W), the picture.  packed: (W, 8)."""
     for x in range(packed.shape[0]):
         red, green, blue = packed[x, 0], packed[x, 1], packed[x, 2]
