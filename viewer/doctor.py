@@ -24,7 +24,7 @@ from viewer.text import counted
 
 LIBRARIES = (
     "av", "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
-    "platformdirs", "plyfile", "pye57", "safetensors", "scipy", "torch", "tqdm", "zstandard",
+    "platformdirs", "plyfile", "pye57", "pyproj", "safetensors", "scipy", "torch", "tqdm", "zstandard",
 )  # fmt: skip
 """Dependencies in pyproject.toml, for a checkout that is run without being installed."""
 OPTIONAL = ("cuda-core", "cuda-bindings")

@@ -7,7 +7,7 @@ import sys
 
 from model.common.errors import PointglassError
 
-__all__ = ["Cancelled", "DeviceError", "InputError", "PointglassError", "is_opengl_error"]
+__all__ = ["Cancelled", "DeviceError", "DeviceLostError", "InputError", "PointglassError", "is_opengl_error"]
 
 
 class InputError(PointglassError):
@@ -20,6 +20,10 @@ class DeviceError(PointglassError):
     """No usable OpenGL or compute device, or not enough of its memory (exit code 3)."""
 
     exit_code = 3
+
+
+class DeviceLostError(DeviceError):
+    """The device was reset, lost or hangs: the process cannot go on with it (exit code 3)."""
 
 
 class Cancelled(PointglassError):

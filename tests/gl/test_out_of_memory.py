@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from clouds import camera_in, room
 
-from viewer.errors import DeviceError
+from viewer.errors import DeviceError, DeviceLostError
 from viewer.grid.scene import CHUNK
 from viewer.render import renderer as module
 from viewer.render.device_failure import DeviceMemoryError
@@ -71,5 +71,25 @@ def test_targets_that_opengl_had_no_memory_for_are_not_drawn_into_silently(conte
     renderer.context = Refusing()  # type: ignore[assignment]
     with pytest.raises(DeviceError, match="no memory left for a picture of"):
         renderer.render(camera_in(scene, 3), Settings(view="filled"))
+    renderer.context = context
+    renderer.release()
+
+
+def test_a_lost_context_ends_with_a_message_and_exit_code_3(context, monkeypatch):
+    known = module.describe_device
+    monkeypatch.setattr(module, "describe_device", lambda context: replace(known(context), software=False))
+    scene = room(3)
+    renderer = Renderer(context, scene, raster="compute")
+
+    class Lost:
+        error = "GL_CONTEXT_LOST"
+
+        def __getattr__(self, name):
+            return getattr(context, name)
+
+    renderer.context = Lost()  # type: ignore[assignment]
+    with pytest.raises(DeviceLostError, match="driver was reset; start pointglass again") as raised:
+        renderer.render(camera_in(scene, 3), Settings(view="filled"))
+    assert raised.value.exit_code == 3
     renderer.context = context
     renderer.release()

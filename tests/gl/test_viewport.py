@@ -36,6 +36,7 @@ class Told:
         )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
         self.flight, self.work = SimpleNamespace(moving=True), Work()
+        self.picture = SimpleNamespace(contended=False, dirty=False)
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
         self.size = self.window_size = SIZES[0]
         self.origin, self.exact, self.full_plan = (0, 0), False, Plan(("filled",), None)

@@ -81,6 +81,9 @@ def _standalone() -> "moderngl.Context":
     raise failures[0]
 
 
+LOST = "the graphics driver was reset; start pointglass again"
+
+
 def context_lost(context: "moderngl.Context") -> bool:
     """Whether the driver has reset this context and lost its contents.  Only a window's context asks for this notification
     (viewer.window.app); a headless one fails in other ways."""

@@ -1,7 +1,7 @@
-"""The compiled loops of culling: blocks, cells, layers.  Serial and without the interpreter's lock, as in viewer.grid.kernels.
+"""Compiled loops of culling: blocks, cells, layers.  Serial, without the interpreter's lock, as in viewer.grid.kernels.
 
-They write into arrays they are given, allocate nothing, and keep the order of every sum, so that NumPy with the same
-expressions gives the same bits.
+They write into arrays of the caller, allocate nothing, and keep the order of every sum, so that NumPy with the same expressions
+gives the same bits.
 """
 
 import numpy as np
@@ -11,16 +11,16 @@ from viewer.grid.cell_boxes import SHARE_BITS, SHARES, WHOLE
 from viewer.grid.projected_coverage import SQUARES, UNKNOWN
 
 SLACK = 1e-8
-"""Of a block's reach, by which its test errs towards looking at its cells: above the 1e-9 that each cell is given."""
+"""Relative margin of a block's extent in its frustum test, so that no cell is lost with its block: larger than WIDER's 1e-9."""
 ROUNDING = 1e-12
-"""Of a coordinate: above what float64 loses between a block's test and that of its cells."""
+"""Relative margin of coordinates: above the float64 rounding between a block's test and those of its cells (2.2e-16 each)."""
 WIDER = 1 + 1e-9
-"""By how much a cell's box is taken to be larger: above what float64 loses on the way to the frustum's sides."""
+"""Factor of a cell's box in its frustum test: above the float64 rounding of the test."""
 
 
 @compiled(inline="always")
 def code_of_box(x0, y0, z0, x1, y1, z1):
-    """The w of DrawList.cell_view: whole, and below 2**24, as which float32 holds it exactly."""
+    """The w of DrawList.cell_view: an integer below 2**24, which float32 stores exactly."""
     low = x0 | y0 << SHARE_BITS | z0 << 2 * SHARE_BITS
     return low | (x1 | y1 << SHARE_BITS | z1 << 2 * SHARE_BITS) << 3 * SHARE_BITS
 
@@ -30,14 +30,15 @@ WHOLE_CODE = code_of_box(*(int(side) for side in WHOLE))
 
 @compiled(nogil=True)
 def visible_cells(coords, blocks, per, size, shift, rotation, lens, sides, corner, lod, faces, boxes, cells, cell_view, need):
-    """Cells that touch the frustum, by ascending row.  Returns how many.
+    """Cells that intersect the frustum, by ascending row.  Returns how many.
 
     coords: (C, 3) int32.  blocks: (B, 6) float64, middle and half extent of each ``per`` consecutive cells, in cells.
     size: of a cell.  shift: (3,) from the camera to the grid's origin.  rotation: (3, 3) world to view.  lens: (6,) fx, fy
-    and the four sides' distances from the middle of the picture in pixels (left, right, top, bottom).  sides: (5, 3) by
-    how much one comes nearer to each side, and forward, on the way along x, y and z.  corner: (3,) view vector from a cell's
-    middle to its first step's.  lod: points wanted a pixel, 0 for all.  faces: (C, 3) uint8 as in Scene, or (0, 3): each
-    cell's need is that of a wall across all of it, seen squarely.  boxes: (C, 6) uint8 as in Scene, or (0, 6): the cells'.
+    and the four sides' distances from the middle of the picture in pixels (left, right, top, bottom).
+    sides: (5, 3), change of the distance to each of the four sides, and of depth, per unit along x, y and z.
+    corner: (3,) view vector from a cell's middle to its first step's.  lod: points wanted a pixel, 0 for all.
+    faces: (C, 3) uint8 as in Scene, or (0, 3): each cell is taken for a wall across all of it, seen at a right angle.
+    boxes: (C, 6) uint8 as in Scene, or (0, 6): the cells'.
     Writes cells (C,) int32, cell_view (C, 4) float32, need (C,) float64, the points wanted of the cell.
     """
     r00, r01, r02 = rotation[0, 0], rotation[0, 1], rotation[0, 2]
@@ -120,13 +121,12 @@ def visible_cells(coords, blocks, per, size, shift, rotation, lens, sides, corne
 
 @compiled(nogil=True)
 def list_runs(offsets, layers, total, cells, visible, lod, need, extra, held, active, first, count, slot):
-    """Runs of points of the visible cells, by ascending first: of each cell the fewest layers that hold ``need`` points.
+    """Runs of points of the visible cells, by ascending first: for each cell the fewest layers that hold ``need`` points.
 
     offsets: (layers * total + 1,) int64 as in Scene.  cells: rows of the scene's cells, the first ``visible`` count.
     lod: 0 for all layers.  extra: viewer.grid.density_layers.part_extra; of a cell's last layer as many parts as are needed.
-    held
-    (int64), active (int32): scratch, one an entry of cells.  first, count (int64), slot (int32): written as far as there is
-    room.  Returns (runs, points, room): all are written if the lists are ``room`` long.
+    held (int64), active (int32): scratch, one entry a cell.  first, count (int64), slot (int32): written as far as they are
+    long enough.  Returns (runs, points, room): all runs are written if the lists are ``room`` long.
     """
     runs, points, live, room, parts = 0, 0, visible, 0, extra.shape[0]
     for i in range(visible):

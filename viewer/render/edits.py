@@ -1,7 +1,7 @@
 """Edits: clips, hidden stations and colour modes, which decide which points are drawn and in which colour.
 
-Clips and hidden stations drop points, the look colours them by an attribute.  A picture without edits runs programs that know
-nothing of them; with edits, cells that clips leave nothing of are not drawn, and the rest is decided point by point
+Clips and hidden stations remove points, the look colours them by an attribute.  A picture without edits runs programs compiled
+without them.  With edits, cells that clips remove completely are not drawn, and the rest is decided point by point
 (shaders/common_edits.glsl).  References: viewer.tools.clip.contains and viewer.tools.look.levels.
 Frame: clips and heights in file coordinates, float64; handed to the GPU in the view frame relative to the camera, float32.
 """
@@ -45,7 +45,7 @@ class Edits:
 
     @property
     def empty(self) -> bool:
-        """Whether every point is drawn as it is."""
+        """Whether no edit changes any point."""
         return not (active(self.clips) or self.hidden or self.recolours)
 
     @property

@@ -15,12 +15,12 @@ from model.engines import ENGINES, Runner
 from model.network_layout import PACKED_IN
 from model.reconstruct import Reconstructor, cuda_problem
 from model.weights import WeightsError
-from viewer.errors import DeviceError, InputError
+from viewer.errors import DeviceError, DeviceLostError, InputError
 from viewer.render import shader
 from viewer.render.background_capture import BackgroundRunner
 from viewer.render.bridge import Network, ReadBackBridge
 from viewer.render.choose_bridge import make_bridge
-from viewer.render.context import context_lost
+from viewer.render.context import LOST, context_lost
 from viewer.render.device_failure import device_failure
 from viewer.render.match_device import use_matching_device
 from viewer.render.network_thread import NetworkThread
@@ -129,7 +129,7 @@ class NeuralStage:
 
     def _fail(self, error: BaseException) -> NoReturn:
         lost = context_lost(self.context)
-        failure = DeviceError("the graphics driver was reset; start pointglass again") if lost else device_failure(error)
+        failure = DeviceLostError(LOST) if lost else device_failure(error)
         if failure is None:
             raise error
         self.key = ("failed",)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import DeviceError
+from viewer.errors import DeviceError, DeviceLostError
 from viewer.render.gl_functions import gl_function
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ class _Slot:
         if self._fence is not None:
             status = self._gl.wait(self._fence, _FLUSH_FIRST, int(timeout * 1e9))
             if status not in _REACHED:
-                raise DeviceError(f"the GPU did not answer within {timeout:.0f} s, or was lost; start pointglass again")
+                raise DeviceLostError(f"the GPU did not answer within {timeout:.0f} s, or was lost; start pointglass again")
             self._forget()
         words = (ctypes.c_uint32 * (self._used // 4)).from_address(self._address)
         return np.ctypeslib.as_array(words)
@@ -121,7 +121,7 @@ class ReadRing:
     def read(self, number: int, timeout: float = TIMEOUT) -> np.ndarray | None:
         """(n,) uint32 of copy ``number``, valid until the ring comes round; None where it was dropped or never made.
 
-        Waits until the GPU has made it.  Raises DeviceError where that takes longer than ``timeout`` seconds.
+        Waits until the GPU has made it.  Raises DeviceLostError where that takes longer than ``timeout`` seconds.
         """
         slot = self._slots[number % len(self._slots)]
         return slot.read(timeout) if slot.number == number else None

@@ -14,10 +14,10 @@ import numpy as np
 
 from model.common.memory import give_back
 from model.soft_z import SoftZ
-from viewer.errors import DeviceError, InputError
+from viewer.errors import DeviceError, DeviceLostError, InputError
 from viewer.render.choose_raster import RASTERISERS as RASTERISERS
 from viewer.render.choose_raster import fastest, make_rasteriser
-from viewer.render.context import describe_device
+from viewer.render.context import LOST, context_lost, describe_device
 from viewer.render.cull import Culler, DrawList
 from viewer.render.deferred_network import camera_key as camera_key
 from viewer.render.deferred_network import finish_network, start_network
@@ -113,7 +113,8 @@ class Renderer:
         view is there at once where pixels are mapped, or where one of the same camera still exists.
 
         Where the device runs out of memory, half of the points' memory is given back and the picture is made again.
-        Raises InputError for an unknown view, DeviceError where the device cannot make this picture.
+        Raises InputError for an unknown view, DeviceError where the device cannot make this picture, DeviceLostError where it
+        was reset or hangs.
         """
         views = (settings.view,) if views is None else views
         for view in views:
@@ -133,6 +134,8 @@ class Renderer:
     def _render(self, camera: "Camera", settings: Settings, views: tuple[str, ...], history: Occlusion | None,
                 edits: Edits | None, *, streaming: bool, defer_network: bool) -> Frame:
         self._serial += 1
+        if not self.device.software and context_lost(self.context):
+            raise DeviceLostError(LOST)
         self._resize((camera.width, camera.height))
         if "neural" in views:  # before anything is drawn
             from viewer.render.bridge import check_room

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import DeviceError, PointglassError
+from viewer.errors import DeviceError, DeviceLostError, PointglassError
 from viewer.render.develop import DevelopedViews, read_picture
 from viewer.render.occlusion import Occlusion
 from viewer.render.points import UPLOAD_SECONDS
@@ -157,6 +157,8 @@ class Viewport:
                 self._with_measured(views), self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
                 edits=session.work.edits,
             )  # fmt: skip
+        except DeviceLostError:
+            raise  # ends the window with its message and exit code 3
         except (PointglassError, MemoryError) as error:
             self.frame = self._untold = None
             session.failed(str(error) or _NO_MEMORY)
@@ -210,6 +212,8 @@ class Viewport:
         try:
             if not renderer.finish_network(frame):
                 return False
+        except DeviceLostError:
+            raise
         except PointglassError as error:
             self.frame = self._untold = None
             self._session.failed(str(error))
