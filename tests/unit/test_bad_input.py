@@ -1,4 +1,4 @@
-"""Whatever is wrong with a file, one line names it and says what to do; colour oddities are read and said."""
+"""Errors of files are one line with the name and the remedy; unusual colours are read with a warning."""
 
 import os
 import struct
@@ -79,7 +79,7 @@ def test_a_las_header_that_promises_too_many_points_is_refused(tmp_path):
 
 
 def test_las_records_behind_the_points_end_with_the_file(tmp_path):
-    """laspy goes on making empty ones, as many as the header says: up to 2**32."""
+    """laspy would create as many empty records as the header states, up to 2**32."""
     import laspy
 
     header = laspy.LasHeader(point_format=7, version="1.4")
@@ -113,7 +113,7 @@ def test_points_beyond_the_count_of_the_header_give_a_warning(tmp_path, kind):
 
 
 def test_invalid_colours_and_positions_are_read_without_numpy_warnings(tmp_path, recwarn):
-    """NumPy would tell of casts, on lines of its own."""
+    """NumPy would print warnings about casts."""
     head = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {axis}\n" for axis in "xyz")
     head += "".join(f"property uchar {name}\n" for name in ("red", "green", "blue")) + "property uchar intensity\nend_header\n"
     (tmp_path / "a.ply").write_text(head + "0 0 0 inf -5 300 nan\n0 0 1 255 0 7 1e99\n0 1 0 nan 2 3 -1\n")
@@ -121,7 +121,7 @@ def test_invalid_colours_and_positions_are_read_without_numpy_warnings(tmp_path,
     assert chunk.rgb is not None and chunk.intensity is not None
     assert chunk.rgb.tolist() == [[255, 0, 255], [255, 0, 7], [0, 2, 3]] and chunk.intensity[0] == chunk.intensity[2] == 0
     xyz = np.zeros((3, 3), "<f4")
-    xyz.view("<u4")[1, 1] = 0x7F800001  # a NaN that signals
+    xyz.view("<u4")[1, 1] = 0x7F800001  # a signalling NaN
     write_ply(tmp_path / "b.ply", xyz, kind="float")
     (tmp_path / "b.ply").write_bytes((tmp_path / "b.ply").read_bytes()[: -xyz.nbytes] + xyz.tobytes())
     assert np.isnan(next(open_source(tmp_path / "b.ply").chunks()).xyz[1, 1])
@@ -207,7 +207,7 @@ def test_e57_without_points(tmp_path):
 
 
 def test_e57_points_without_a_prototype_are_refused(tmp_path):
-    """libe57 would end the process, asked for it: looked for in the XML, therefore, before."""
+    """libe57 would end the process, so the XML is checked first."""
     path = write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))])
     edited_e57(path, (rb"<prototype.*</prototype>", b""))
     with pytest.raises(InputError, match=r"a\.e57: damaged: points without a prototype") as error:
@@ -241,7 +241,7 @@ def test_e57_nodes_of_an_unexpected_type_are_ignored_or_refused(tmp_path, old, n
 
 
 def test_e57_with_packets_of_unknown_type_is_refused(tmp_path):
-    """libe57's own message quotes the byte, which is no text."""
+    """The message of libe57 quotes the byte, which is not valid text."""
     path = edited_e57(write_e57(tmp_path / "a.e57", [E57Scan(*surface(100))]), byte=(80, 0xA0))
     refused(path, "damaged")
 
@@ -338,7 +338,7 @@ def test_real_scans_open_with_their_counts_and_colours(name):
 
 @pytest.mark.parametrize("kind", ["las", "laz", "ply", "e57"])
 def test_a_file_truncated_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
-    """Cut off by another program between two chunks: one line, and no end by a bus error."""
+    """Truncated by another program between two chunks: one line, and no bus error."""
     for module in ("las.CHUNK", "ply.CHUNK", "e57._CHUNK"):
         monkeypatch.setattr(f"viewer.readers.{module}", 20_000)
     xyz, rgb = surface(100_000)
@@ -371,7 +371,7 @@ def test_a_disk_error_while_reading_names_the_scan_in_one_line(tmp_path, monkeyp
 
 
 def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
-    """A page of a memory map that finds no room is a bus error, which nobody can catch."""
+    """A page of a memory map that cannot be allocated is a bus error, which cannot be caught."""
     from collections import namedtuple
 
     from viewer.grid import open_scene as build

@@ -1,4 +1,4 @@
-"""The dark rim of what a scanner did not see is no colour; what is merely dark is."""
+"""Points at a photograph's black border are detected; other dark points keep their colour."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def floor(seed: int, hole: float = 0.6, count: int = 60_000) -> tuple[np.ndarray
 
 
 def ring(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The floor with a dark rim around its hole, and which points are of the rim."""
+    """The floor with a black border around its hole, and which points belong to the border."""
     xyz, rgb = floor(seed)
     rim = np.hypot(xyz[:, 0], xyz[:, 1]) < 0.615
     rgb[rim] = np.random.default_rng(seed).integers(1, DARK, (int(rim.sum()), 3))

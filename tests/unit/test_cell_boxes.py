@@ -1,4 +1,4 @@
-"""The box of a cell's points: against the points themselves, whatever the number of threads and wherever the scan lies."""
+"""The bounding boxes of cells equal those of their points, for any number of threads and any position."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from viewer.grid.open_scene import scene_from_arrays
 
 
 def plain(scene) -> np.ndarray:
-    """From the packed points, cell by cell."""
+    """The boxes computed from the packed points, cell by cell."""
     words, cells = np.asarray(scene.points), scene.cell_of_points()
     share = np.stack([words[:, 0] & 0xFFFF, words[:, 0] >> 16, words[:, 1] & 0xFFFF], 1) // (65536 // SHARES)
     return np.array([[*share[cells == cell].min(axis=0), *share[cells == cell].max(axis=0)]

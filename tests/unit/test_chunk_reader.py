@@ -1,4 +1,4 @@
-"""The reader of chunks: every chunk as it is in the scene, newer requests, bounded buffers, and its troubles."""
+"""Prefetch of chunks: correct points, new requests, bounded buffers, errors."""
 
 import os
 import tempfile
@@ -14,7 +14,7 @@ from viewer.errors import InputError
 from viewer.stream.chunk_reader import ChunkReader
 from viewer.stream.chunk_source import CHUNK, ChunkError, ChunkSource
 
-pytestmark = pytest.mark.timeout(90)  # threads that wait for each other would take all of the ten minutes
+pytestmark = pytest.mark.timeout(90)  # a deadlock fails soon
 
 
 def random_points(count: int, seed: int = 0) -> np.ndarray:
@@ -22,7 +22,7 @@ def random_points(count: int, seed: int = 0) -> np.ndarray:
 
 
 def on_disk(folder, points: np.ndarray) -> SimpleNamespace:
-    """The little a source wants of a scene, its points in a file, with checksums."""
+    """A stand-in for a scene with what a source needs: points in a file, and checksums."""
     np.save(folder / "points.npy", points)
     raw = points.tobytes()
     sums = [zlib.crc32(raw[i : i + CHUNK * 12]) for i in range(0, len(raw), CHUNK * 12)]
@@ -30,7 +30,7 @@ def on_disk(folder, points: np.ndarray) -> SimpleNamespace:
 
 
 def in_file(points: np.ndarray) -> np.ndarray:
-    """Points in a file without a name, as grids that are not kept are."""
+    """Points in a file without a name, as for large grids that are not cached."""
     with tempfile.TemporaryFile() as file:
         mapped = np.memmap(file, np.uint32, "w+", shape=points.shape)
     mapped[:] = points
@@ -96,7 +96,7 @@ def test_reading_leaves_no_page_of_the_map_in_memory(tmp_path, named):
 
 
 class Gate(ChunkSource):
-    """A source that reads one chunk at a time, when told to, and notes which."""
+    """A source that reads one chunk at a time on a signal, and records which."""
 
     def __init__(self, points: np.ndarray, chunk_points: int):
         super().__init__(SimpleNamespace(points=points, checksums=None), chunk_points)
@@ -121,7 +121,7 @@ def test_a_new_request_cancels_old_chunks_and_keeps_common_ones():
     reader.request(np.array([9, 11, 4]))
     source.may.release(20)
     got = {chunk: part.copy() for chunk, part in reader.arrivals(wait=True)}
-    assert sorted(got) == [4, 9, 11] and sorted(source.begun) == [4, 9, 11]  # 5 never was, none twice
+    assert sorted(got) == [4, 9, 11] and sorted(source.begun) == [4, 9, 11]  # 5 was not read, and none twice
     assert all(np.array_equal(part, points[chunk * 64 : chunk * 64 + 64]) for chunk, part in got.items())
     reader.request(np.array([1, 2]))
     assert len(list(reader.arrivals(1, wait=True))) == 1
@@ -190,7 +190,7 @@ def test_buffers_are_bounded_and_reused():
         with pytest.raises(ZeroDivisionError):
             for _ in reader.arrivals(wait=True):
                 raise ZeroDivisionError
-    for wanted in (np.arange(32), np.arange(32, 64), np.arange(64)):  # read and never taken: it makes way
+    for wanted in (np.arange(32), np.arange(32, 64), np.arange(64)):  # read and never taken: evicted
         reader.request(wanted)
         while len(reader._ready) < 3:
             time.sleep(0.001)
@@ -247,7 +247,7 @@ def test_a_missing_file_and_a_disk_error_give_error_messages(tmp_path, monkeypat
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr(os, "preadv", fails, raising=False)
-    for _ in range(2):  # asked for again it is tried again
+    for _ in range(2):  # a new request is a new attempt
         reader.request(np.array([1]))
         with pytest.raises(ChunkError, match=r"points\.npy: cannot be read \(Input/output error\)") as caught:
             list(reader.arrivals(wait=True))

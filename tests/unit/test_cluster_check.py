@@ -1,4 +1,4 @@
-"""Files of several places opened as one scene are told; those of one place, however large, are not."""
+"""Files far apart that are opened as one scene give a warning; neighbouring files do not."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where ``convert`` puts a grid, and where it refuses to: links are followed, nothing but a grid is ever replaced."""
+"""The folder of ``convert``: links are followed, and only a grid is ever replaced."""
 
 import os
 from pathlib import Path
@@ -20,7 +20,7 @@ def scan(tmp_path):
 
 @pytest.fixture
 def no_work(monkeypatch):
-    """Fails the test where a grid is begun."""
+    """Fails the test if building a grid begins."""
     def begun(*_, **__):
         raise AssertionError("a grid was begun")
 

@@ -1,4 +1,4 @@
-"""Damaged grids: one in the cache is built again, a folder made by convert is refused in one line; neither is drawn."""
+"""Damaged grids: in the cache they are built again, in a folder made by convert refused in one line; neither is drawn."""
 
 import json
 import os
@@ -53,9 +53,9 @@ def array_of(scene, name):
 
 
 def both(scan, tmp_path, damage) -> None:
-    """``damage`` is done to the folder of ``scan`` in the cache, and to one made by convert: neither may be read."""
+    """Applies ``damage`` to the folder of ``scan`` in the cache and to a converted one: neither may be read."""
     scene = open_scene(scan)
-    fresh = {name: np.array(array_of(scene, name)) for name in ARRAYS}  # no memory map of a file about to shrink
+    fresh = {name: np.array(array_of(scene, name)) for name in ARRAYS}  # copies, since the files are truncated
     kept, out = cache.folder_of([scan]), tmp_path / "grid"
     convert([scan], out)
     damage(kept)
@@ -78,7 +78,7 @@ def test_an_invalid_array_is_never_read(scan, tmp_path, name, how):
 
 @pytest.mark.parametrize("name", [name for name in ARRAYS if name != "points"])
 def test_a_small_array_with_other_values_is_never_read(scan, tmp_path, name):
-    """One number is another; type, shape and order are right."""
+    """One value differs; type, shape and order are right."""
     def changed(folder):
         array = np.load(folder / f"{name}.npy")
         array.reshape(-1).view(np.uint8)[array.nbytes // 2] ^= 1
@@ -92,7 +92,7 @@ def test_boxes_of_zeros_are_never_read(scan, tmp_path):
 
 
 def test_a_folder_without_checksums_still_opens(scan, tmp_path):
-    """Earlier versions wrote none."""
+    """Earlier versions wrote no checksums."""
     fresh, out = open_scene(scan), tmp_path / "grid"
     convert([scan], out)
     for folder in (cache.folder_of([scan]), out):
@@ -105,7 +105,7 @@ def test_a_folder_without_checksums_still_opens(scan, tmp_path):
 
 @pytest.mark.parametrize("said, parts", [({}, 1), ({"spread": False}, 1), ({"spread": True}, 8), ({"parts": 64}, 64)])
 def test_a_folder_is_read_in_the_parts_that_its_version_made(scan, tmp_path, said, parts):
-    """Earlier ones said nothing of parts, then that points are spread."""
+    """The first version stored nothing about parts, the second one a flag that points are spread."""
     out = tmp_path / "grid"
     convert([scan], out)
     head = json.loads((out / "meta.json").read_text())
@@ -121,7 +121,7 @@ def test_arrays_are_not_changed_by_later_changes_of_their_files(scan, tmp_path):
     for name in small:
         path = tmp_path / "grid" / f"{name}.npy"
         raw = path.read_bytes()
-        with path.open("r+b") as file:  # in its place, as a memory map would show
+        with path.open("r+b") as file:  # in place, so that a memory map would show the change
             file.write(bytes(byte ^ 255 for byte in raw))
     for name, array in small.items():
         np.testing.assert_array_equal(getattr(scene, name), array)
@@ -152,7 +152,7 @@ def test_invalid_header_values_are_never_read(scan, tmp_path, change):
     {"warnings": [None]}, {"colour": 5},
 ])  # fmt: skip
 def test_a_changed_description_of_the_scan_is_detected(scan, tmp_path, change):
-    """It is believed by whoever draws or describes the scene: damaged, it was a traceback."""
+    """Rendering and ``info`` rely on it without further checks."""
     def changed(folder):
         head = json.loads((folder / "meta.json").read_text())
         head["meta"] |= change

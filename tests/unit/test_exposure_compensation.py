@@ -1,4 +1,4 @@
-"""Scans opened as one place: their exposures matched in every format that tells stations apart, and left alone if asked."""
+"""Exposure compensation in every format with stations, and colours as scanned on request."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def _stations(seed, count=30_000):
 
 
 def _brightness(scene):
-    """Mean colour of the scene, and how far neighbours differ: nothing but the gains makes them."""
+    """Mean colour of the scene, and the difference between neighbours, which is due to the gains only."""
     word = np.asarray(scene.points[:, 2])
     return np.stack([(word >> s) & 0xFF for s in (0, 8, 16)], 1).astype(float)
 
@@ -91,7 +91,7 @@ def test_one_station_and_equal_stations_keep_every_colour(tmp_path):
         file = write_las(tmp_path / "one.las", xyz[one], rgb[one], source=source)
         a, b = (open_scene([file], cache=False, match=match) for match in (True, False))
         assert np.array_equal(a.points, b.points)
-    # the same floor, the same gain: two stations already alike
+    # the same floor with the same gain: two equal stations
     file = write_las(tmp_path / "two.las", xyz[one], rgb[one], source=np.arange(one.sum()) % 2)
     a, b = (open_scene([file], cache=False, match=match) for match in (True, False))
     assert np.array_equal(a.points, b.points) and facts(a)["exposures"]["applied"] is False
@@ -126,7 +126,7 @@ def test_convert_leaves_colours_as_scanned_when_asked(tmp_path):
 @pytest.mark.parametrize("kind", ["stations", "black"])
 def test_a_compensated_folder_is_refused_for_colours_as_scanned(tmp_path, capsys, kind):
     xyz, rgb, station = _stations(7)
-    if kind == "black":  # and nothing else to be matched
+    if kind == "black":  # and no exposures to compensate
         xyz, rgb, station = xyz[station == 1], np.maximum(rgb[station == 1], 20), None
         rgb[::5] = 0
     file, grid, plain = write_las(tmp_path / "a.las", xyz, rgb, source=station), tmp_path / "grid", tmp_path / "plain"
@@ -148,7 +148,7 @@ def test_a_folder_without_compensation_counts_as_scanned(tmp_path):
 
 @pytest.mark.parametrize("kind", ["laz", "ply", "wide ply"])
 def test_frequent_black_among_colours_is_treated_as_missing_colour(tmp_path, kind):
-    """Where nobody photographed, scanners write black; a picture's own dark is spread over the lowest levels."""
+    """Points without a photograph are stored as black; dark colours are spread over the lowest levels."""
     xyz, rgb = surface(20_000, 5)
     rgb = np.maximum(rgb, 20)
     lost = np.random.default_rng(5).random(len(xyz)) < 0.15
@@ -164,14 +164,14 @@ def test_frequent_black_among_colours_is_treated_as_missing_colour(tmp_path, kin
 
     holed = rgb.copy()
     holed[lost] = 0
-    holed[np.flatnonzero(lost)[:50]] = (9, 3, 0)  # the rim of what was photographed
+    holed[np.flatnonzero(lost)[:50]] = (9, 3, 0)  # the border of the photographs
     scene = opened(holed, "holed")
     assert (~unpack(scene)[1].any(axis=1)).sum() == lost.sum()
     assert abs(scene.meta["colour"]["uncoloured"] - 0.15) < 0.03
     assert any("of the points have no colour" in text for text in scene.meta["warnings"])
     assert not opened(holed, "holed", match=False).unlit, "as scanned means as scanned"
     assert not opened(rgb, "lit").unlit
-    dark = (rgb * np.linspace(0, 0.2, len(rgb))[:, None]).astype(np.uint8)  # a dark scan: black, and everything near it
+    dark = (rgb * np.linspace(0, 0.2, len(rgb))[:, None]).astype(np.uint8)  # a dark scan: black and near black
     assert (dark.max(axis=1) == 0).mean() > 0.01 and not opened(dark, "dark").unlit
 
 

@@ -1,4 +1,4 @@
-"""Every variant of every format gives back the points that were written: coordinates to the bit, colour, intensity, class."""
+"""Every variant of every format returns the points that were written: coordinates bit for bit, colour, intensity, class."""
 
 import subprocess
 import sys
@@ -24,7 +24,7 @@ def gather(path, columns=None):
 
 
 def same(got: tuple, points: Points, *, wide: bool = False, classes: bool = True, intensity: bool = True, atol: float = 0.0):
-    """Asserts that the points are those written, in whatever order.  wide: colours were written 16 bits wide."""
+    """Asserts that the points are those written, in any order.  wide: colours were written 16 bits wide."""
     _, xyz, rgb, level, found, _ = got
     assert len(xyz) == len(points.xyz)
     order, other = np.lexsort(xyz.T), np.lexsort(points.xyz.T)
@@ -62,7 +62,7 @@ def test_pcd_points_that_are_nan_are_left_out_by_the_grid(tmp_path, data):
 
 
 def test_pcd_agrees_with_open3d(tmp_path):
-    """An independent reader, where it is right."""
+    """Open3D is an independent reader, for the variants that it reads correctly."""
     o3d = pytest.importorskip("open3d")
     points = some()
     for data in ("ascii", "binary"):
@@ -80,7 +80,7 @@ def test_pcd_agrees_with_open3d(tmp_path):
 @pytest.mark.parametrize(("suffix", "delimiter"), [("xyz", " "), ("txt", "\t"), ("csv", ","), ("asc", ";"), ("csv", ", ")])
 def test_text_columns_are_recognised(tmp_path, names, head, suffix, delimiter):
     points = some()
-    points.intensity[0] = 60_000  # beyond colours
+    points.intensity[0] = 60_000  # larger than colours
     normals = np.random.default_rng(0).normal(size=(400, 3))
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     parts = dict(zip("xyz", points.xyz.T)) | dict(zip("rgb", points.rgb.T))
@@ -100,7 +100,7 @@ def test_text_columns_are_recognised(tmp_path, names, head, suffix, delimiter):
 def test_text_columns_that_are_not_recognised_are_asked_for(tmp_path, capsys):
     points = some()
     path = tmp_path / "a.txt"
-    path.write_text(text_rows([points.xyz, points.rgb, points.classes]))  # either three of the four may be a colour
+    path.write_text(text_rows([points.xyz, points.rgb, points.classes]))  # the first or last three of them may be a colour
     assert main(["info", "--no-cache", str(path)]) == 2
     said = capsys.readouterr().err
     assert "may be columns 4 to 6 or 5 to 7" in said and "--columns x,y,z,i,r,g,b,-" in said and said.count("\n") == 1
@@ -171,7 +171,7 @@ def test_the_size_of_blocks_of_text_does_not_change_the_result(tmp_path, monkeyp
 @pytest.mark.parametrize("form", ["xyz", "xyzi", "xyzrgb", "xyzirgb"])
 def test_pts(tmp_path, form):
     points = some()
-    points.intensity //= 300  # as small as colours: the format says which columns they are
+    points.intensity //= 300  # as small as colours: the format determines the columns
     columns = [points.xyz, *([points.intensity] if "i" in form else []), *([points.rgb] if "r" in form else [])]
     path = tmp_path / "a.pts"
     path.write_text("400\n" + text_rows(columns))
@@ -239,7 +239,7 @@ def test_potree_2(tmp_path, encoding):
 
 
 def test_potree_2_with_coordinates_left_of_its_offset(tmp_path):
-    """int32: the interleaved bits of a negative number are all used."""
+    """The interleaved bits of a negative int32 are all used."""
     points = some(500)
     same(gather(write_potree2(tmp_path / "a", points, encoding="BROTLI", right=100.0)), points, wide=True)
 
@@ -365,7 +365,7 @@ def test_ply_classes(tmp_path, kind):
 
 
 def test_readers_know_no_grid():
-    """Nor torch, nor the libraries of single formats, before a file needs them."""
+    """Neither torch nor the libraries of formats are imported before a file needs them."""
     code = """
 import importlib, pathlib, sys, viewer.readers
 for file in pathlib.Path(viewer.readers.__file__).parent.glob("*.py"):

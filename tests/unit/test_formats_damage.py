@@ -1,5 +1,5 @@
-"""Damaged files of every format: cut off, with flipped bytes, with absurd counts: read, or refused in one line; never a
-traceback, a process that ends, or memory that a header asked for."""
+"""Damaged files of every format (truncated, flipped bytes, absurd counts) are read, or refused in one line: without a
+traceback, the end of the process, or memory allocated for a damaged header."""
 
 import json
 import os
@@ -29,7 +29,7 @@ def loaded(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def bounded():
-    """A process that asks for memory without bounds fails here, and not on the machine."""
+    """Limits memory, so that an unbounded allocation fails in the test."""
     with open("/proc/self/statm") as file:
         have = int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
@@ -67,7 +67,7 @@ FOLDERS = {
 
 
 def outcome(path) -> str | int:
-    """The line that refuses a scan, or how many points it gave.  Anything else fails."""
+    """The error line for a scan, or its number of points.  Any other error fails."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
@@ -85,7 +85,7 @@ def outcome(path) -> str | int:
 
 
 def changes(data: bytes, random: np.random.Generator, number: int):
-    """Versions of a file: cut off at several places, bytes and words changed, digits of text made absurd."""
+    """Damaged versions of a file: truncated at several places, bytes and words changed, digits of text changed."""
     for share in (0.0, 0.01, 0.1, 0.3, 0.5, 0.9, 0.99):
         yield data[: int(share * len(data))]
     yield data[:-1]
@@ -117,7 +117,7 @@ def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, name):
     for changed in changes(data, random, 60):
         path.write_bytes(changed)
         refused += isinstance(outcome(path), str)
-    assert refused > 8  # those cut off, and more
+    assert refused > 8  # the truncated ones, and more
 
 
 @pytest.mark.parametrize("name", FOLDERS)
@@ -138,7 +138,7 @@ def test_damaged_folders_are_read_or_refused_in_one_line(tmp_path, name):
     assert refused > 8 and isinstance(outcome(folder), int)
 
 
-@pytest.mark.parametrize("name", [name for name in FILES if name != "e.csv"])  # which does not say how many points it has
+@pytest.mark.parametrize("name", [name for name in FILES if name != "e.csv"])  # which does not state its number of points
 @pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
 def test_truncated_files_are_refused(tmp_path, name, share):
     path = tmp_path / name

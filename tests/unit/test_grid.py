@@ -1,4 +1,4 @@
-"""The grid: every point once, where it was, in a layer drawn fairly, the same as a plain NumPy twin makes it."""
+"""The grid: every point once, at its position, in a random layer, and equal to a NumPy reference implementation."""
 
 import itertools
 import threading
@@ -60,7 +60,7 @@ def morton(cell):
 
 
 def twin(xyz, rgb, intensity, scan):
-    """The whole build in plain NumPy, for clouds small enough to hold every intermediate."""
+    """The reference implementation of the build in NumPy, for small clouds."""
     n = len(xyz)
     middle = np.sort(xyz, axis=0)[[int(0.02 * n), int(0.98 * n)]]
     size = 2.0 ** np.floor(np.log2((middle[1] - middle[0]).max() / 4096))
@@ -120,7 +120,7 @@ def test_unpacked_points_are_within_half_a_step(n, exponent, seed):
     intensity, scan = attributes(n, seed)
     scene = scene_from_arrays(xyz, rgb, intensity=intensity, scan=scan)
     back, colours, levels, scans = unpack(scene)
-    # the order changed: match points by what else they carry, where that is different for all
+    # the order differs: match points by their other attributes where these are unique
     key = np.lexsort((levels, scans, *colours.T))
     want = np.lexsort((intensity, scan, *rgb.T))
     np.testing.assert_array_equal(colours[key], rgb[want])
@@ -211,7 +211,7 @@ def test_the_grid_does_not_depend_on_chunks_or_processors(monkeypatch):
 
 @pytest.mark.parametrize("processors", [1, 2, 5])
 def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
-    """Blocks are packed while others are, and placed: some late, each in arrays that nobody else has at the time."""
+    """Blocks are packed and placed at the same time, some with delays; no two use an array at the same time."""
     pack, place, calls = kernels.pack_points, kernels.place_points, itertools.count()
     busy, shared, lock = {}, [], threading.Lock()
 
@@ -243,10 +243,10 @@ def test_no_array_is_written_by_two_threads_at_a_time(monkeypatch, processors):
 
 
 def test_the_grid_does_not_depend_on_which_thread_is_ahead(monkeypatch):
-    """Full tables, while either thread is a chunk further than the other."""
+    """Tables become full while one of the threads is a chunk ahead of the other."""
     random = np.random.default_rng(4)
     xyz = random.normal(0, 0.01, (200_000, 3))
-    xyz[20_000:] = np.cumsum(random.normal(0, 1, (180_000, 3)), axis=0)  # ever further: cells are merged again and again
+    xyz[20_000:] = np.cumsum(random.normal(0, 1, (180_000, 3)), axis=0)  # grows, so that cells are merged often
     rgb = random.integers(0, 256, (len(xyz), 3), dtype=np.uint8)
     monkeypatch.setattr(arrays_module, "CHUNK", 20_000)
     count, room, merged = kernels.count_points, histogram_module.Histogram._make_room, []
@@ -318,7 +318,7 @@ def test_an_outlier_point_far_away_does_not_coarsen_the_grid():
 
 @pytest.mark.parametrize("far", [90, 300, 3000, 10_000])
 def test_a_scan_that_continues_far_from_its_beginning_is_complete(monkeypatch, far):
-    """A hundredth of a chunk, and less, is taken for strays."""
+    """Up to a hundredth of a chunk counts as outlier points."""
     monkeypatch.setattr(arrays_module, "CHUNK", 10_000)
     a, rgb = surface(10_000, size=1e-3)
     b, _ = surface(10_000, size=1e-3, seed=1)

@@ -1,4 +1,4 @@
-"""The cache: whole or not there, never read when torn, stale or foreign; reopening is quick, nothing heavy imported."""
+"""The cache: complete or absent, never read when damaged, stale or foreign; reopening imports nothing heavy."""
 
 import json
 import os
@@ -124,7 +124,7 @@ def test_each_chunk_has_the_checksum_of_its_bytes(scan, count):
 
 @pytest.mark.parametrize("kept", [True, False])
 def test_damaged_points_are_found_when_read_and_never_drawn(scan, tmp_path, kept):
-    """The size is right, a byte is not: the cache forgets the grid and builds it anew, a folder is refused by name."""
+    """One byte differs: the grid in the cache is built again, and a converted folder is refused by name."""
     out = tmp_path / "grid"
     if not kept:
         convert([scan], out)
@@ -197,7 +197,7 @@ def test_cancelling_leaves_nothing_behind(scan, store, calls):
 
 @pytest.mark.parametrize("how", ["points elsewhere", "other colours"])
 def test_a_file_that_changes_between_its_readings_is_refused_and_leaves_nothing(scan, store, monkeypatch, how):
-    """Other colours are seen by the file's time alone: every point is still where it was counted."""
+    """Changed colours are detected by the file's time only, since every point is in the same cell."""
     xyz, rgb = surface(3000)
     changed = (xyz + 3 * np.arange(3), rgb) if how == "points elsewhere" else (xyz, 255 - rgb)
     place = grid.scatter
@@ -263,11 +263,11 @@ def test_convert_makes_a_folder_that_opens_like_a_scan(scan, tmp_path):
     out = tmp_path / "grid"
     convert([scan], out)
     same(open_scene(out), open_scene(scan, cache=False))
-    convert([scan], out)  # again: replaces its own
+    convert([scan], out)  # again: replaces the former grid
     arrays = ("boxes", "cell_coords", "checksums", "faces", "noise", "offsets", "points")
     names = sorted(["meta.json", *(f"{array}.npy" for array in arrays)])
     assert sorted(p.name for p in out.iterdir()) == names
-    for missing in ("boxes", "faces", "noise"):  # as earlier versions left it
+    for missing in ("boxes", "faces", "noise"):  # a folder of an earlier version
         (out / f"{missing}.npy").unlink()
         head = json.loads((out / "meta.json").read_text())
         del head["shapes"][missing]
@@ -302,7 +302,7 @@ def test_convert_refuses_a_folder_with_other_files(scan, tmp_path):
 def test_files_of_file_managers_do_not_prevent_replacing_a_folder(scan, tmp_path):
     out = tmp_path / "grid"
     out.mkdir()
-    for _ in range(2):  # into a folder that was only looked at, and over a grid
+    for _ in range(2):  # into a folder that was only viewed in a file manager, and over a grid
         (out / ".DS_Store").write_bytes(b"looked at")
         convert([scan], out)
         assert open_scene(out).count and not (out / ".DS_Store").exists()

@@ -1,4 +1,4 @@
-"""What a LAZ file says of its chunks is refused where it cannot be: lazrs would end the process, or panic."""
+"""Invalid chunk tables of LAZ files are refused: lazrs would end the process, or panic."""
 
 import io
 import struct
@@ -17,7 +17,7 @@ COUNT = 2000
 
 
 def write_laz(path, *, point_format=7, chunk=None):
-    """chunk: points of each of chunks that may differ, as COPC has them; None: lazrs's own."""
+    """chunk: points of each chunk, of variable size as in COPC; None: the default of lazrs."""
     header = laspy.LasHeader(point_format=point_format, version="1.4" if point_format > 5 else "1.2")
     header.scales, header.offsets = np.full(3, 1 / 4096), np.zeros(3)
     las = laspy.LasData(header)
@@ -47,7 +47,7 @@ def write_laz(path, *, point_format=7, chunk=None):
 
 
 def places(data) -> dict[str, int]:
-    """Where the parts that tests change begin."""
+    """The offsets of the parts that tests change."""
     points = struct.unpack_from("<I", data, 96)[0]
     length = struct.unpack_from("<H", data, 105)[0]
     return {"record": data.index(b"laszip encoded") + 52, "points": points, "table": struct.unpack_from("<Q", data, points)[0],
@@ -100,7 +100,7 @@ def test_different_counts_are_refused_or_give_a_warning(tmp_path):
 
 
 def test_a_chunk_too_large_for_memory_is_read_in_pieces(tmp_path, monkeypatch):
-    """lazrs would reserve what the record allows a chunk, here 77 GB, and end the process where it cannot."""
+    """lazrs would allocate the largest chunk that the record allows, here 77 GB, and end the process if it cannot."""
     path = write_laz(tmp_path / "a.laz")
     data = bytearray(path.read_bytes())
     struct.pack_into("<I", data, places(data)["record"] + 12, 2**31)
@@ -126,7 +126,7 @@ def test_a_header_that_counts_no_points_is_refused(tmp_path):
 
 
 def test_a_panic_of_lazrs_is_reported_in_one_line(tmp_path, monkeypatch):
-    """Some damage within a chunk is found by its decoder's own checks, and what that raises is no Exception."""
+    """Some damage within a chunk is found by checks of the decoder, which raise a BaseException."""
     class PanicException(BaseException):
         pass
 

@@ -1,4 +1,4 @@
-"""The coarse scene shown while a grid is built: a fair sample, in place and in its colours, or none at all."""
+"""The preview shown while a grid is built: a spread sample with its positions and colours, or none."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""How much of a cell its surfaces cover: the compiled loop against a plain one, and against surfaces whose cover is known."""
+"""Projected coverage of cells: against a plain loop, and for surfaces of known coverage."""
 
 from concurrent.futures import ThreadPoolExecutor
 

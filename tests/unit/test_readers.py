@@ -1,4 +1,4 @@
-"""Every reader gives back what was written, whatever the form of the file."""
+"""Every reader returns the points that were written, in each variant of its format."""
 
 import numpy as np
 import pytest

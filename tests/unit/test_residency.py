@@ -1,4 +1,4 @@
-"""Chunks in a pool: the bookkeeping against a plain least-recently-used twin, rounds, and what fits."""
+"""Residency of chunks in a pool: against a plain least-recently-used reference, rounds, and the chunks that fit."""
 
 from collections import OrderedDict
 from types import SimpleNamespace
@@ -16,14 +16,14 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 class PlainPool:
-    """The twin: an ordered dict of chunk -> slot, the one to go first in front."""
+    """The reference implementation: an ordered dict of chunk -> slot, the next to be evicted in front."""
 
     def __init__(self, chunks: int, slots: int, pinned: int):
         self.chunks, self.slots = chunks, slots
         self.held, self.empty, self.pinned = OrderedDict(), list(range(slots)), pinned
 
     def frame(self, needed: list[int], limit: int | None) -> dict[int, int]:
-        """chunk -> slot of what is to be loaded."""
+        """The chunks to be loaded and their slots."""
         missing = [chunk for chunk in needed if chunk not in self.held][:limit]
         if self.slots >= self.chunks:
             return {chunk: chunk for chunk in missing}
@@ -44,7 +44,7 @@ class PlainPool:
 
 
 def some(rng, count: int, most: int) -> np.ndarray:
-    """Up to ``most`` of ``count`` chunks, ascending, with runs among them as a draw list has."""
+    """Up to ``most`` of ``count`` chunks, ascending, with runs as in a draw list."""
     marks = np.zeros(count, bool)
     marks[rng.integers(0, count, rng.integers(0, most + 1))] = True
     start = rng.integers(0, count)
@@ -124,7 +124,7 @@ def test_rounds_hold_every_needed_chunk_once_and_each_fits(seed):
                 residency.place(chunk, slot)
             assert (residency.slot_of_chunk[part.chunks] >= 0).all()
             assert (residency.slot_of_chunk[: residency.pinned] >= 0).all()
-        assert loads[len(rounds)] == 0  # the way back begins with what is there
+        assert loads[len(rounds)] == 0  # the way back begins with loaded chunks
         if len(needed) <= residency.room:
             assert len(rounds) == 1
 

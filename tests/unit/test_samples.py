@@ -1,4 +1,4 @@
-"""A sample of each format: points of the file in their places and colours, spread over it, read without reading the rest."""
+"""Samples of each format: points of the file with their colours, spread over the file, read without the rest."""
 
 import builtins
 import shutil

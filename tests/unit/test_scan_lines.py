@@ -1,4 +1,4 @@
-"""Stations are told from the order of the points where that tells, and from nothing else."""
+"""Scanner positions are inferred from the order of points by scan lines, and from no other order."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from viewer.preprocess.scan_lines import WINDOW, find_stations
 
 
 def windows(xyz: np.ndarray, most: int = 4096) -> np.ndarray:
-    """Stretches of points in a row, evenly from all."""
+    """Stretches of consecutive points, evenly from the whole file."""
     count = len(xyz) // WINDOW
     return xyz[: count * WINDOW].reshape(count, WINDOW, 3)[:: -(-count // most)]
 

@@ -1,4 +1,4 @@
-"""Folders in the making: whole or not there, nobody else's swept, nothing left of those who are gone."""
+"""Scratch folders: replaced atomically; those of killed processes are removed, those of running ones are not."""
 
 import os
 import shutil
@@ -12,7 +12,7 @@ from viewer.grid import scratch_folder as scratch
 
 
 def new(parent: Path) -> None:
-    """Makes a folder there, which sweeps."""
+    """Makes a scratch folder, which removes abandoned ones."""
     with scratch.scratch(parent / "new") as work:
         (work / "points.npy").write_text("whole")
         scratch.move(work, parent / "new")
@@ -31,13 +31,13 @@ with scratch(Path(sys.argv[1])) as work:
 
 
 def test_folders_of_killed_processes_are_removed_and_those_of_running_ones_are_not(tmp_path):
-    """Whatever the process's number says: on another machine, or in another container, it is another's or nobody's."""
+    """The process number is ignored: on another machine or in another container it means nothing."""
     ours = subprocess.Popen([sys.executable, "-c", HOLDER, str(tmp_path / "abc")], stdout=subprocess.PIPE, text=True)
     assert ours.stdout is not None
     made = Path(ours.stdout.readline().strip())
-    elsewhere = made.with_name(".abc.0123abcd.999999999.tmp")  # a number that nobody has here
+    elsewhere = made.with_name(".abc.0123abcd.999999999.tmp")  # a number of no process here
     made.rename(elsewhere)
-    (tmp_path / ".theirs.tmp").mkdir()  # not one of ours
+    (tmp_path / ".theirs.tmp").mkdir()  # not a scratch folder
     new(tmp_path)
     assert (elsewhere / "points.npy").exists() and (tmp_path / ".theirs.tmp").exists()
     ours.kill()
