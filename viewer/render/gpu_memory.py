@@ -13,12 +13,11 @@ if TYPE_CHECKING:
     import moderngl
 
 UNKNOWN_BUDGET = 1 << 30
-"""Bytes of points where nothing says how much memory the device has (Intel's and Apple's drivers, which use main memory).
-A laptop's smallest graphics memory of today is 2 GiB; the same half of it as below."""
+"""Bytes of points where the driver does not report the device's memory: 89 million points.  A choice."""
 POINTS_SHARE = 2
-"""One part in so many of the free memory goes to points.  The rest is for the pictures' targets, the network (2 GB at most, of
-quality best at 1920x1440) and other programs; a choice, not a measurement."""
-_LEAST_FREE = 64 << 20  # bytes; drivers that share main memory report next to nothing, which says nothing
+"""One part in so many of the free memory goes to points; the rest is for pictures, the network and other programs.  A choice,
+the same as for main memory; where it is too much, it is halved."""
+_LEAST_FREE = 64 << 20  # bytes; less is taken for a driver that does not know, as with memory shared with the processor
 _KIB = 1024
 _NVX_TOTAL, _NVX_AVAILABLE = 0x9048, 0x9049  # GL_NVX_gpu_memory_info: dedicated and available memory in KiB
 _ATI_FREE = 0x87FB  # GL_ATI_meminfo, VBO_FREE_MEMORY_ATI: free memory, and three more, in KiB

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import moderngl
 
 MOST_DEVICES = 16
-"""CUDA devices that cudaGLGetDevices is given room for; a machine has 8 at most today."""
+"""CUDA devices that cudaGLGetDevices may return: as many as the largest single machines have."""
 
 
 @dataclass(frozen=True)

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 _SUM_BYTES, _WIDE_SUM_BYTES, _CARRY_BYTES = 8, 16, 16  # a pixel, in common_sums.glsl
 _CARRY_HEAD = 16  # bytes of the indirect command of the pass over pixels with carries
-_CLEAR_LANES, _CLEAR_GROUPS = 256, 1024
+_CLEAR_LANES, _CLEAR_GROUPS = 256, 1024  # invocations of a workgroup, workgroups at most: enough to fill any GPU
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )

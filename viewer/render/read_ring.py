@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     import moderngl
 
 TIMEOUT = 10.0
-"""Seconds after which a fence that is not reached means a GPU that hangs or was lost: drivers reset one after 2 s (Windows) to
-10 s (Linux, i915 and amdgpu) themselves."""
+"""Seconds after which a fence that is not reached means that the GPU hangs or was lost.  Windows resets a GPU after 2 s by
+default, Linux's amdgpu after 10 s."""
 
 _READ, _WRITE = 0x8F36, 0x8F37  # GL_COPY_READ_BUFFER, GL_COPY_WRITE_BUFFER
 _MAP = 0x0001 | 0x0040 | 0x0080  # GL_MAP_READ_BIT, _PERSISTENT_BIT, _COHERENT_BIT
