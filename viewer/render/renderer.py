@@ -14,7 +14,7 @@ import numpy as np
 
 from model.common.memory import give_back
 from model.soft_z import SoftZ
-from viewer.errors import DeviceError, DeviceLostError, InputError
+from viewer.errors import DeviceLostError, InputError
 from viewer.render.choose_raster import RASTERISERS as RASTERISERS
 from viewer.render.choose_raster import fastest, make_rasteriser
 from viewer.render.context import LOST, context_lost, describe_device
@@ -33,6 +33,7 @@ from viewer.render.points import PointPages
 from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
 from viewer.render.shader import Programs
+from viewer.render.sized_passes import SizedPasses
 from viewer.render.stage_times import Stages
 from viewer.render.stations import Confidence, ScannerPositions, uses_station_weights
 from viewer.settings import MEMORY, VIEWS, Memory, Settings
@@ -46,21 +47,13 @@ if TYPE_CHECKING:
     from viewer.render.device_class import Workgroup
     from viewer.render.neural import NeuralStage
 
-_PASSES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural")
-"""Attributes of a Renderer whose textures have the picture's size."""
 _WORTH_HALVING = 64 << 20
 """Bytes of points below which giving half of them back is not tried: a choice."""
 
 log = logging.getLogger(__name__)
 
 
-def _release(passes: dict) -> None:
-    for made in (*passes["_rasterisers"].values(), *(passes[name] for name in _PASSES if name != "_rasterisers")):
-        if made is not None:
-            made.release()
-
-
-class Renderer:
+class Renderer(SizedPasses):
     """Draws one scene.
 
     raster, device: used where the settings say ``auto``.  memory: limits for the points.  wake: called on another thread when
@@ -70,6 +63,7 @@ class Renderer:
 
     def __init__(self, context: "moderngl.Context", scene: "Scene", *, raster: str = "auto", device: str = "auto",
                  memory: Memory = MEMORY, wake: Callable[[], None] = lambda: None, kept_sizes: int = 0):
+        super().__init__(kept_sizes)
         self.context, self.scene = context, scene
         self.device = describe_device(context)
         self._raster, self._device = raster, device
@@ -82,16 +76,7 @@ class Renderer:
                                    read_ahead=memory.read_ahead, wake=wake)
         self.pages = self._make_pages(budget=memory.gpu)
         self._stages = Stages(context, software=self.device.software)
-        self._rasterisers: dict[str, Rasteriser] = {}
-        self._filter: DepthFilter | None = None
-        self._fill: Fill | None = None
-        self._confidence: Confidence | None = None
-        self._noise: NoiseLevel | None = None
-        self._neural: NeuralStage | None = None
         self._wake, self._serial = wake, 0
-        self._size, self._allocated = (0, 0), False
-        self._kept_sizes = kept_sizes
-        self._kept: dict[tuple[int, int], dict] = {}
 
     @property
     def metre(self) -> float:
@@ -136,7 +121,7 @@ class Renderer:
         self._serial += 1
         if not self.device.software and context_lost(self.context):
             raise DeviceLostError(LOST)
-        self._resize((camera.width, camera.height))
+        self._resize((camera.width, camera.height), self.device.texture_limit)
         if "neural" in views:  # before anything is drawn
             from viewer.render.bridge import check_room
 
@@ -236,12 +221,6 @@ class Renderer:
         """
         return finish_network(self._neural, self._fill, frame, self._serial)
 
-    @property
-    def network_busy(self) -> bool:
-        """Whether a network runs on its own thread, for a picture of any size."""
-        stages = (self._neural, *(passes["_neural"] for passes in self._kept.values()))
-        return any(stage is not None and stage.busy for stage in stages)
-
     def prefetch(self, camera: "Camera", settings: Settings) -> int:
         """Starts loading the points of a future picture to the GPU, as many as one frame may upload; returns how many are
         still missing."""
@@ -330,7 +309,6 @@ class Renderer:
     def _halve_points(self) -> bool:
         """Frees the passes and makes the points' pages again with half their budget; False where that cannot help."""
         self._release_passes()
-        self._size = (0, 0)
         held, budget = self.pages.nbytes, self.pages.budget
         if held < _WORTH_HALVING:
             return False
@@ -342,34 +320,6 @@ class Renderer:
             return False
         self.pages.budget_source = "halved, the GPU ran out of memory"
         return True
-
-    def _resize(self, size: tuple[int, int]) -> None:
-        if size == self._size:
-            return
-        if max(size) > self.device.texture_limit:
-            raise DeviceError(
-                f"a picture of {size[0]}x{size[1]} is larger than this device's textures ({self.device.texture_limit} "
-                "pixels a side); choose a smaller --size"
-            )
-        passes = self._swap_passes({})
-        if self._size != (0, 0):
-            self._kept[self._size] = passes
-        while len(self._kept) > self._kept_sizes and (oldest := next(iter(self._kept))) != size:
-            _release(self._kept.pop(oldest))
-        self._swap_passes(self._kept.pop(size, {}))
-        self._size, self._allocated = size, True
-
-    def _swap_passes(self, passes: dict) -> dict:
-        """Uses other passes, by attribute; returns the previous ones."""
-        before = {name: getattr(self, name) for name in _PASSES}
-        for name in _PASSES:
-            setattr(self, name, passes.get(name, {} if name == "_rasterisers" else None))
-        return before
-
-    def _release_passes(self) -> None:
-        for passes in (self._swap_passes({}), *self._kept.values()):
-            _release(passes)
-        self._kept = {}
 
     def release(self) -> None:
         """Frees everything on the GPU, and returns main memory that its pictures held to the system."""
