@@ -63,11 +63,12 @@ def _projected(parts: dict) -> Verdict:
 
 
 def _flat(parts: dict) -> Verdict:
-    worst, to = 0.0, 0
+    worst, to, start = 0.0, 0, 0
     for found in parts["scale"]["growth"].values():
+        start = found["from"]
         worst = max(worst, *(value for key, value in found.items() if key not in ("from", "to")))
         to = max(to, found["to"])
-    figure = f"{worst:.2f}x from 10M to {to / 1e6:.0f}M points"
+    figure = f"{worst:.2f}x from {start:,.0f} to {to:,.0f} points"
     if worst > 1.3:
         return Verdict(figure, FAIL)
     if to < 1e9:
