@@ -22,9 +22,9 @@ layout(std430, binding = LIGHT_BINDING) readonly buffer Light {            // mo
 
 void add_pair(uint word, uint low, uint high) {
 #ifdef WIDE_SUMS
-    uint64_t more = packUint2x32(uvec2(low, high));
+    uint64_t more = uint64_t(high) << 32 | uint64_t(low);
     uint64_t before = uint64_t(atomicAdd(sums[word], int64_t(more)));  // the extension adds signed words only
-    bool low_full = unpackUint2x32(before).x > ~low, high_full = before > ~more;
+    bool low_full = uint(before & 0xFFFFFFFFul) > ~low, high_full = before > ~more;
 #else
     uint more = high << 16 | low, before = atomicAdd(sums[word], more);
     bool low_full = (before & 0xFFFFu) + low > 0xFFFFu, high_full = before > ~more;
@@ -59,7 +59,7 @@ uint divided(uint high, uint low, uint count) {
 
 #ifdef WIDE_SUMS
 // The two sums of a word without carries.
-uvec2 low_parts(uint word) { return unpackUint2x32(uint64_t(sums[word])); }
+uvec2 low_parts(uint word) { return uvec2(uint(uint64_t(sums[word]) & 0xFFFFFFFFul), uint(uint64_t(sums[word]) >> 32)); }
 
 // The two sums of a word with its carries, 64 bits each: low and high word of the first, of the second.  A carry from the
 // first sum was counted into the second.

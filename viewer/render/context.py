@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from viewer.errors import DeviceError
 from viewer.render.device_class import device_class
 from viewer.render.egl import device_order
-from viewer.render.shader import EXTENSIONS
+from viewer.render.shader import EXTENDED_VERSION, EXTENSIONS
 
 if TYPE_CHECKING:
     import moderngl
@@ -101,7 +101,7 @@ def describe_device(context: "moderngl.Context") -> Device:
         software=any(name in renderer.lower() for name in _SOFTWARE),
         storage_limit=int(info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]),
         texture_limit=int(info["GL_MAX_TEXTURE_SIZE"]),
-        atomics_64=set(EXTENSIONS["WIDE_SUMS"]) <= context.extensions,
+        atomics_64=set(EXTENSIONS["WIDE_SUMS"]) <= context.extensions and context.version_code >= EXTENDED_VERSION,
     )
 
 

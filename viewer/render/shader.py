@@ -31,6 +31,8 @@ those, so blocks that no pass uses together share a number."""
 
 EXTENSIONS = {"WIDE_SUMS": ("GL_ARB_gpu_shader_int64", "GL_NV_shader_atomic_int64")}
 """GLSL extensions that a shader with the named define needs."""
+EXTENDED_VERSION = 440
+"""GLSL version of shaders with extensions: the first in which the reference compiler has 64-bit atomics."""
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([\w.]+)"\s*$')
 
@@ -62,7 +64,7 @@ def source(name: str, defines: dict[str, object] | None = None) -> tuple[str, li
     files: list[str] = []
     body = _expand(name, files)
     needed = [name for key, names in EXTENSIONS.items() if constants.get(key) is not None for name in names]
-    head = ["#version 430 core", *(f"#extension {name} : require" for name in needed)]
+    head = [f"#version {EXTENDED_VERSION if needed else 430} core", *(f"#extension {name} : require" for name in needed)]
     head += [f"#define {key} {value!r}" for key, value in constants.items() if value is not None]
     return "\n".join([*head, *body]) + "\n", files
 
