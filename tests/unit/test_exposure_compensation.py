@@ -70,7 +70,7 @@ def test_exposures_are_compensated_in_every_format_with_stations(tmp_path, kind)
     assert (found["stations"], found["matched"], found["applied"]) == (3, 3, True)
     assert found["smallest_gain"] == pytest.approx(1 / 1.1, abs=0.02)
     assert found["largest_gain"] == pytest.approx(1 / 0.9, abs=0.02)
-    assert "3 of 3 stations matched" in format_text(facts(matched))
+    assert "3 of 3 stations compensated" in format_text(facts(matched))
     assert facts(plain)["exposures"] is None
     # the floor's own pattern has this spread; three gains widen it
     assert _brightness(matched).std(0).max() < _brightness(plain).std(0).max() - 1
@@ -168,7 +168,7 @@ def test_frequent_black_among_colours_is_treated_as_missing_colour(tmp_path, kin
     scene = opened(holed, "holed")
     assert (~unpack(scene)[1].any(axis=1)).sum() == lost.sum()
     assert abs(scene.meta["colour"]["uncoloured"] - 0.15) < 0.03
-    assert any("of the points have no colour" in text for text in scene.meta["warnings"])
+    assert any("of the points are black, which is treated as missing" in text for text in scene.meta["warnings"])
     assert not opened(holed, "holed", match=False).unlit, "as scanned means as scanned"
     assert not opened(rgb, "lit").unlit
     dark = (rgb * np.linspace(0, 0.2, len(rgb))[:, None]).astype(np.uint8)  # a dark scan: black and near black

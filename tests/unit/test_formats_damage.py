@@ -232,7 +232,7 @@ def test_a_cyclic_hierarchy_does_not_loop(tmp_path):
     assert "damaged" in str(outcome(folder))
     folder = FOLDERS["ept"](tmp_path / "b")
     (folder / "ept-hierarchy" / "0-0-0-0.json").write_text('{"0-0-0-0": -1}')
-    assert "described by this very file" in str(outcome(folder))
+    assert "is described by its own file" in str(outcome(folder))
     (folder / "ept-hierarchy" / "0-0-0-0.json").write_text('{"../../0-0-0-0": 5}')
     assert "damaged" in str(outcome(folder))
 

@@ -36,7 +36,7 @@ def drop_warnings(counts: CellCounts) -> list[str]:
     reasons = [
         (nan, "point", "with coordinates that are not finite"),
         (invalid, "point", "marked invalid by the file"),
-        (outside, "stray point", "absurdly far from the rest"),
+        (outside, "outlier point", "too far from the rest"),
     ]
     return [f"{counted(n, noun)} {how} left out" for n, noun, how in reasons if n]
 

@@ -140,11 +140,11 @@ class Histogram:
                     self._go_on(c, part)
             _wait(chunk.parts)
         self._running.pop(0)
-        nan, stray = lost = np.sum([part.lost for part in chunk.parts], axis=0)
+        nan, outside = lost = np.sum([part.lost for part in chunk.parts], axis=0)
         self.dropped += lost
         if chunk.key is not None:
-            self.kept[chunk.key] = self.kept.get(chunk.key, 0) + len(chunk.xyz) - int(nan + stray)
-        if stray > _LOST * len(chunk.xyz):
+            self.kept[chunk.key] = self.kept.get(chunk.key, 0) + len(chunk.xyz) - int(nan + outside)
+        if outside > _LOST * len(chunk.xyz):
             wider = self._wide_enough(chunk.xyz)
             if wider > self.cell_size:  # else the points out of reach are not positions, and no cell size would help
                 raise OutOfReach(wider)

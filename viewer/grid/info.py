@@ -86,14 +86,14 @@ def format_text(info: dict) -> str:
     if exposures := info.get("exposures"):
         rows.append(("exposure", _exposures(exposures)))
     if (passes := info.get("passes")) and passes["applied"]:
-        gone = f"{1 - passes['variance_left']:.0%} of the variance between neighbours is gone"
-        rows.append(("passes", f"runs of points photographed apart were matched, {gone} (--exposures as-scanned leaves them)"))
+        removed = f"{1 - passes['variance_left']:.0%} of the variance between neighbours removed"
+        rows.append(("passes", f"exposures of runs of points compensated, {removed} (--exposures as-scanned keeps them)"))
     for scan in info["scans"]:
         place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
-        how = ", told by the order of the points" if scan.get("inferred") else ""
+        how = ", inferred from the order of the points" if scan.get("inferred") else ""
         rows.append(("scan", f"{scan['name']}: {counted(scan['count'], 'point')}, {place}{how}"))
     if info["stations"] == "weighed":
-        rows.append(("stations", "colours come from those that looked the way the eye looks (--stations equal averages them)"))
+        rows.append(("stations", "view-dependent blending by the angle to each scanner's ray (--stations equal averages them)"))
     if grid := info.get("grid"):
         rows.append(("grid", f"{grid['cells']:,} cells of {grid['cell_size']:g}, {len(grid['layers'])} layers"))
         rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
@@ -120,12 +120,12 @@ def _noise(found: dict | None) -> str:
 
 def _exposures(found: dict) -> str:
     if not found["matched"]:
-        return f"as scanned: {found['stations']} stations, too little in common to match them"
+        return f"as scanned: {found['stations']} stations, they overlap too little to compensate exposures"
     if not found["applied"]:
-        return f"{found['stations']} stations, already alike"
+        return f"{found['stations']} stations with equal exposures"
     return (
-        f"{found['matched']} of {found['stations']} stations matched, gains {found['smallest_gain']:.2f} to "
-        f"{found['largest_gain']:.2f} (--exposures as-scanned leaves them)"
+        f"{found['matched']} of {found['stations']} stations compensated, gains {found['smallest_gain']:.2f} to "
+        f"{found['largest_gain']:.2f} (--exposures as-scanned keeps them)"
     )
 
 

@@ -132,9 +132,9 @@ class Colours:
             if self._match and (share := file.uncoloured or self._compensation.black_borders.get(number, 0.0)):
                 self._unlit.add(number)
                 lost += share * file.looked
-                those = "" if file.uncoloured else ", at the dark rim of what the scanner did not see,"
-                said = f"{_percent(share)} of the points{those} have no colour; they are filled in from around"
-                warnings.append(f"{file.name}: {said}")
+                those = "are black" if file.uncoloured else "have the colour of a photograph's black border"
+                what = f"{_percent(share)} of the points {those}, which is treated as missing colour and filled from neighbours"
+                warnings.append(f"{file.name}: {what}")
             if not file.colourless:
                 continue
             low, high = _percentiles(file.intensity)

@@ -131,8 +131,8 @@ def number_of(entry: _Entry, name: str, *, positive: bool = True) -> float:
     node: object = entry.node
     value = value_of(node[name]) if node.isDefined(name) else None  # type: ignore[attr-defined, index]
     if value is None or not np.isfinite(value) or (positive and value <= 0):
-        said = "no" if value is None else f"a {name} of {value:g} instead of a usable"
-        raise InputError(f"{entry.label} has {said} {name}; export it again")
+        stated = "no" if value is None else f"a {name} of {value:g} instead of a usable"
+        raise InputError(f"{entry.label} has {stated} {name}; export it again")
     return value
 
 

@@ -54,19 +54,19 @@ class EptSource(OctreeSource):
             raise InputError(f"{path}: holds no points; convert the scan again")
         for node in self._counts:
             self._check(node)
-        said = whole(meta.get("points"))
-        if said is not None and said != self.count:
-            self._warn(f"{self.path.name}: says that it has {said:,} points, its octree holds {self.count:,}")
-        said = meta.get("srs")
-        srs = said if isinstance(said, dict) else {}
+        stated = whole(meta.get("points"))
+        if stated is not None and stated != self.count:
+            self._warn(f"{self.path.name}: states {stated:,} points, its octree holds {self.count:,}")
+        stated = meta.get("srs")
+        srs = stated if isinstance(stated, dict) else {}
         self._crs(srs.get("wkt"))
         if self.crs is None and srs.get("authority") and srs.get("horizontal"):
             self.crs = f"{srs['authority']}:{srs['horizontal']}"[:80]
 
-    def _read_schema(self, said: object) -> None:
+    def _read_schema(self, stated: object) -> None:
         """Reads the dimensions of a point, with the scale and offset of the coordinates."""
         fields = []
-        for entry in said if isinstance(said, list) else []:
+        for entry in stated if isinstance(stated, list) else []:
             entry = entry if isinstance(entry, dict) else {}
             name, kind, size = entry.get("name"), str(entry.get("type")), whole(entry.get("size"), 4096)
             plain = _type_of(kind, size)
@@ -98,7 +98,7 @@ class EptSource(OctreeSource):
                 elif name not in read:
                     waiting.append(name)
                 elif name not in found:
-                    raise self._damaged(f"node {name!a} is said to be described by this very file", path)
+                    raise self._damaged(f"node {name!a} is described by its own file", path)
         return {name: count for name, count in found.items() if count}
 
     def _unzipped(self, path: Path) -> dict:

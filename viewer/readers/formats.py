@@ -154,8 +154,8 @@ def _packed(head: bytes) -> str | None:
 
 
 def _guess(head: bytes, suffix: str) -> str:
-    if said := _packed(head):
-        return said
+    if stated := _packed(head):
+        return stated
     if any(suffix in row.suffixes for row in FORMATS):
         return f"named {suffix} but does not begin like one (first bytes {head[:4]!r}), damaged or another format"
     return f"not a scan format known here (first bytes {head[:4]!r})"

@@ -20,7 +20,7 @@ from viewer.readers import crs
 from viewer.readers.copc_nodes import CopcNodes, read_nodes
 from viewer.readers.laz_chunks import check_chunks
 from viewer.readers.sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
-from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, told_beyond
+from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, surplus_warning
 
 _AT_ONCE = 1 << 30  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
 
@@ -49,7 +49,7 @@ class LasSource(Source):
             raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
         self.crs, self.units, self.metres_per_unit = _reference(records)
         if more > 0:
-            self.warnings.append(told_beyond(path, self.count))
+            self.warnings.append(surplus_warning(path, self.count))
         if self.units == "degree":
             self.warnings.append(f"{path.name}: coordinates in degrees, shapes are distorted; reproject it to metres")
 
@@ -82,7 +82,7 @@ class LasSource(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16), intensity and class as stored."""
-        done, stray = 0, False
+        done, outside = 0, False
         with self._open() as reader:
             # one step of rounding on either side: some writers round the bounds, some the points
             low, high = reader.header.mins - reader.header.scales, reader.header.maxs + reader.header.scales
@@ -95,10 +95,10 @@ class LasSource(Source):
                     raise self._truncated(done)
                 done += len(points)
                 chunk = _chunk(points, names)
-                stray |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
+                outside |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
                 yield chunk
 
-        if stray:
+        if outside:
             text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"
             if text not in self.warnings:  # once, however often the points are read
                 self.warnings.append(text)

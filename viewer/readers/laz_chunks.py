@@ -43,10 +43,10 @@ def check_chunks(path: Path, record: bytes, *, offset: int, length: int, count: 
             )
         room, chunks = place - offset - 8, _number(file, place + 4, 4) % 2**32
         if chunks > room:
-            raise _damaged(path, f"says that it has {chunks:,} chunks in {room:,} bytes")
+            raise _damaged(path, f"states {chunks:,} chunks in {room:,} bytes")
         table = _table(path, file, record, offset)
-        if (said := sum(held for _, held in table)) > room:
-            raise _damaged(path, f"its chunks would take {said:,} bytes where {room:,} are")
+        if (stated := sum(held for _, held in table)) > room:
+            raise _damaged(path, f"its chunks would take {stated:,} bytes where {room:,} are")
         points = sum(n for n, held in table if held)  # some writers end with an empty chunk
         if points < count:
             raise _damaged(path, f"{points:,} of {count:,} points could be read, its chunks hold no more")

@@ -15,7 +15,7 @@ from viewer.errors import InputError
 from viewer.readers.column_source import Columns, ColumnSource
 from viewer.readers.pcd_header import Header, read_header
 from viewer.readers.sampling import run_starts
-from viewer.readers.source import CHUNK, told_beyond
+from viewer.readers.source import CHUNK, surplus_warning
 from viewer.readers.text_rows import ROWS, TextRows
 from viewer.readers.text_sample import TextRegion, sample_rows
 
@@ -55,7 +55,7 @@ class PcdSource(ColumnSource):
         if header.data == "binary" and size < self.count * header.dtype.itemsize:
             raise self._truncated(size // header.dtype.itemsize, self.count)
         if header.data == "binary" and size >= (self.count + 1) * header.dtype.itemsize:
-            self._warn(told_beyond(path, self.count))
+            self._warn(surplus_warning(path, self.count))
         if header.data == "binary_compressed":
             self._check_compressed(header, size)
 
@@ -137,7 +137,7 @@ class PcdSource(ColumnSource):
                 if not len(table):
                     raise self._truncated(done, header.points)
             if not text.at_end():
-                self._warn(told_beyond(self.path, self.count))
+                self._warn(surplus_warning(self.path, self.count))
 
     def _sampled_ascii(self, names: list[str], points: int, run: int) -> Iterator[Columns]:
         region = TextRegion(self._header.offset, self.path.stat().st_size, self._targets(names))

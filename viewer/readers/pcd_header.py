@@ -41,7 +41,7 @@ class Header:
 
 def read_header(path: Path, file: BinaryIO) -> Header:
     """Reads up to and including the DATA line.  Raises InputError naming the first line that is not valid."""
-    said: dict[str, list[str]] = {}
+    stated: dict[str, list[str]] = {}
     for number in range(1, _MOST_LINES):
         line = file.readline(_LONGEST_LINE)
         if not line.endswith(b"\n"):
@@ -49,18 +49,18 @@ def read_header(path: Path, file: BinaryIO) -> Header:
         words = line.decode("latin-1").split()
         if not words or words[0].startswith("#"):
             continue
-        said[words[0].upper()] = words[1:]
+        stated[words[0].upper()] = words[1:]
         if words[0].upper() == "DATA":
-            return _header(path, said, file.tell(), number)
+            return _header(path, stated, file.tell(), number)
     raise InputError(f"{path}: PCD header without a DATA line; export it again")
 
 
-def _header(path: Path, said: dict[str, list[str]], offset: int, lines: int) -> Header:
-    names = [name.lower() for name in said.get("FIELDS", said.get("COLUMNS", []))]
+def _header(path: Path, stated: dict[str, list[str]], offset: int, lines: int) -> Header:
+    names = [name.lower() for name in stated.get("FIELDS", stated.get("COLUMNS", []))]
     if not names:
         raise InputError(f"{path}: PCD header without FIELDS; export it again")
-    sizes, kinds = said.get("SIZE", ["4"] * len(names)), said.get("TYPE", ["F"] * len(names))  # defaults of version 0.5
-    counts = said.get("COUNT", ["1"] * len(names))
+    sizes, kinds = stated.get("SIZE", ["4"] * len(names)), stated.get("TYPE", ["F"] * len(names))  # defaults of version 0.5
+    counts = stated.get("COUNT", ["1"] * len(names))
     fields: list[Field] = []
     for i, name in enumerate(names):
         try:
@@ -71,21 +71,21 @@ def _header(path: Path, said: dict[str, list[str]], offset: int, lines: int) -> 
             shown = ascii(f"SIZE {sizes[i]} TYPE {kinds[i]} COUNT {counts[i]}"[:60])
             raise InputError(f"{path}: field {name!r} cannot be of {shown}; the header is damaged, export it again")
         fields.append(Field(name, f"{kind.lower()}{size}", count))
-    points = _points(path, said)
-    data = (said["DATA"] or [""])[0].lower()
+    points = _points(path, stated)
+    data = (stated["DATA"] or [""])[0].lower()
     if data not in _DATA:
         raise InputError(f"{path}: DATA {data[:30]!a} is not known; save it as one of {', '.join(_DATA)}")
     unlike = dict.fromkeys(field.name for field in fields if field.name != "_")
     if sum(field.name != "_" for field in fields) != len(unlike):
         raise InputError(f"{path}: its header names a field twice ({', '.join(names)[:80]}); export it again")
-    return Header(tuple(fields), points, data, _dtype(fields), offset, lines, _viewpoint(said.get("VIEWPOINT")))
+    return Header(tuple(fields), points, data, _dtype(fields), offset, lines, _viewpoint(stated.get("VIEWPOINT")))
 
 
-def _points(path: Path, said: dict[str, list[str]]) -> int:
+def _points(path: Path, stated: dict[str, list[str]]) -> int:
     """POINTS, or in older files WIDTH times HEIGHT; both must agree."""
-    numbers = {key: whole_number(" ".join(said[key])) for key in ("POINTS", "WIDTH", "HEIGHT") if key in said}
+    numbers = {key: whole_number(" ".join(stated[key])) for key in ("POINTS", "WIDTH", "HEIGHT") if key in stated}
     if wrong := next((key for key, value in numbers.items() if value is None), None):
-        shown = ascii(" ".join(said[wrong])[:30])
+        shown = ascii(" ".join(stated[wrong])[:30])
         raise InputError(f"{path}: {wrong} {shown} is not a whole number; its header is damaged, export it again")
     found = {key: value for key, value in numbers.items() if value is not None}
     size = found["WIDTH"] * found.get("HEIGHT", 1) if "WIDTH" in found else None

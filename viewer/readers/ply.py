@@ -16,7 +16,7 @@ from viewer.errors import InputError
 from viewer.readers.column_source import RANGE_RUNS, Columns, Ranges
 from viewer.readers.ply_header import Element, read_header
 from viewer.readers.sampling import run_starts
-from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, stretch, told_beyond
+from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, stretch, surplus_warning
 from viewer.readers.text_rows import TextRows
 from viewer.readers.text_sample import TextRegion, sample_rows
 
@@ -175,7 +175,7 @@ class PlySource(Source):
 
     def _end(self, more: bool) -> None:
         """Adds a warning, once, about points after those that the header counts.  more: bytes are left that may be a point."""
-        if more and self._last and (text := told_beyond(self.path, self.count)) not in self.warnings:
+        if more and self._last and (text := surplus_warning(self.path, self.count)) not in self.warnings:
             self.warnings.append(text)
 
     def _walk(self, file: BinaryIO, element: Element, size: int) -> bytes | None:

@@ -50,9 +50,9 @@ class Potree1Source(OctreeSource):
         self._low, self._size, self._scale = corners[0], corners[1] - corners[0], scale
         folder = meta.get("octreeDir")
         self._files = self._listed(path.parent / folder if isinstance(folder, str) else path.parent / "data")
-        said = meta.get("pointAttributes")
-        self._suffix = "bin" if isinstance(said, list) else "laz" if str(said).upper() == "LAZ" else "las"
-        self._dtype = self._records(said) if isinstance(said, list) else None
+        stated = meta.get("pointAttributes")
+        self._suffix = "bin" if isinstance(stated, list) else "laz" if str(stated).upper() == "LAZ" else "las"
+        self._dtype = self._records(stated) if isinstance(stated, list) else None
         self._counts = self._checked_nodes(meta)
         if self._dtype is not None:
             self.count = sum(file.stat().st_size // self._dtype.itemsize for _, file in self._points())
@@ -80,10 +80,10 @@ class Potree1Source(OctreeSource):
         named = sorted((len(name), name) for name, suffix in self._files if suffix == self._suffix)
         return ((name, self._files[name, self._suffix]) for _, name in named if len(name) <= _DEEPEST)
 
-    def _records(self, said: list) -> np.dtype:
+    def _records(self, stated: list) -> np.dtype:
         """The record of a point in a .bin node."""
         fields = []
-        for entry in said:
+        for entry in stated:
             if isinstance(entry, str) and entry.upper() in _SIZES:
                 name, (kind, count) = entry.upper(), _SIZES[entry.upper()]
             elif isinstance(entry, dict) and isinstance(entry.get("name"), str) and str(entry.get("type")) in TYPES:
@@ -104,9 +104,9 @@ class Potree1Source(OctreeSource):
     def _checked_nodes(self, meta: dict) -> dict[str, int]:
         """Points of the nodes by name, as far as the hierarchy lists them.  Raises InputError where a listed node has no file:
         a part of the folder was not copied."""
-        said = meta.get("hierarchy")
-        if isinstance(said, list):
-            pairs = (entry for entry in said if isinstance(entry, list) and len(entry) == 2)
+        stated = meta.get("hierarchy")
+        if isinstance(stated, list):
+            pairs = (entry for entry in stated if isinstance(entry, list) and len(entry) == 2)
             nodes = {str(name): points for name, points in pairs if whole(points) is not None}
         else:
             nodes = self._from_hrc()

@@ -45,15 +45,15 @@ class Potree2Source(OctreeSource):
         self.count = int(self._places["points"].sum(dtype=np.int64))
         if self.count == 0:
             raise InputError(f"{path}: holds no points; convert the scan again")
-        said = whole(meta.get("points"))
-        if said is not None and said > self.count:
-            self._warn(f"{self.path.name}: says that it has {said:,} points, its octree holds {self.count:,}")
+        stated = whole(meta.get("points"))
+        if stated is not None and stated > self.count:
+            self._warn(f"{self.path.name}: states {stated:,} points, its octree holds {self.count:,}")
         self._crs(meta.get("projection"))
 
-    def _attributes_of(self, said: object) -> list[tuple]:
+    def _attributes_of(self, stated: object) -> list[tuple]:
         """(name, type, shape) of each attribute, in order."""
         found = []
-        for entry in said if isinstance(said, list) else []:
+        for entry in stated if isinstance(stated, list) else []:
             name = entry.get("name") if isinstance(entry, dict) else None
             kind = TYPES.get(str(entry.get("type"))) if isinstance(entry, dict) else None
             count = whole(entry.get("numElements"), _MOST_ELEMENTS) if isinstance(entry, dict) else None
@@ -69,9 +69,9 @@ class Potree2Source(OctreeSource):
             raise self._damaged("its attribute rgb is not three uint8 or uint16")
         return found
 
-    def _hierarchy(self, path: Path, said: object) -> tuple[np.ndarray, np.ndarray]:
+    def _hierarchy(self, path: Path, stated: object) -> tuple[np.ndarray, np.ndarray]:
         """The nodes that hold points, each once, in the order of octree.bin, and their levels, (n,) int64, 0 at the root."""
-        first = whole(said.get("firstChunkSize")) if isinstance(said, dict) else None
+        first = whole(stated.get("firstChunkSize")) if isinstance(stated, dict) else None
         try:
             data, size = path.read_bytes(), self._octree.stat().st_size
         except OSError as error:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from viewer.errors import InputError
 from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.source import ScanInfo, told_beyond
+from viewer.readers.source import ScanInfo, surplus_warning
 from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
 from viewer.readers.text_rows import ROWS, TextRows, quoted
 from viewer.readers.text_sample import TextRegion, sample_rows
@@ -44,7 +44,7 @@ class PtsSource(ColumnSource):
         if self.count == 0:
             raise InputError(f"{path}: holds no points (its header says 0); export it again")
         if more:
-            self._warn(told_beyond(path, self.count))
+            self._warn(surplus_warning(path, self.count))
         if len(self._counts) > 1:
             self.scans = [ScanInfo(f"{path.stem} {i}") for i in range(1, len(self._counts) + 1)]
 

@@ -75,7 +75,7 @@ class PtxSource(ColumnSource):
             raise self._no_header(begin)
         count = size[0] * size[1]
         if count > self.path.stat().st_size // LEAST_ROW:
-            what = f"scan {len(self._scans) + 1} says that it has {size[0]:,} columns of {size[1]:,} points"
+            what = f"scan {len(self._scans) + 1} states {size[0]:,} columns of {size[1]:,} points"
             raise InputError(f"{self.path}: {what}, more than the file can hold; truncated or damaged, copy or export it again")
         vectors = []
         for numbers in _VECTORS:

@@ -72,7 +72,7 @@ class Source:
         return None
 
 
-def told_beyond(path: Path, count: int | None) -> str:
+def surplus_warning(path: Path, count: int | None) -> str:
     """The warning about a file that holds more points than its header states."""
     return f"{path.name}: its header counts {count:,} points, but more follow; they are left out, it may be damaged"
 
