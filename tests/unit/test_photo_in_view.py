@@ -8,7 +8,7 @@ from test_e57_images import AWAY, Picture, encoded, hit, paint, room_points, wri
 from viewer.camera import from_fov, look_at
 from viewer.errors import InputError
 from viewer.readers.e57_photographs import KINDS, read_station_photos
-from viewer.tools.photo_in_view import agreement, blended, filled_depth, resampled, strength
+from viewer.tools.photo_in_view import agreement, blended, filled_depth, nearest_ranges, resampled, strength
 
 SIZE = (250, 125)
 """Below 256, so that a channel can say which column or row a pixel is."""
@@ -81,6 +81,38 @@ def test_a_photograph_lies_in_place_within_a_pixel(tmp_path, seed, kind):
             compared += int(clear.sum())
             assert np.percentile(residual, 99) < 1.0, (kind, np.percentile(residual, 99))
     assert compared > 2000
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_photograph_does_not_colour_what_it_could_not_see(tmp_path, seed, kind):
+    """A board stands between the photograph and a wall; from beside, the wall behind the board keeps its own colours."""
+    random = np.random.default_rng(seed)
+    rotation = Rotation.from_euler("x" if kind == "pinhole" else "z", 90, degrees=True)
+    photo = written(tmp_path, kind, np.full((SIZE[1], SIZE[0], 3), 90, np.uint8), rotation)
+    place, wall, board, half = photo.position, 5.0, 2.0, 0.3  # along +y of the photograph's place
+    spread = random.uniform(-1, 1, (200_000, 2))
+    points = np.concatenate([
+        place + np.column_stack([spread[:100_000, 0] * 4, np.full(100_000, wall), spread[:100_000, 1] * 3]),
+        place + np.column_stack([spread[100_000:, 0] * half, np.full(100_000, board), spread[100_000:, 1] * half]),
+    ])
+    assert abs(photo.forward[1]) > 0.99
+    eye = place + (1.5, 0.0, 0.0)
+    camera = from_fov(240, 180, 60.0, look_at(eye, place + (0.0, wall, 0.0), (0.0, 0.0, 1.0)))
+    i, j = np.meshgrid(np.arange(240) + 0.5, np.arange(180) + 0.5)
+    rays = camera.unproject(np.stack([i.ravel(), j.ravel()], 1), 1.0) - eye
+    to_board = eye + rays * (board / rays[:, 1:2]) - place
+    on_board = (np.abs(to_board[:, [0, 2]]) < half).all(axis=1)
+    z = np.where(on_board, board, wall) / rays[:, 1]
+    seen = eye + rays * z[:, None] - place
+    shadow = ~on_board & (np.abs(seen[:, [0, 2]]) < half * wall / board * 0.9).all(axis=1)
+    clear = ~on_board & (np.abs(seen[:, [0, 2]]) > half * wall / board * 1.15).any(axis=1)
+    depth = z.reshape(180, 240).astype(np.float32)
+    plain = resampled(photo, camera, depth)[..., 3].ravel() == 255
+    shown = resampled(photo, camera, depth, nearest_ranges(photo, points))[..., 3].ravel() == 255
+    assert (plain & shadow).sum() > 200, "else nothing is tested"
+    assert not (shown & shadow).any()
+    assert (shown <= plain).all() and shown[on_board].sum() == plain[on_board].sum()
+    assert shown[clear].sum() > 0.97 * plain[clear].sum(), "but for grazing places, which vary much within a direction"
 
 
 @pytest.mark.parametrize("kind", KINDS)

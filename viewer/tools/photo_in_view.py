@@ -1,8 +1,9 @@
 """Station photographs in the present view: resampled onto what the camera sees, blended with it, and compared by PSNR.
 
 From the photograph's own place every pixel of it lands where it belongs, whatever the depth.  From elsewhere the depth of the
-picture tells which place of the scan a pixel shows, and the photograph's colour of that place is taken; what the photograph
-could not see from its place gets a wrong colour, so it fades out with the distance walked.
+picture tells which place of the scan a pixel shows, and the photograph's colour of that place is taken, unless something nearer
+hid that place from the photograph: a map of the nearest points around the photograph tells (a shadow map: Williams 1978).  With
+the distance walked the photograph fades out.
 """
 
 import numpy as np
@@ -12,12 +13,39 @@ from viewer.readers.e57_photographs import KINDS, StationPhoto
 
 FADE = 2.0
 """Metres from its place over which a photograph fades out; chosen by eye for rooms."""
+COLUMNS, ROWS = 512, 256
+"""Directions around a photograph by which the nearest points are kept: 0.7 degrees, a few hundred thousand points fill them."""
+BEHIND = 0.05
+"""How much farther than the nearest point, as a share of its distance, a place counts as hidden from the photograph: more than
+surfaces seen at a slant vary within a direction, less than furniture stands before a wall."""
 
 
-def resampled(photo: StationPhoto, camera: Camera, depth: np.ndarray) -> np.ndarray:
+def nearest_ranges(photo: StationPhoto, points: np.ndarray) -> np.ndarray:
+    """(ROWS, COLUMNS) float32 distance of the nearest point around a photograph's place, by elevation and azimuth in the
+    photograph's frame; +inf where there is none in a direction nor beside it.
+
+    points: (n, 3) float64, file coordinates: a sample of the scan.  Each direction also takes the nearest of its neighbours, so
+    that a surface of points has no gaps; so outlines grow by one direction, a third of a degree to one degree.
+    """
+    x, y, z = ((points - photo.position) @ photo.camera_to_world[:3, :3]).T
+    flat = np.hypot(x, y)
+    distance = np.hypot(flat, z)
+    column = np.minimum(((np.arctan2(y, x) / (2 * np.pi) + 0.5) * COLUMNS).astype(int), COLUMNS - 1)
+    row = np.minimum(((np.arctan2(z, flat) / np.pi + 0.5) * ROWS).astype(int), ROWS - 1)
+    nearest = np.full(ROWS * COLUMNS, np.inf, np.float32)
+    use = distance > 0
+    np.minimum.at(nearest, (row * COLUMNS + column)[use], distance[use].astype(np.float32))
+    nearest = nearest.reshape(ROWS, COLUMNS)
+    across = np.minimum(nearest, np.minimum(np.roll(nearest, 1, 1), np.roll(nearest, -1, 1)))
+    padded = np.pad(across, ((1, 1), (0, 0)), constant_values=np.inf)
+    return np.minimum(across, np.minimum(padded[:-2], padded[2:]))
+
+
+def resampled(photo: StationPhoto, camera: Camera, depth: np.ndarray, ranges: np.ndarray | None = None) -> np.ndarray:
     """The photograph as the camera sees it, (H, W, 4) uint8: alpha 255 where the photograph shows that pixel, else 0.
 
     depth: (H, W) float32 view-space z, file units, of the picture; +inf where nothing was measured: taken as far away.
+    ranges: of :func:`nearest_ranges`; None: nothing hides anything, as at the photograph's own place.
     """
     from viewer.tools.photo_kernel import resample  # numba: only once a photograph is shown
 
@@ -27,7 +55,8 @@ def resampled(photo: StationPhoto, camera: Camera, depth: np.ndarray) -> np.ndar
     resample(np.ascontiguousarray(photo.picture), valid, photo.valid is not None, KINDS.index(photo.kind), photo.around,
              np.array([photo.fx, photo.fy, photo.cx, photo.cy]), to_photo @ camera.view_rotation.T,
              to_photo @ (camera.position - photo.position), np.array([camera.fx, camera.fy, camera.cx, camera.cy]),
-             np.ascontiguousarray(depth, np.float32), out)  # fmt: skip
+             np.ascontiguousarray(depth, np.float32), np.zeros((1, 1), np.float32) if ranges is None else ranges,
+             ranges is not None, 1.0 + BEHIND, out)  # fmt: skip
     return out
 
 

@@ -6,8 +6,9 @@ from model.common.jit import compiled
 
 
 @compiled(nogil=True)
-def resample(picture, valid, masked, kind, around, lens, rotation, shift, camera, depth, out):
-    """rotation: (3, 3) view frame to photograph; shift: (3,) the camera's place in the photograph's frame."""
+def resample(picture, valid, masked, kind, around, lens, rotation, shift, camera, depth, ranges, hides, farthest, out):
+    """rotation: (3, 3) view frame to photograph; shift: (3,) the camera's place in the photograph's frame.  ranges: nearest
+    distances by elevation and azimuth, used if ``hides``: what is more than ``farthest`` times as far is not shown."""
     height, width = picture.shape[0], picture.shape[1]
     for j in range(depth.shape[0]):
         for i in range(depth.shape[1]):
@@ -18,6 +19,12 @@ def resample(picture, valid, masked, kind, around, lens, rotation, shift, camera
             w = rotation[2, 0] * u + rotation[2, 1] * v + rotation[2, 2]
             if z < np.inf:
                 x, y, w = x * z + shift[0], y * z + shift[1], w * z + shift[2]
+                if hides:
+                    level = np.hypot(x, y)
+                    across = min(int((np.arctan2(y, x) / (2 * np.pi) + 0.5) * ranges.shape[1]), ranges.shape[1] - 1)
+                    up = min(int((np.arctan2(w, level) / np.pi + 0.5) * ranges.shape[0]), ranges.shape[0] - 1)
+                    if np.hypot(level, w) > farthest * ranges[up, across]:
+                        continue
             if kind == 0:
                 if w >= 0:
                     continue

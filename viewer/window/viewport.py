@@ -113,6 +113,7 @@ class Viewport:
     def _forget(self, renderer: "Renderer | None") -> None:
         """Uses another renderer, which has made no picture yet."""
         self.renderer, self.frame, self._shown, self._untold, self._problem = renderer, None, (), None, None
+        self._photos.clear()
         self._points_read = None
 
     def clear(self) -> None:
@@ -273,8 +274,7 @@ class Viewport:
         made = self._views.texture(self.frame, view, work.document.look, tint=work.tint, lock=work.document.lock_measured)
         if work.photo is None or self.renderer is None:
             return made
-        metres = self.renderer.scene.meta.get("metres_per_unit")
-        return self._photos.over(self.frame, view, made, self._session.camera, work.photo, metres)
+        return self._photos.over(self.frame, view, made, self._session.camera, work.photo, self.renderer.scene)
 
     def shown_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
