@@ -21,7 +21,7 @@ from model.unet import LUMA
 GRAIN_SHARE = 0.12
 """Share of the crops (here and below: of those without a neighbouring camera) with a fine texture.  All shares and ranges below
 were chosen by hand."""
-LETTERING_SHARE = 0.1
+LETTERING_SHARE = 0.2
 """Share of the crops with lettering."""
 SPECKLE_SHARE = 0.2
 """Share of the crops whose points come from two stations of different brightness."""

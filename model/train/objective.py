@@ -1,9 +1,10 @@
-"""The training loss: L1, perceptual distance, dissimilarity, coverage, and temporal stability between neighbouring cameras.
+"""The training loss: L1, perceptual distance, dissimilarity, local light, coverage, and temporal stability between cameras.
 
-L1 and the perceptual distance have the paper's weights by default (0.9 and 0.1).  Dissimilarity is 1 - SSIM.  Coverage compares
-the fourth channel with the true covered share of each pixel.  Temporal stability (Lai et al. 2018): the picture from a slightly
-moved camera, warped by the true motion of the surface points, should equal this picture; their optical flow is estimated, ours
-is known.
+L1 and the perceptual distance have the paper's weights by default (0.9 and 0.1).  Dissimilarity is 1 - SSIM.  Local light
+compares means over small squares: without it the network shifted the brightness of surfaces slightly, which the other terms
+hardly penalise.  Coverage compares the fourth channel with the true covered share of each pixel.  Temporal stability (Lai et
+al. 2018): the picture from a slightly moved camera, warped by the true motion of the surface points, should equal this picture;
+their optical flow is estimated, ours is known.
 """
 
 from pathlib import Path
@@ -38,6 +39,22 @@ def inside_flow(flow: Tensor) -> Tensor:
     return ((x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1))[:, None]
 
 
+LIGHT_SIDES = (4, 16)
+"""Pixels a side of the squares whose mean colours are compared; at both, atrium's mean light was worse than filled."""
+
+
+def local_light(made: Tensor, true: Tensor, weight: Tensor) -> Tensor:
+    """Mean absolute difference of the weighted mean colours of squares of LIGHT_SIDES pixels, averaged over both sizes.
+
+    made, true: (B, 3, H, W).  weight: (B, 1, H, W), 0 where the truth is unknown; a square counts by its summed weight.
+    """
+    losses = []
+    for side in LIGHT_SIDES:
+        change = F.avg_pool2d((made - true) * weight, side)
+        losses.append(change.abs().sum() / (3 * F.avg_pool2d(weight, side).sum()).clamp_min(1e-6))
+    return torch.stack(losses).mean()
+
+
 class Objective(nn.Module):
     """``forward`` returns the loss and its terms.  ``name``: of the perceptual distance in use.
 
@@ -45,8 +62,9 @@ class Objective(nn.Module):
     """
 
     def __init__(self, perceptual_path: Path | None, perceptual_weight: float, coverage_weight: float, steady_weight: float,
-                 structure_weight: float = 0.0):
+                 structure_weight: float = 0.0, light_weight: float = 0.0):
         super().__init__()
+        self.light_weight = light_weight
         self.dissimilarity, self.structure_weight = Dissimilarity(), structure_weight
         self.distance, self.name = perceptual(perceptual_path)
         self.perceptual_weight = perceptual_weight if self.distance is not None else 0.0
@@ -69,6 +87,9 @@ class Objective(nn.Module):
             terms["dissimilarity"] = self.dissimilarity(
                 torch.where(weight > 0.5, colour.clamp(0, 1), batch.colour).float(), batch.colour)
             loss = loss + self.structure_weight * terms["dissimilarity"]
+        if self.light_weight:
+            terms["light"] = local_light(colour.float(), batch.colour, weight)
+            loss = loss + self.light_weight * terms["light"]
         if made.shape[1] > 3 and self.coverage_weight:
             covered, true = made[:, 3:4], batch.coverage
             # The channel is clamped to 0..1 for display, so values beyond a true 0 or 1 are no error.

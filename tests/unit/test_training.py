@@ -20,7 +20,7 @@ from model.data.dataset import DataError, MemoryPicture
 from model.data.pairs import _truth, build, flow_to
 from model.data.projected import project_scan, scan_spacing
 from model.data.stations import load_scene
-from model.train.objective import Objective, inside_flow, warp
+from model.train.objective import Objective, inside_flow, local_light, warp
 from model.train.trainer import Process, TrainConfig, Trainer, train
 from model.train.training_log import PICTURES_EVERY, TrainingLog
 from model.unet import PaperUNet
@@ -375,3 +375,17 @@ def test_pictures_for_tensorboard_do_not_change_the_averaged_network(tmp_path, m
         log.pictures(PICTURES_EVERY, averaged, batch)
     assert any("running_mean" in name for name in before)
     assert all(torch.equal(before[name], value) for name, value in averaged.state_dict().items())
+
+
+def test_local_light_sees_a_shift_of_brightness_and_no_texture(seed):
+    """A shift counts in full at both sizes; a texture of alternate pixels, which has no mean, counts nothing."""
+    generator = torch.Generator().manual_seed(seed)
+    true = torch.rand(2, 3, 32, 48, generator=generator)
+    weight = torch.ones(2, 1, 32, 48)
+    y, x = torch.meshgrid(torch.arange(32), torch.arange(48), indexing="ij")
+    assert float(local_light(true + 0.1 * (-1.0) ** (x + y), true, weight)) < 1e-6
+    assert float(local_light(true + 0.1, true, weight)) == pytest.approx(0.1, rel=1e-4)
+    weight[:, :, :, 24:] = 0.0  # unknown truth does not count
+    wrong = true.clone()
+    wrong[..., 24:] += 1.0
+    assert float(local_light(wrong, true, weight)) < 1e-6
