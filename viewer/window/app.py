@@ -179,10 +179,10 @@ class App:
 
     def _open_demo(self) -> None:
         from viewer.errors import InputError
-        from viewer.tools.demo import demo_scan
+        from viewer.tools.demo import demo_camera, demo_scan
 
         try:
-            self.session.open([demo_scan()])
+            self.session.open([demo_scan()], demo_camera())
         except InputError as error:
             self.session.notices.say("The demo cannot be opened", str(error))
 

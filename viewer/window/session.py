@@ -299,8 +299,12 @@ class Session:
 
     # -- scenes ------------------------------------------------------------------------------------------------------
 
-    def open(self, paths: Sequence[Path]) -> None:
-        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them."""
+    def open(self, paths: Sequence[Path], start: Camera | None = None) -> None:
+        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.
+
+        start: where the visit begins.
+        """
+        self._start = start or self._start
         self.loads.open(paths)
 
     def act_on_notice(self, action: str) -> None:

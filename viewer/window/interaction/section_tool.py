@@ -155,11 +155,11 @@ class SectionTool(Tool):
         self._follow(context)
         if context.scene is None:
             return
-        for kind, title in KINDS.items():
+        for number, (kind, title) in enumerate(KINDS.items()):
             if ui.radio_button(title, self.kind == kind):
                 self.kind = kind
-            ui.same_line()
-        ui.new_line()
+            if number == 0:  # the panel is as wide as two of them
+                ui.same_line()
         unit, clamp = unit_of(context), ui.SliderFlags_.always_clamp
         if self.kind == "plan":
             ui.set_next_item_width(-1)
