@@ -1,7 +1,7 @@
 """OpenGL functions that moderngl does not wrap, called through ctypes in the current context.
 
-moderngl keeps the loader of the context it made or detected (glcontext's); addresses come from it, so that they belong to the
-same driver on every platform.  Every function here needs its context to be current on the calling thread.
+moderngl keeps the loader of the context it made (glcontext's) or detected (its own, as in a window); addresses come from it, so
+that they belong to the same driver on every platform.  Every function needs its context to be current on the calling thread.
 """
 
 import ctypes
@@ -18,7 +18,9 @@ def gl_function(context: "moderngl.Context", name: str, result: Any, *arguments:
 
     Raises LookupError where the driver does not have it.
     """
-    address = context.mglo._context.load(name)
+    loader = context.mglo._context
+    load = loader.load if hasattr(loader, "load") else loader.load_opengl_function  # glcontext's, moderngl's DefaultLoader
+    address = load(name)
     if not address:
         raise LookupError(f"this OpenGL has no {name}")
     return _CALL(result, *arguments)(address)
