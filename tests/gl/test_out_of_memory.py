@@ -73,6 +73,7 @@ def test_targets_that_opengl_had_no_memory_for_are_not_drawn_into_silently(conte
         renderer.render(camera_in(scene, 3), Settings(view="filled"))
     renderer.context = context
     renderer.release()
+    _ = context.error  # the abandoned frame left GL_INVALID_OPERATION in two of two complete runs, alone never: cause unknown
 
 
 def test_a_lost_context_ends_with_a_message_and_exit_code_3(context, monkeypatch):
