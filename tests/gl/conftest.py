@@ -35,6 +35,9 @@ def agree(context):
 
 @pytest.fixture(autouse=True)
 def no_gl_error(context):
-    assert context.error == "GL_NO_ERROR"
-    yield
-    assert context.error == "GL_NO_ERROR"
+    """Makes the shared context current: a test that makes a context of its own leaves another one current when it ends."""
+    with context:
+        assert context.error == "GL_NO_ERROR"
+        yield
+        context.__enter__()  # such a test was this one
+        assert context.error == "GL_NO_ERROR"
