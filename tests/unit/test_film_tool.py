@@ -114,7 +114,7 @@ def finish(tool, context):
     end = time.monotonic() + 60
     while tool.worker is not None and time.monotonic() < end:
         time.sleep(0.01)
-        tool._follow(context)
+        tool.follow(context)
     assert tool.worker is None
 
 

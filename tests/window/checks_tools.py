@@ -132,8 +132,42 @@ def check_the_look_colours_points_and_tones_pictures(d: Driver) -> None:
     d.rest()
 
 
+def check_a_film_is_made_beside_the_window_and_a_cancelled_one_leaves_nothing(d: Driver) -> None:
+    """The film's renderer has an OpenGL context of its own on another thread; the window goes on drawing meanwhile."""
+    d.key("K")
+    film, context = d.app.toolbox.active, d.app.tools
+    film.add_keyframe(context)
+    d.session.flight.look(60, 0)
+    d.rest()
+    film.add_keyframe(context)
+    film.set_length(context, 0.2)
+    film.size, film.view = (96, 64), "filled"
+    for out in ("film.mp4", "frames"):
+        film.out = out
+        film.start(context)
+        turns = 0
+        while film.worker is not None:
+            d.session.flight.look(2, 0)
+            d.app.step(wait=False)
+            turns += 1
+            assert turns < 5000, "the film does not end"
+        assert d.session.notices.message is None and turns > 1
+    assert (d.folder / "film.mp4").stat().st_size > 500
+    assert len(list((d.folder / "frames").glob("*.png"))) == 6
+    film.out = "cancelled.mp4"
+    film.start(context)
+    film.worker.cancel()
+    d.until(lambda: film.worker is None)
+    assert not list(d.folder.glob("*cancelled*"))
+    for _ in range(3):
+        chord(d, "Z")  # length and keyframes
+    assert not d.session.work.document.path.keyframes
+    d.key("ESCAPE")
+    d.rest()
+
+
 def check_every_tool_draws_its_panel(d: Driver) -> None:
-    for key in ("C", "P", "B", "T", "I", "M"):
+    for key in ("C", "P", "B", "T", "I", "M", "N", "K"):
         d.key(key)
         d.rest()
         d.canvas()

@@ -248,6 +248,7 @@ class App:
             self._upload(loaded)
         if session.notices.message is not message:
             self.linger()
+        self.toolbox.follow(self.tools)
         if session.advance():
             self.wake()
         if stirring:
@@ -344,6 +345,7 @@ class App:
         if self.session.recording is not None:
             self._save_actions.record()
         self._remember_scan()
+        self.toolbox.close()
         self.session.close()
         self._start_page.release()
         self.viewport.release()

@@ -13,11 +13,14 @@ from viewer.tools.measure import MeasuredPoint, unit_name
 from viewer.tools.pick import Picked, pick, surface_around
 from viewer.tools.shot_metadata import camera_line, parse_camera_line
 from viewer.window.navigation import looking
+from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
     from viewer.render.frame import Frame
     from viewer.window.interaction.tool import KeyEvent, ToolContext
 
+END_SECONDS = 30.0
+"""Seconds that a closing window waits for work in the background, which stops at its next progress report."""
 RADIUS = 10.0
 """Logical pixels around the pointer within which a measured point is taken."""
 
@@ -84,6 +87,22 @@ def step(context: "ToolContext", *, redo: bool) -> None:
     context.toast(f"{verb}: {label}" if label is not None else f"Nothing to {verb.lower()}")
     if anew:
         context.renew_picture()
+
+
+def ended(worker: Worker | None, context: "ToolContext", failure: str) -> Worker | None:
+    """A worker that has ended, else None.  failure: title of the dialog that says why it failed."""
+    if worker is None or not worker.finished:
+        return None
+    if worker.error is not None:
+        context.session.notices.say(failure, worker.error)
+    return worker
+
+
+def end(worker: Worker | None) -> None:
+    """Cancels a worker and waits until it has removed what it was writing."""
+    if worker is not None:
+        worker.cancel()
+        worker.join(END_SECONDS)
 
 
 def unit_of(context: "ToolContext") -> str:

@@ -15,7 +15,7 @@ from viewer.settings import VIEWS
 from viewer.tools.document import Keyframe, Viewpoint, replaced, unique_name, without
 from viewer.tools.film.command import MP4, PANORAMA_SIZE
 from viewer.tools.film.keyframes import cameras_along, path_seconds, preview_cameras
-from viewer.window.interaction.editing import edit
+from viewer.window.interaction.editing import edit, end, ended
 from viewer.window.interaction.film_job import FilmJob, film_worker
 from viewer.window.interaction.tool import Tool, ToolContext
 from viewer.window.navigation import looking
@@ -160,20 +160,21 @@ class Film(Tool):
         except PointglassError as error:
             context.session.notices.say("This film cannot be made", str(error))
 
-    def _follow(self, context: ToolContext) -> None:
-        if self.worker is None or not self.worker.finished:
+    def follow(self, context: ToolContext) -> None:
+        done = ended(self.worker, context, "The film was not made")
+        if done is None:
             return
-        done, self.worker = self.worker, None
-        if done.error is not None:
-            context.session.notices.say("The film was not made", done.error)
-        elif done.cancelled:
+        self.worker = None
+        if done.cancelled:
             kept = "" if Path(self.out).suffix.lower() in MP4 else "; the frames made so far stay, and are kept the next time"
             context.toast(f"Film cancelled{kept}")
-        else:
+        elif done.error is None:
             context.toast(str(done.result))
 
+    def close(self) -> None:
+        end(self.worker)
+
     def panel(self, ui: Any, context: ToolContext) -> None:
-        self._follow(context)
         if context.scene is None:
             return
         work = context.session.work

@@ -16,7 +16,7 @@ from viewer.tools.section.command import THICKNESS, paper_of, title_of
 from viewer.tools.section.cut import KINDS, Cut, along_line, elevation, plan
 from viewer.tools.up_axis import upright_axes
 from viewer.window.capture import stamped
-from viewer.window.interaction.editing import Pointing, edit, metres_per_unit, unit_of
+from viewer.window.interaction.editing import Pointing, edit, end, ended, metres_per_unit, unit_of
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
 from viewer.window.worker import Worker
 
@@ -142,17 +142,18 @@ class SectionTool(Tool):
 
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
 
-    def _follow(self, context: ToolContext) -> None:
-        if self.worker is None or not self.worker.finished:
+    def follow(self, context: ToolContext) -> None:
+        done = ended(self.worker, context, "The sheet was not drawn")
+        if done is None:
             return
-        done, self.worker = self.worker, None
-        if done.error is not None:
-            context.session.notices.say("The sheet was not drawn", done.error)
-        else:
+        self.worker = None
+        if done.error is None:
             context.toast("Drawing cancelled" if done.cancelled else f"Saved {done.result}")
 
+    def close(self) -> None:
+        end(self.worker)
+
     def panel(self, ui: Any, context: ToolContext) -> None:
-        self._follow(context)
         if context.scene is None:
             return
         for number, (kind, title) in enumerate(KINDS.items()):

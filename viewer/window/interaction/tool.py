@@ -164,6 +164,12 @@ class Tool:
     def left(self, context: ToolContext) -> None:
         """Another tool was selected: drop whatever was begun."""
 
+    def follow(self, context: ToolContext) -> None:
+        """Called in every turn of the window's loop, selected or not: takes what work in the background has brought."""
+
+    def close(self) -> None:
+        """The window closes: cancels work in the background and waits until it has removed what it was writing."""
+
 
 class Overlay:
     """Something drawn over the picture whichever tool is selected: stored measurements, station markers, a scale bar.
@@ -196,6 +202,16 @@ class Toolbox:
             self.active.left(context)
             self.active = chosen
             chosen.selected(context)
+
+    def follow(self, context: ToolContext) -> None:
+        """Lets every tool take what its work in the background has brought."""
+        for tool in self.tools:
+            tool.follow(context)
+
+    def close(self) -> None:
+        """Ends the work of every tool."""
+        for tool in self.tools:
+            tool.close()
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> None:
         """Gives an event to the tool that holds the pointer, else to the selected tool and then to Fly."""
