@@ -35,9 +35,10 @@ def agree(context):
 
 @pytest.fixture(autouse=True)
 def no_gl_error(context):
-    """Makes the shared context current: a test that makes a context of its own leaves another one current when it ends."""
-    with context:
-        assert context.error == "GL_NO_ERROR"
-        yield
-        context.__enter__()  # such a test was this one
-        assert context.error == "GL_NO_ERROR"
+    """Makes the shared context current, and again afterwards for the next module's fixtures: a test that makes a context of its
+    own leaves another one current when it ends."""
+    context.__enter__()
+    assert context.error == "GL_NO_ERROR"
+    yield
+    context.__enter__()
+    assert context.error == "GL_NO_ERROR"
