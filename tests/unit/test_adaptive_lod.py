@@ -10,23 +10,23 @@ def test_a_slow_network_flies_filled_and_repaints_at_rest():
     made, clock = session()
     made.view_settings.show("neural")
     finish(made)
-    made.drew(made.plan, stats(network=900.0))
+    made.drew(made.screen.plan, stats(network=900.0))
     clock.now += 1
     made.flight.held.add("forward")
     made.advance()
     clock.now += 0.1
     made.advance()
-    assert made.plan.views == ("filled",)
-    made.drew(made.plan, stats())
-    assert "filled while moving" in made.approximations
+    assert made.screen.plan.views == ("filled",)
+    made.drew(made.screen.plan, stats())
+    assert "filled while moving" in made.screen.approximations
     made.flight.held.clear()
     for _ in range(200):
         clock.now += 1 / 60
         made.advance()
-    assert made.plan.views == ("neural",) and made.plan.deferred and made.needs_picture
+    assert made.screen.plan.views == ("neural",) and made.screen.plan.deferred and made.screen.needs_picture
     made.picture.adaptive_lod.keep_up = False
     made.flight.held.add("forward")
-    assert made.plan.views == ("filled",), "the window never waits for a slow network"
+    assert made.screen.plan.views == ("filled",), "the window never waits for a slow network"
 
 
 def test_while_the_window_is_being_resized_the_network_waits():
@@ -34,18 +34,18 @@ def test_while_the_window_is_being_resized_the_network_waits():
     made, clock = session()
     made.view_settings.show("neural")
     finish(made)
-    made.drew(made.plan, stats(network=5.0))
+    made.drew(made.screen.plan, stats(network=5.0))
     clock.now += 1
     for width in (650, 660, 670):
         made.resize((width, 400))
-        assert made.needs_picture and made.plan.views == ("filled",)
-        made.drew(made.plan, stats())
+        assert made.screen.needs_picture and made.screen.plan.views == ("filled",)
+        made.drew(made.screen.plan, stats())
         clock.now += 0.1
-    assert 0 < made.next_change() < 0.21 and not made.needs_picture
+    assert 0 < made.next_change() < 0.21 and not made.screen.needs_picture
     clock.now += 0.25
-    assert made.needs_picture and made.plan.views == ("neural",)
-    made.drew(made.plan, stats(network=5.0))
-    assert made.next_change() is None and not made.needs_picture
+    assert made.screen.needs_picture and made.screen.plan.views == ("neural",)
+    made.drew(made.screen.plan, stats(network=5.0))
+    assert made.next_change() is None and not made.screen.needs_picture
 
 
 def fly(made, clock, raster, *, frames=40, occlusion=None):
@@ -55,7 +55,7 @@ def fly(made, clock, raster, *, frames=40, occlusion=None):
     for _ in range(frames):
         clock.now += 0.05
         made.advance()
-        plan = made.plan
+        plan = made.screen.plan
         assert plan.moving
         levels.append(plan.level)
         made.drew(plan, stats(raster=raster(plan.level)) | ({} if occlusion is None else {"occlusion": occlusion}))
@@ -63,7 +63,7 @@ def fly(made, clock, raster, *, frames=40, occlusion=None):
     while made.flight.state.moving:
         clock.now += 0.05
         made.advance()
-        made.drew(made.plan, stats(raster=raster(made.plan.level)))
+        made.drew(made.screen.plan, stats(raster=raster(made.screen.plan.level)))
     return levels
 
 
@@ -72,11 +72,11 @@ def rest(made, clock, raster, points=lambda level: level or 1e9):
     clock.now += 1.0
     made.advance()
     levels = []
-    while made.needs_picture and len(levels) < 50:
-        plan = made.plan
+    while made.screen.needs_picture and len(levels) < 50:
+        plan = made.screen.plan
         levels.append(plan.level)
         made.drew(plan, stats(raster=raster(plan.level)) | {"points_drawn": points(plan.level)})
-    assert not made.needs_picture and made.next_change() is None, "at rest nothing is drawn for ever, nor waited for"
+    assert not made.screen.needs_picture and made.next_change() is None, "at rest nothing is drawn for ever, nor waited for"
     return levels
 
 
@@ -104,7 +104,7 @@ def test_what_the_host_takes_to_prepare_a_picture_counts_where_the_gpu_is_quicke
     for _ in range(40):
         clock.now += 0.05
         made.advance()
-        plan = made.plan
+        plan = made.screen.plan
         levels.append(plan.level)
         made.drew(plan, stats(raster=2.0) | {"host": {"raster": min(400.0, 12.0 * (plan.level or 1e9))}})
     assert levels[-1] is not None and 12.0 * levels[-1] <= 60.0
@@ -117,7 +117,7 @@ def test_points_are_not_left_out_where_that_saves_nothing():
     for _ in range(30):  # 90 ms whatever is drawn, as where the picture's size decides
         clock.now += 0.05
         made.advance()
-        plan = made.plan
+        plan = made.screen.plan
         levels.append(plan.level)
         points = int(min(1e6, 1e5 * (plan.level or 1e9)))
         made.drew(plan, stats(raster=90.0) | {"points_drawn": points})
@@ -128,12 +128,12 @@ def test_at_rest_a_picture_that_would_take_too_long_is_not_begun():
     made, clock = session()
     cost = lambda level: 1e6 if level is None else 100.0 * level  # noqa: E731
     made.picture.adaptive_lod.begin(10**9)
-    assert made.plan.level == 1.0, "a huge scene begins coarse"
+    assert made.screen.plan.level == 1.0, "a huge scene begins coarse"
     fly(made, clock, cost)
     levels = rest(made, clock, cost)
     assert None not in levels and max(map(cost, levels)) <= 2000.0 < 4 * cost(levels[-1])
     made.picture.adaptive_lod.keep_up = False
-    assert made.plan.level is None, "unless that is asked for"
+    assert made.screen.plan.level is None, "unless that is asked for"
 
 
 def test_points_that_do_not_grow_in_number_are_all_there_are():
@@ -149,9 +149,9 @@ def test_no_finer_picture_is_asked_for_while_points_are_on_their_way():
     clock.now += 1.0
     made.advance()
     for points in (1e5, 2e5, 2e5, 5e5):  # the third: nothing has come since
-        assert made.plan.level == 1.0
-        made.drew(made.plan, stats(raster=40.0) | {"points_drawn": points, "points_missing": 10})
-        assert not made.needs_picture
+        assert made.screen.plan.level == 1.0
+        made.drew(made.screen.plan, stats(raster=40.0) | {"points_drawn": points, "points_missing": 10})
+        assert not made.screen.needs_picture
         made.picture.dirty = True  # as whoever hears of more does
     assert rest(made, clock, lambda level: 100.0 * (level or 1e4))[:2] == [1.0, 4.0]
 
@@ -165,23 +165,23 @@ def test_a_level_of_ones_own_is_never_exceeded():
 
 def test_hidden_cells_are_looked_for_only_where_it_pays_and_never_left_out_at_rest():
     made, clock = session()
-    made.drew(made.plan, stats())
+    made.drew(made.screen.plan, stats())
     fly(made, clock, lambda level: 10.0, frames=5, occlusion={"points_hidden": 9})
     made.flight.held.add("forward")
-    assert made.plan.hides
-    made.drew(made.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 9}})
+    assert made.screen.plan.hides
+    made.drew(made.screen.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 9}})
     made.flight.held.clear()
     assert made.next_change() is not None
     clock.now += 1.0
-    assert made.needs_picture and not made.plan.hides
-    made.drew(made.plan, stats())
+    assert made.screen.needs_picture and not made.screen.plan.hides
+    made.drew(made.screen.plan, stats())
     clock.now += 1.0
     made.flight.held.add("forward")
     for hides in (True, False):  # the first frame of a flight knows of nothing that hides
         clock.now += 0.05
         made.advance()
-        made.drew(made.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 0}})
-        assert made.plan.hides == hides
+        made.drew(made.screen.plan, stats(raster=10.0) | {"occlusion": {"points_hidden": 0}})
+        assert made.screen.plan.hides == hides
     fly(made, clock, lambda level: 10.0, frames=100)
     made.flight.held.add("forward")
-    assert made.plan.hides, "tried again later"
+    assert made.screen.plan.hides, "tried again later"

@@ -13,8 +13,6 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 MOST_LINES = 320
 LONGER: dict[str, str] = {
-    "viewer/window/app.py": "the window's loop and its table of actions; to be split with the next change of it",
-    "viewer/window/session.py": "joins the parts of the window's state; to be split with the next change of it",
     "viewer/render/renderer.py": "the order of a frame's passes, read from top to bottom",
 }
 """Modules longer than MOST_LINES, each with its reason."""

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 def test_a_still_session_needs_one_picture():
     made, clock = session()
-    assert made.needs_picture
-    made.drew(made.plan, stats())
+    assert made.screen.needs_picture
+    made.drew(made.screen.plan, stats())
     clock.now += 5
-    assert not made.advance() and not made.needs_picture and made.next_change() is None
+    assert not made.advance() and not made.screen.needs_picture and made.next_change() is None
     made.flight.held.add("forward")
     made.advance()
     clock.now += 0.1
-    assert made.advance() and made.needs_picture
+    assert made.advance() and made.screen.needs_picture
 
 
 def test_neural_waits_for_its_network_and_shows_what_was_asked():
@@ -184,7 +184,7 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
     while loaded is None:
         loaded = made.poll()
     made.accept(loaded)
-    assert made.scene is shown and made.preview and made.loads.current is work
+    assert made.scene is shown and made.visit.preview and made.loads.current is work
     made.flight.state = replace(made.flight.state, position=made.flight.state.position + 0.3)
     camera = made.camera
     gate.set()
@@ -192,7 +192,7 @@ def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_t
     loaded = made.poll()
     assert loaded is not None
     made.accept(loaded)
-    assert not made.preview and made.scene is not shown and made.scene is not None and made.scene.count == 40_000
+    assert not made.visit.preview and made.scene is not shown and made.scene is not None and made.scene.count == 40_000
     assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
 
 
@@ -210,7 +210,7 @@ def test_a_preview_whose_load_is_cancelled_stays_and_offers_the_rest():
         loaded = made.poll()
     made.accept(loaded)
     made.escape()
-    assert made.preview and made.scene is loaded.scene and work is not None and work.join(10)
+    assert made.visit.preview and made.scene is loaded.scene and work is not None and work.join(10)
     assert [(notice.action, notice.label) for notice in made.notices.of_scan] == [("open_fully", "Load all points")]
 
 
@@ -273,13 +273,13 @@ def test_a_cancelled_load_leaves_the_scene():
 
 def test_a_failed_picture_goes_back_to_the_last_good_settings_and_then_stops():
     made, _ = session()
-    made.drew(made.plan, stats())
+    made.drew(made.screen.plan, stats())
     made.view_settings.request(replace(made.view_settings.settings, raster="points"))
     made.failed("no")
-    assert made.view_settings.settings.raster == "auto" and made.needs_picture
+    assert made.view_settings.settings.raster == "auto" and made.screen.needs_picture
     for _ in range(4):
         made.failed("no")
-    assert not made.needs_picture, "a broken device must not be asked for ever"
+    assert not made.screen.needs_picture, "a broken device must not be asked for ever"
 
 
 def test_composite_is_exact_at_both_ends_and_takes_colours_premultiplied():
@@ -346,10 +346,10 @@ def test_a_cost_told_later_is_recorded_when_and_as_large_as_its_picture_was(tmp_
     plans = []
     for width in (640, 650, 660):
         made.resize((width, 400))
-        plans.append(made.plan)
+        plans.append(made.screen.plan)
         made.shown(plans[-1], hides=False, approximations=("coarse",) if width == 660 else ())
         clock.now += 0.5
-    assert made.approximations[:1] == ["coarse"], "of the picture on the screen, whatever it cost"
+    assert made.screen.approximations[:1] == ["coarse"], "of the picture on the screen, whatever it cost"
     clock.now += 100
     for plan in plans:
         made.learn(plan, stats(raster=3.0))
@@ -361,7 +361,7 @@ def test_a_cost_told_later_is_recorded_when_and_as_large_as_its_picture_was(tmp_
 
 def test_after_a_failure_nothing_is_owed():
     made, _ = session()
-    plan = made.plan
+    plan = made.screen.plan
     made.shown(plan, hides=False, approximations=())
     made.failed("no memory")
     made.learn(plan, stats(raster=3.0))  # whoever tells it all the same is heard

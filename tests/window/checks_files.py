@@ -19,7 +19,7 @@ def check_screenshot_is_the_picture(d: Driver) -> None:
     (path,) = set(d.folder.glob("*.png")) - before
     assert any(str(path) in toast.text for toast in d.session.notices.toasts)
     image, session = np.asarray(Image.open(path)), d.session
-    assert image.shape[:2] == session.size[::-1]
+    assert image.shape[:2] == session.area.size[::-1]
     frame = d.app.viewport.renderer.render(session.camera, session.view_settings.settings)
     assert np.array_equal(image, composite(frame.image(session.view_settings.settings.view)))
     session.picture.dirty = True

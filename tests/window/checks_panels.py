@@ -8,33 +8,33 @@ from driver import SIZE, Driver
 
 def check_the_picture_has_the_space_that_the_panels_leave(d: Driver) -> None:
     d.resize(1200, 500)
-    assert d.session.panels.scenes and d.session.panels.look, "there is room"
-    wide = d.session.size
-    assert d.session.origin == (232, 0) and wide == (1200 - 232 - 316, 500 - 30)
+    assert d.session.area.panels.scenes and d.session.area.panels.look, "there is room"
+    wide = d.session.area.size
+    assert d.session.area.origin == (232, 0) and wide == (1200 - 232 - 316, 500 - 30)
     assert (d.session.camera.width, d.session.camera.height) == wide
-    d.session.panels.look = False
+    d.session.area.panels.look = False
     d.rest()
-    assert d.session.size[0] == 1200 - 232 - 44
-    left, (width, height) = d.session.origin[0], d.session.size
+    assert d.session.area.size[0] == 1200 - 232 - 44
+    left, (width, height) = d.session.area.origin[0], d.session.area.size
     frame = d.app.viewport.frame
     picture = d.app.viewport.full_picture()
     assert frame is not None and picture is not None and picture.shape == (height, width, 3)
     d.session.notices.toasts = []
     shown = d.canvas()[60:height - 60, left + 20 : left + width - 20]
     assert np.array_equal(shown, picture[60:height - 60, 20 : width - 20]), "nothing lies over the middle of the picture"
-    d.session.panels.look = True
+    d.session.area.panels.look = True
 
 
 def check_panels_fold_where_the_window_becomes_narrow(d: Driver) -> None:
     d.resize(890, 400)
-    panels = d.session.panels
+    panels = d.session.area.panels
     assert not panels.scenes and not panels.look
-    assert d.session.size[0] == 890 - 88
+    assert d.session.area.size[0] == 890 - 88
     panels.look = True
     d.settle()
-    assert d.session.size[0] == 890 - 44 - 316
+    assert d.session.area.size[0] == 890 - 44 - 316
     d.resize(500, 400)
-    assert panels.look and d.session.size[0] == 500 - 88, "too narrow for both: the panel lies over the picture"
+    assert panels.look and d.session.area.size[0] == 500 - 88, "too narrow for both: the panel lies over the picture"
     panels.look = False
     d.resize(1200, 500)
     assert panels.scenes and panels.look, "there is room again"
@@ -49,14 +49,14 @@ def check_the_view_switch_changes_the_view_and_tells_what_is_drawn(d: Driver) ->
     assert d.session.view_settings.settings.view == "raw"
     assert np.array_equal(camera.camera_to_world, d.session.camera.camera_to_world), "a click on the interface looks around"
     d.rest()
-    assert d.session.drawn == ("raw",)
+    assert d.session.screen.drawn == ("raw",)
     d.key("3")
 
 
 def check_the_point_under_the_pointer_is_measured(d: Driver) -> None:
     d.rest()
-    left, top = d.session.origin
-    width, height = d.session.size
+    left, top = d.session.area.origin
+    width, height = d.session.area.size
     for _ in range(3):
         d.point(left + width / 2, top + height / 2)
     point = d.session.point
@@ -77,7 +77,7 @@ def check_a_list_of_choices_closes_with_esc(d: Driver) -> None:
     d.click(1100, 48)  # the network's quality
     assert listed()
     d.key("ESCAPE")
-    assert not listed() and d.session.panels.look and d.session.interface and not d.app.closing
+    assert not listed() and d.session.area.panels.look and d.session.interface and not d.app.closing
 
 
 def check_text_typed_into_a_slider_that_is_no_number_changes_nothing(d: Driver) -> None:
@@ -105,7 +105,7 @@ def check_nothing_in_sight_says_how_to_get_back(d: Driver) -> None:
     d.rest()
     assert d.session.lost
     shown = d.canvas()
-    assert np.linalg.norm(d.session.direction_to_scene) > 0.99
+    assert np.linalg.norm(d.session.flight.direction_to_middle(d.session.camera)) > 0.99
     d.key("HOME")
     d.rest()
     assert not d.session.lost and not np.array_equal(shown, d.canvas())
@@ -148,13 +148,13 @@ def check_input_is_answered_while_a_slow_network_runs(d: Driver) -> None:
         (d.folder / "latency.txt").write_text(f"{late:.1f} ms at p95 of {len(latencies)} events\n")
         assert late < 250.0, f"{late:.0f} ms at p95"
         d.rest()
-        assert d.session.drawn == ("neural",) and len(calls) == 1, f"one final pass, not {len(calls)}"
+        assert d.session.screen.drawn == ("neural",) and len(calls) == 1, f"one final pass, not {len(calls)}"
         d.session.flight.held.add("forward")
         d.settle(3)
-        assert d.session.drawn == ("filled",), "in flight nothing waits for a slow network"
+        assert d.session.screen.drawn == ("filled",), "in flight nothing waits for a slow network"
         d.session.flight.held.clear()
         d.rest()
-        assert d.session.drawn == ("neural",)
+        assert d.session.screen.drawn == ("neural",)
     finally:
         neural.NeuralStage._run = loaded  # type: ignore[method-assign]
     d.key("3")

@@ -16,7 +16,7 @@ def shown(d: Driver) -> np.ndarray:
 
 def middle(d: Driver, right: float = 0.0, down: float = 0.0) -> tuple[float, float]:
     """A position of the window: the middle of the picture, moved by shares of its size."""
-    (left, top), (width, height) = d.session.origin, d.session.size
+    (left, top), (width, height) = d.session.area.origin, d.session.area.size
     return left + width * (0.5 + right), top + height * (0.5 + down)
 
 
@@ -36,7 +36,7 @@ def on_a_wall(position) -> bool:
 def check_inspect_shows_a_measured_point(d: Driver) -> None:
     d.resize(*SIZE)
     d.drop(Path("room7"))
-    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.preview)
+    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and not d.session.visit.preview)
     d.key("3")
     d.rest()
     d.key("I")
@@ -44,7 +44,7 @@ def check_inspect_shows_a_measured_point(d: Driver) -> None:
     tool = d.app.toolbox.active
     assert tool.name == "inspect" and tool.picked is not None and on_a_wall(tool.picked.position)
     pixels, _ = d.session.camera.project([tool.picked.position])
-    where = np.array(middle(d)) - d.session.origin
+    where = np.array(middle(d)) - d.session.area.origin
     assert np.linalg.norm(pixels[0] - where) < 11
     assert d.session.point is not None and on_a_wall(d.session.point)
     d.key("ESCAPE")
@@ -77,7 +77,7 @@ def check_the_tint_is_the_reference_and_its_shares_are_counted(d: Driver) -> Non
     d.key("M")
     found = shown(d)
     session = d.session
-    camera = session.camera.resized(*session.window_size)
+    camera = session.camera.resized(*session.area.window_size)
     frame = d.app.viewport.renderer.render(camera, session.view_settings.settings, views=("filled", "filtered"))
     image, mask = frame.image("filled"), frame.mask()
     assert np.array_equal(found, composite(tinted("filled", image, mask, frame.image("filtered"))))
@@ -99,7 +99,7 @@ def check_a_clip_cuts_the_picture_and_is_undone(d: Driver) -> None:
     tool = d.app.toolbox.active
     tool.add(d.app.tools, "upright")
     found, session = shown(d), d.session
-    camera = session.camera.resized(*session.window_size)
+    camera = session.camera.resized(*session.area.window_size)
     frame = d.app.viewport.renderer.render(camera, session.view_settings.settings, edits=session.work.edits)
     assert np.array_equal(found, composite(frame.image("filled"))) and not np.array_equal(found, before)
     session.picture.dirty = True
@@ -117,7 +117,7 @@ def check_the_look_colours_points_and_tones_pictures(d: Driver) -> None:
     look = Look(exposure=1.0, temperature=0.5)
     edit(d.app.tools, "tones", look=look)
     found, session = shown(d), d.session
-    camera = session.camera.resized(*session.window_size)
+    camera = session.camera.resized(*session.area.window_size)
     frame = d.app.viewport.renderer.render(camera, session.view_settings.settings)
     assert np.array_equal(found, composite(toned(frame.image("filled"), tone_curves(look))))
     session.picture.dirty = True

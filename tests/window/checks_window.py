@@ -44,8 +44,8 @@ def check_neural_view(d: Driver) -> None:
     d.until(lambda: d.session.view_settings.network_load is None, 60.0)
     assert d.session.notices.message is None, d.session.notices.message
     d.rest()
-    assert d.session.drawn == ("neural",)
-    assert d.session.picture.stats["network"], (d.session.drawn, d.session.approximations)
+    assert d.session.screen.drawn == ("neural",)
+    assert d.session.picture.stats["network"], (d.session.screen.drawn, d.session.screen.approximations)
     assert np.array_equal(d.bare(), d.rendered())
     d.key("V")
     assert d.session.view_settings.sides == ("raw", "neural") and d.bare().std() > 5
@@ -59,10 +59,10 @@ def check_a_flight_leaves_out_what_is_hidden_and_ends_exact(d: Driver) -> None:
     usual, occlusion.WORTH = occlusion.WORTH, 0.0  # this room is so light that looking for what is hidden would not pay
     d.key("3")
     d.key("W", "down")
-    d.until(lambda: d.session.flight.moving and "hidden cells skipped" in d.session.approximations)
+    d.until(lambda: d.session.flight.moving and "hidden cells skipped" in d.session.screen.approximations)
     d.key("W", "up")
     occlusion.WORTH = usual
-    assert np.array_equal(d.bare(), d.rendered()) and not d.session.approximations
+    assert np.array_equal(d.bare(), d.rendered()) and not d.session.screen.approximations
     d.key("HOME")
 
 

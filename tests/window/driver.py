@@ -64,11 +64,11 @@ class Driver:
 
     def rest(self) -> None:
         """Waits until the picture is the final one."""
-        self.until(lambda: not self.session.refining, 60.0)
+        self.until(lambda: not self.session.screen.refining, 60.0)
 
     def resize(self, *size: int) -> None:
         self.glfw.set_window_size(self.app.window, *size)
-        self.until(lambda: self.session.window_size == size)
+        self.until(lambda: self.session.area.window_size == size)
 
     def click(self, x: float, y: float) -> None:
         self.point(x, y)
@@ -118,7 +118,7 @@ class Driver:
 
         """What ``render`` makes of the present view, at the size of the window."""
         session = self.session
-        camera = session.camera.resized(*session.window_size)
+        camera = session.camera.resized(*session.area.window_size)
         frame = self.app.viewport.renderer.render(camera, session.view_settings.settings)
         image = composite(frame.image(session.view_settings.settings.view))
         session.picture.dirty = True

@@ -7,7 +7,6 @@ framebuffer.
 """
 
 import ctypes
-import os
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,12 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.interrupts import finish_before_interrupt
-from viewer.errors import DeviceError
 from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.clipboard import SystemClipboard
+from viewer.window.glfw_window import make_window
 from viewer.window.input import Input
 from viewer.window.interaction.table import toolbox
 from viewer.window.interaction.tool import ToolContext
+from viewer.window.interface import draw_interface
 from viewer.window.loading import Loaded, open_scene, preview_scene
 from viewer.window.open_dialog import OpenDialog
 from viewer.window.recent import RecentScan, remember
@@ -42,8 +42,6 @@ _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hov
 _NAP = 0.5  # seconds of sleep at most while idle
 _BREATH = 0.06  # seconds between interface frames while only the interface changes: a progress bar, a tooltip's delay
 _LONG = 50.0  # milliseconds per picture above which the interface is laid out twice: its next frame is far off
-_CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
-"""A tool's cursor -> imgui's name.  imgui has no crosshair: the overlay draws it."""
 _WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record"}
 """Actions that work, or say why they do not, on the start page."""
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
@@ -69,7 +67,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
             app.step()
             if neural_later and app.session.picture.made is not None:
                 neural_later = False
-                if app.session.drawn == ("filled",):  # else another view was chosen meanwhile
+                if app.session.screen.drawn == ("filled",):  # else another view was chosen meanwhile
                     app.act("view_neural")
     finally:
         app.close()
@@ -90,7 +88,7 @@ class App:
 
         self.glfw, self.imgui = glfw, imgui
         self._scale = scale
-        self.window = _make_window(glfw, size)
+        self.window = make_window(glfw, size)
         self.address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
         try:
             self._start_graphics()
@@ -104,7 +102,7 @@ class App:
             preview_scene=partial(preview_scene, match=match, columns=columns),
         )  # fmt: skip
         self._dialog = OpenDialog()
-        self._start_page = StartPage(self.context)
+        self.start_page = StartPage(self.context)
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
         self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
@@ -195,18 +193,19 @@ class App:
         self._remember_scan()
         self.session.close_scene()
         self.viewport.clear()
-        self._start_page.renew()
+        self.start_page.renew()
         self.glfw.set_window_title(self.window, "pointglass")
 
     def _remember_scan(self) -> None:
         """Puts the scan that is being left among the recent ones, with the picture on the screen."""
         session = self.session
-        if session.scene is not None and session.paths and not session.preview:
-            remember(list(session.paths), session.title, session.scene.count, self.viewport.shown_picture())
+        if session.scene is not None and session.visit.paths and not session.visit.preview:
+            remember(list(session.visit.paths), session.visit.title, session.scene.count, self.viewport.shown_picture())
 
     def _measure_density(self) -> None:
         width = self.glfw.get_window_size(self.window)[0]
-        self.session.density = self.session.window_size[0] / width if width and self.session.window_size[0] else 1.0
+        area = self.session.area
+        area.density = area.window_size[0] / width if width and area.window_size[0] else 1.0
 
     def escape(self) -> None:
         """Lets go of the pointer, or closes one thing."""
@@ -235,9 +234,9 @@ class App:
         change = session.next_change()
         loading = session.loads.current is not None or session.view_settings.network_load is not None
         stirring = loading or self._dialog.shown or perf_counter() < self._awake_until
-        busy = arriving or session.needs_picture or self._settle > 0 or change == 0.0
+        busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
-            if wait and (not busy or min(session.window_size) == 0):
+            if wait and (not busy or min(session.area.window_size) == 0):
                 glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
             else:
                 glfw.poll_events()
@@ -253,18 +252,18 @@ class App:
             self.wake()
         if stirring:
             self._settle = max(self._settle, 1)
-        if min(session.window_size) == 0:
+        if min(session.area.window_size) == 0:
             return
         self._measure_density()
         session.arrange(self.theme.scale)
         painted: float | None = None
-        if session.needs_picture:
+        if session.screen.needs_picture:
             self.viewport.paint()
             painted = perf_counter()
             self._settle = max(self._settle, 1)
             stats = session.picture.stats
             if stats is not None and stats["total_ms"] > _LONG:
-                self._interface(shown=False)
+                draw_interface(self, shown=False)
         elif not session.flight.moving:
             self.viewport.settle()
         if self._settle > 0 or not wait:
@@ -276,69 +275,16 @@ class App:
 
     def _upload(self, loaded: Loaded) -> None:
         self.wake()
-        if loaded.paths != self.session.paths:
+        if loaded.paths != self.session.visit.paths:
             self._remember_scan()
         if self.viewport.upload(loaded):
-            self.glfw.set_window_title(self.window, f"{self.session.title} · pointglass")
+            self.glfw.set_window_title(self.window, f"{self.session.visit.title} · pointglass")
 
     def _draw(self) -> None:
         """Draws the picture and the interface on the canvas, and copies that to the screen."""
         canvas = self.viewport.show()
-        self._interface()
+        draw_interface(self)
         canvas.to_screen()
-
-    def _interface(self, *, shown: bool = True) -> None:
-        """shown: draw it, too, and not only lay it out: imgui sizes a window by its text in the frame before."""
-        from viewer.window import dialogs, hud
-        from viewer.window.look_panel import draw_look_panel
-        from viewer.window.scenes_panel import draw_scenes_panel
-        from viewer.window.status_bar import draw_status_bar
-        from viewer.window.view_switch import draw_view_switch
-
-        imgui, session, look = self.imgui, self.session, self.theme
-        imgui.backends.opengl3_new_frame()
-        imgui.backends.glfw_new_frame()
-        imgui.new_frame()
-        over = self.input.over_handle and not imgui.get_io().want_capture_mouse
-        if over or session.dragging_handle:
-            imgui.set_mouse_cursor(imgui.MouseCursor_.resize_ew)
-        elif session.pointer is not None and not imgui.get_io().want_capture_mouse:
-            imgui.set_mouse_cursor(getattr(imgui.MouseCursor_, _CURSORS[self.toolbox.active.cursor]))
-        if session.scene is None and session.loads.current is None and not session.help:
-            self._start_page.draw(self, look)
-        if session.interface and session.scene is not None:
-            self._overlays()
-            picked = session.work.under_pointer
-            session.point = None if picked is None else np.array(picked.position)
-            hud.draw_handle(session, look, hovered=over)
-            draw_scenes_panel(self, look)
-            draw_look_panel(session, look)
-            draw_status_bar(session, look, fps=self.viewport.frame_rate)
-            if not session.help:  # which covers the middle of the picture
-                draw_view_switch(session, look)
-                hud.draw_profiler(session, look, fps=self.viewport.frame_rate)
-                hud.draw_recording(session, look)
-                hud.draw_lost(session, look)
-        hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
-        dialogs.draw_help(session, look, self.input.key_name)
-        dialogs.draw_load(session, look)
-        dialogs.draw_message(session, look)
-        imgui.render()
-        if shown:
-            imgui.backends.opengl3_render_draw_data(imgui.get_draw_data())
-
-    def _overlays(self) -> None:
-        """Draws the overlays and the selected tool's marks over the picture."""
-        from viewer.window.overlay import OverlayCanvas
-
-        session = self.session
-        left, top, width, height = (length / session.density for length in (*session.origin, *session.size))
-        area = (left, top, width, height)
-        overlay = OverlayCanvas(self.imgui.get_background_draw_list(), session.camera, self.theme, area)
-        try:
-            self.toolbox.draw(overlay, self.tools)
-        finally:
-            overlay.end()
 
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""
@@ -347,7 +293,7 @@ class App:
         self._remember_scan()
         self.toolbox.close()
         self.session.close()
-        self._start_page.release()
+        self.start_page.release()
         self.viewport.release()
         imgui = self.imgui
         imgui.backends.opengl3_shutdown()
@@ -355,34 +301,3 @@ class App:
         imgui.destroy_context()
         self.glfw.destroy_window(self.window)
         self.glfw.terminate()
-
-
-def _make_window(glfw, size: tuple[int, int]):
-    """A window with an OpenGL 4.3 core context.  Raises DeviceError with the cause."""
-    problems: list[str] = []
-    glfw.set_error_callback(lambda code, text: problems.append(os.fsdecode(text)))
-
-    def cause() -> str:
-        return problems[-1] if problems else "no reason given"
-
-    if not glfw.init():
-        raise DeviceError(
-            f"no window can be opened ({cause()}); set DISPLAY, or use `pointglass render` which needs no window"
-        )
-    glfw.window_hint(glfw.CONTEXT_VERSION_MAJOR, 4)
-    glfw.window_hint(glfw.CONTEXT_VERSION_MINOR, 3)
-    glfw.window_hint(glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE)
-    glfw.window_hint(glfw.CONTEXT_ROBUSTNESS, glfw.LOSE_CONTEXT_ON_RESET)  # a driver that was reset says so; others ignore it
-    glfw.window_hint(glfw.SAMPLES, 0)
-    glfw.window_hint(glfw.DEPTH_BITS, 0)
-    glfw.window_hint(glfw.STENCIL_BITS, 0)
-    glfw.window_hint(glfw.SCALE_TO_MONITOR, True)
-    window = glfw.create_window(*size, "pointglass", None, None)
-    if window:
-        glfw.set_window_size_limits(window, 320, 200, glfw.DONT_CARE, glfw.DONT_CARE)
-    else:
-        reason = cause()
-        glfw.terminate()
-        raise DeviceError(f"OpenGL 4.3 is needed and the window could not have it ({reason}); see `pointglass doctor`")
-    return window
-

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from viewer.camera import Camera
 from viewer.tools.up_axis import turned, upright_axes
 from viewer.window.framing import overview
 from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
@@ -102,6 +103,17 @@ class Flight:
         """The wheel turned: faster or slower, within what the scene's size makes sensible."""
         if self._seen is not None:
             self.state = changed_speed(self.state, notches, self._seen.limits)
+
+    def speed_text(self, metres_per_unit: float | None) -> str:
+        """The flying speed in metres a second where the length of a unit is known, else in file units."""
+        unit = "m/s" if metres_per_unit else "units/s"
+        return f"{self.state.speed * (metres_per_unit or 1.0):.3g} {unit}"
+
+    def direction_to_middle(self, camera: Camera) -> np.ndarray:
+        """(2,) unit vector, right and down in the camera's picture, in which the middle of the scene lies."""
+        x, y, z = camera.view_rotation @ (self.middle - camera.position)
+        length = float(np.hypot(x, y))
+        return np.array([x, y]) / length if length > 1e-9 * abs(z) + 1e-300 else np.array([0.0, -1.0])
 
     def go(self, state: FlyState) -> None:
         """Puts the camera somewhere else at once, keeping the flying speed."""

@@ -16,13 +16,13 @@ _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
 
 def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
     """Top left of the picture (F3).  fps: frames per second while something moves, None at rest."""
-    stats, px, area = session.picture.stats, look.px, session.layout.picture
+    stats, px, area = session.picture.stats, look.px, session.area.layout.picture
     if session.scene is None or stats is None or not session.profiler:
         return
     imgui.set_next_window_pos(ImVec2(area.left + px(MARGIN), area.top + px(52)))
     imgui.begin("profiler", None, PASSIVE)
     imgui.push_font(look.bold, theme.FONT_SIZE)
-    imgui.text_unformatted(fitted(session.title, px(_TITLE_WIDTH)))
+    imgui.text_unformatted(fitted(session.visit.title, px(_TITLE_WIDTH)))
     imgui.pop_font()
     total = sum(stats["stages"].values()) if stats["stages"] else stats["total_ms"]
     rate = "at rest" if fps is None else f"{fps:.1f} fps" if fps < 10 else f"{fps:.0f} fps"
@@ -58,7 +58,7 @@ def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
     rows = [
         ("points", f"{count_text(stats['points_drawn'])} of {count_text(stats['points_total'])}"),
         ("raster", f"{stats['raster']} on {_short(stats['opengl'])}"),
-        ("size", f"{session.size[0]} × {session.size[1]}"),
+        ("size", f"{session.area.size[0]} × {session.area.size[1]}"),
         ("speed", session.speed_text),
     ]
     if stats["network"]:
@@ -72,7 +72,7 @@ def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
             text_in(theme.DIM, name)
             imgui.table_next_column()
             imgui.text_unformatted(value)
-        for number, text in enumerate(session.approximations or ["none"]):
+        for number, text in enumerate(session.screen.approximations or ["none"]):
             imgui.table_next_row()
             imgui.table_next_column()
             text_in(theme.DIM, "approximate" if number == 0 else "")
@@ -99,7 +99,7 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
     """The line between two views, its grip, and the names of the two."""
     if not session.view_settings.split or session.scene is None:
         return
-    px, draw, area = look.px, imgui.get_background_draw_list(), session.layout.picture
+    px, draw, area = look.px, imgui.get_background_draw_list(), session.area.layout.picture
     top, bottom = area.top, area.top + area.height
     x, middle = area.left + round(session.view_settings.split_at * area.width), (top + bottom) / 2
     active = hovered or session.dragging_handle
@@ -113,7 +113,7 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
         draw.add_triangle_filled(
             ImVec2(tip, middle), ImVec2(wing, middle - side * px(5)), ImVec2(wing, middle + side * px(5)), packed(line)
         )
-    for view, side in zip(session.drawn, (-1, 1)):
+    for view, side in zip(session.screen.drawn, (-1, 1)):
         title = TITLES[view]
         text = imgui.calc_text_size(title)
         pad, gap = ImVec2(px(10), px(5)), px(14)
@@ -126,7 +126,7 @@ def draw_handle(session: Session, look: Theme, *, hovered: bool) -> None:
 
 def draw_toasts(session: Session, look: Theme) -> None:
     """Bottom centre of the picture, the latest lowest; above the labels of a comparison."""
-    area, px = session.layout.picture, look.px
+    area, px = session.area.layout.picture, look.px
     bottom = area.top + area.height - px(MARGIN + 46)
     lines = [toast.text for toast in session.notices.toasts]
     if session.view_settings.network_load is not None:
@@ -145,7 +145,7 @@ def draw_recording(session: Session, look: Theme) -> None:
     """A red dot and the number of frames, below the view switch, while frame times are recorded."""
     if session.recording is None:
         return
-    area, px = session.layout.picture, look.px
+    area, px = session.area.layout.picture, look.px
     imgui.set_next_window_pos(ImVec2(area.left + area.width / 2, area.top + px(56)), 0, ImVec2(0.5, 0.0))
     imgui.begin("recording", None, PASSIVE)
     at, line = imgui.get_cursor_screen_pos(), imgui.get_text_line_height()
@@ -160,9 +160,9 @@ def draw_lost(session: Session, look: Theme) -> None:
     """Where the picture shows nothing: how to get back, and an arrow to the scene."""
     if not session.lost or session.scene is None:
         return
-    px, area, draw = look.px, session.layout.picture, imgui.get_background_draw_list()
+    px, area, draw = look.px, session.area.layout.picture, imgui.get_background_draw_list()
     middle = np.array([area.left + area.width / 2, area.top + area.height / 2])
-    along = session.direction_to_scene
+    along = session.flight.direction_to_middle(session.camera)
     start, tip = middle + along * px(70), middle + along * px(110)
     side = np.array([-along[1], along[0]]) * px(9)
     base = tip - along * px(16)

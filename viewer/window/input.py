@@ -138,8 +138,8 @@ class Input:
     def position(self) -> tuple[float, float]:
         """The pointer in pixels of the picture."""
         session = self._host.session
-        left, top = session.origin
-        return self.pointer[0] * session.density - left, self.pointer[1] * session.density - top
+        left, top = session.area.origin
+        return self.pointer[0] * session.area.density - left, self.pointer[1] * session.area.density - top
 
     def _tool(self, kind: Literal["press", "release", "move", "wheel", "leave"], *, delta: tuple[float, float] = (0.0, 0.0),
               clicks: int = 0, notches: float = 0.0) -> None:
@@ -191,10 +191,10 @@ class Input:
     def over_handle(self) -> bool:
         """Whether the pointer is on the line of a comparison."""
         session = self._host.session
-        at = session.view_settings.split_at * session.size[0]
-        grip = _GRIP * self._host.theme.scale * session.density
+        at = session.view_settings.split_at * session.area.size[0]
+        grip = _GRIP * self._host.theme.scale * session.area.density
         x, y = self.position
-        return session.view_settings.split and abs(x - at) <= grip and 0 <= y < session.size[1]
+        return session.view_settings.split and abs(x - at) <= grip and 0 <= y < session.area.size[1]
 
     def on_scroll(self, _window, dx: float, dy: float) -> None:
         host = self._host

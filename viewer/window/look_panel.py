@@ -36,14 +36,14 @@ _NO_NETWORK = "Only the neural view uses the network."
 
 def draw_look_panel(session: Session, look: Theme) -> None:
     """At the right, open or folded to its icons.  Every change is a new Settings record, requested of the session."""
-    place = session.layout.look
+    place = session.area.layout.look
     if place is None:
         return
-    if not session.panels.look:
+    if not session.area.panels.look:
         begin_docked("look folded", place, look, padding=(5, 6), scroll=False)
         imgui.push_font(look.bold, theme.FONT_SIZE)
         if rail_button("<<##look", "Show how the picture is made", look):
-            session.panels.look = True
+            session.area.panels.look = True
         if rail_button("?##help", "Controls (F1)", look):
             session.help = not session.help
         if rail_button("ms##profiler", "Where the time of a frame goes (F3)", look, lit=session.profiler):
@@ -57,7 +57,7 @@ def draw_look_panel(session: Session, look: Theme) -> None:
     heading("Look", look)
     imgui.same_line(place.width - look.px(14) - imgui.calc_text_size(">>").x - look.px(14))
     if imgui.small_button(">>##fold look"):
-        session.panels.look = False
+        session.area.panels.look = False
     hint("Fold this panel", look)
     new = _look(session, old, look)
     imgui.dummy(ImVec2(0, look.px(4)))

@@ -21,7 +21,7 @@ def shot_of(session: "Session", name: str) -> Shot | None:
     """The description of what is shown, at the size that is saved; None without a scene, or where the picture shows what no
     description holds: a photograph, or the tint of provenance."""
     scene, work = session.scene, session.work
-    if scene is None or min(session.size) == 0 or work.tint or work.photo is not None:
+    if scene is None or min(session.area.size) == 0 or work.tint or work.photo is not None:
         return None
     chosen, sides = session.view_settings, session.view_settings.sides
     camera = replace(scaled(session.camera, work.shot_scale), name=name)

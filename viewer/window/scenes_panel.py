@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
 def draw_scenes_panel(app: "App", look: Theme) -> None:
     """At the left, open or folded to its icons."""
-    session, place = app.session, app.session.layout.scenes
+    session, place = app.session, app.session.area.layout.scenes
     if place is None:
         return
-    if not session.panels.scenes:
+    if not session.area.panels.scenes:
         _folded(app, look)
         return
     begin_docked("scenes", place, look)
@@ -28,7 +28,7 @@ def draw_scenes_panel(app: "App", look: Theme) -> None:
     heading("Scans", look)
     imgui.same_line(place.width - look.px(14) - imgui.calc_text_size("<<").x - look.px(14))
     if imgui.small_button("<<##fold scenes"):
-        session.panels.scenes = False
+        session.area.panels.scenes = False
     hint("Fold the scene list", look)
     _scans(session, look)
     _open_buttons(app, look)
@@ -41,12 +41,12 @@ def draw_scenes_panel(app: "App", look: Theme) -> None:
 
 
 def _folded(app: "App", look: Theme) -> None:
-    session, place = app.session, app.session.layout.scenes
+    session, place = app.session, app.session.area.layout.scenes
     assert place is not None
     begin_docked("scenes folded", place, look, padding=(5, 6), scroll=False)
     imgui.push_font(look.bold, theme.FONT_SIZE)
     if rail_button(">>##scenes", "Show the scene list", look):
-        session.panels.scenes = True
+        session.area.panels.scenes = True
     if rail_button("O", "Open scans", look):
         app.act("open")
     for tool in app.toolbox.tools:
@@ -57,7 +57,7 @@ def _folded(app: "App", look: Theme) -> None:
     if session.notices.of_scan:
         at = imgui.get_cursor_screen_pos()
         if rail_button(f"{len(session.notices.of_scan)}##notices", "Notices about this scan", look):
-            session.panels.scenes = True
+            session.area.panels.scenes = True
         side = place.width - look.px(10)
         dot = ImVec2(at.x + side - look.px(5), at.y + look.px(5))
         imgui.get_window_draw_list().add_circle_filled(dot, look.px(4), packed(theme.WARN), 16)
@@ -88,7 +88,7 @@ def _scans(session: Session, look: Theme) -> None:
     rows.append(("spacing", f"{scene.spacing:.3g}"))
     facts(rows, look, "scan facts")
     imgui.pop_font()
-    if session.preview and session.loads.current is not None:
+    if session.visit.preview and session.loads.current is not None:
         small("Preview; all points follow.", look, theme.WARN)
 
 

@@ -51,13 +51,13 @@ class _Column:
 def _columns(session: Session, fps: float | None) -> list[_Column]:
     meta = session.scene.meta if session.scene is not None else {}
     stats = session.picture.stats or {}
-    approximations = session.approximations
-    if session.picture.pending is not None or (session.refining and not session.flight.moving):
+    approximations = session.screen.approximations
+    if session.picture.pending is not None or (session.screen.refining and not session.flight.moving):
         state = "refining…"
     elif session.flight.moving:
         state = "moving"
     else:
-        state = "exact" if session.exact and not approximations else "at rest"
+        state = "exact" if session.screen.exact and not approximations else "at rest"
     rough = ", approximate" if approximations and state != "refining…" else ""
     drawn, total = stats.get("points_drawn", 0), stats.get("points_total", 0)
     rate = f"{fps:.0f} frames/s" if fps else "-"
@@ -78,7 +78,7 @@ _ORDER = (0, 3, 5, 2, 4, 1)  # what is kept first where the window is narrow
 
 def draw_status_bar(session: Session, look: Theme, *, fps: float | None) -> None:
     """At the bottom of the window.  fps: frames per second while something moves, None at rest."""
-    bar = session.layout.status
+    bar = session.area.layout.status
     if bar is None:
         return
     px = look.px

@@ -17,7 +17,7 @@ def draw_view_switch(session: Session, look: Theme) -> None:
     """Top centre of the picture."""
     if session.scene is None:
         return
-    px, area, chosen = look.px, session.layout.picture, session.view_settings
+    px, area, chosen = look.px, session.area.layout.picture, session.view_settings
     short = area.width < px(4 * _WIDTH + 60 + 2 * MARGIN)
     width, height = px(_SHORT_WIDTH if short else _WIDTH), px(_HEIGHT)
     whole = 4 * width + px(8) + px(40)
@@ -31,7 +31,7 @@ def draw_view_switch(session: Session, look: Theme) -> None:
     for number, (view, explained) in enumerate(VIEWS.items()):
         if number:
             imgui.same_line(0, 0)
-        lit, asked = view in session.drawn, view == wanted
+        lit, asked = view in session.screen.drawn, view == wanted
         if _segment(_SHORT[view] if short else TITLES[view], width, height, look, lit=lit, asked=asked and not lit):
             chosen.show(view)
         state = ""

@@ -150,7 +150,7 @@ class Viewport:
         if renderer is None:
             return
         session.picture.contended = self.shares_processors and renderer.network_busy
-        plan = session.plan
+        plan = session.screen.plan
         views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
         try:
             self.frame = renderer.render(
@@ -194,11 +194,11 @@ class Viewport:
     def measured_point(self, position: tuple[float, float] | None) -> np.ndarray | None:
         """(3,) file coordinates: the nearest measured surface at a position in pixels of the picture, at rest; else None."""
         frame, session = self.frame, self._session
-        if position is None or frame is None or session.flight.moving or session.needs_picture:
+        if position is None or frame is None or session.flight.moving or session.screen.needs_picture:
             return None
         column, row = int(np.floor(position[0])), int(np.floor(position[1]))
         texture = frame.depth_texture
-        if texture.size != session.size or not (0 <= column < texture.width and 0 <= row < texture.height):
+        if texture.size != session.area.size or not (0 <= column < texture.width and 0 <= row < texture.height):
             return None
         if self._points_read is None:
             self._points_read = frame.depth()
@@ -208,7 +208,7 @@ class Viewport:
     def finish_network(self) -> bool:
         """Shows the neural view of the last picture if its network has ended since.  Returns whether it did."""
         plan, frame, renderer = self._session.picture.pending, self.frame, self.renderer
-        if plan is None or frame is None or renderer is None or self._session.needs_picture:
+        if plan is None or frame is None or renderer is None or self._session.screen.needs_picture:
             return False
         try:
             if not renderer.finish_network(frame):
@@ -257,13 +257,13 @@ class Viewport:
     def show(self) -> Canvas:
         """The last picture in its place, or the background where there is none, on a canvas of the window's size."""
         session, chosen = self._session, self._session.view_settings
-        if self.canvas is None or self.canvas.size != session.window_size:
+        if self.canvas is None or self.canvas.size != session.area.window_size:
             if self.canvas is not None:
                 self.canvas.release()
-            self.canvas = Canvas(self._context, self._programs, session.window_size)
-        area = (*session.origin, *session.size)
+            self.canvas = Canvas(self._context, self._programs, session.area.window_size)
+        area = (*session.area.origin, *session.area.size)
         sides = [self._developed(view) for view in self._shown] if self.frame is not None else []
-        column = split_column(chosen.split_at, session.size[0])
+        column = split_column(chosen.split_at, session.area.size[0])
         self.canvas.show(*(sides or [None]), column=column, background=chosen.background, area=area)
         return self.canvas
 
@@ -291,10 +291,10 @@ class Viewport:
         Raises PointglassError where it cannot be made.
         """
         session = self._session
-        if self.renderer is None or min(session.size) == 0:
+        if self.renderer is None or min(session.area.size) == 0:
             return None
-        plan, sides, background = session.full_plan, session.view_settings.sides, session.view_settings.background
-        if self.frame is not None and session.exact:
+        plan, sides, background = session.screen.full_plan, session.view_settings.sides, session.view_settings.background
+        if self.frame is not None and session.screen.exact:
             frame = self.frame
         else:
             frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides),
@@ -304,7 +304,7 @@ class Viewport:
         images = [read_picture(self._developed(view)) for view in sides]
         image = composite(images[0], background)
         if len(sides) == 2:
-            column = split_column(session.view_settings.split_at, session.size[0])
+            column = split_column(session.view_settings.split_at, session.area.size[0])
             image[:, column:] = composite(images[1], background)[:, column:]
         return image
 

@@ -47,7 +47,7 @@ class AttributeLegend(Overlay):
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         look, scene = context.document.look, context.scene
-        if scene is None or look.colour_by == "rgb" or not set(context.session.drawn) <= set(POINT_VIEWS):
+        if scene is None or look.colour_by == "rgb" or not set(context.session.screen.drawn) <= set(POINT_VIEWS):
             return
         if context.session.work.tint:
             return

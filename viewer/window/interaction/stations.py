@@ -55,8 +55,8 @@ class Stations(Tool):
         if context.scene is not self._scene:
             self._scene, self.photos, self.warnings, self._read = context.scene, [], [], None
             context.session.work.photo = None
-            files = [Path(path) for path in context.session.paths if Path(path).suffix.lower() == ".e57"]
-            if files and not context.session.preview:
+            files = [Path(path) for path in context.session.visit.paths if Path(path).suffix.lower() == ".e57"]
+            if files and not context.session.visit.preview:
                 self._read = Worker(lambda: [read_station_photos(file) for file in files], "Reading photographs",
                                     context.session.loads.wake)  # fmt: skip
         if self._read is not None and self._read.finished:

@@ -111,7 +111,7 @@ class ToolContext:
 
     def pixels(self, length: float) -> float:
         """Pixels of the picture that ``length`` logical pixels make; for a picking radius."""
-        return length * self.session.density * self.theme.scale
+        return length * self.session.area.density * self.theme.scale
 
     def toast(self, text: str) -> None:
         """Shows a line for a few seconds."""

@@ -33,7 +33,7 @@ class WhatIsReal(Tool):
 
     def _count(self, context: ToolContext) -> None:
         """Counts the pixels of the picture at rest, once per picture; while something moves the last numbers stay."""
-        frame, view = context.viewport.frame, context.session.drawn[-1]
+        frame, view = context.viewport.frame, context.session.screen.drawn[-1]
         if frame is None or context.session.flight.moving or view not in frame.textures:
             return
         pending = bool(frame.facts.get("network_pending"))

@@ -1,0 +1,66 @@
+"""What is on the screen against what was asked for: the picture to make next, whether more follows, and what is not exact."""
+
+from viewer.window.flight import Flight
+from viewer.window.picture_plan import Picture, Plan
+from viewer.window.view_settings import ViewSettings
+from viewer.window.visit import Visit
+from viewer.window.window_area import WindowArea
+
+
+class ScreenState:
+    """Answers from the parts of a session; it has no state of its own."""
+
+    def __init__(self, picture: Picture, view_settings: ViewSettings, flight: Flight, visit: Visit, area: WindowArea):
+        self._picture, self._view_settings, self._flight, self._visit, self._area = picture, view_settings, flight, visit, area
+
+    @property
+    def plan(self) -> Plan:
+        """The picture to make now."""
+        return self._picture.plan(self._view_settings.sides, self._view_settings.settings.lod, moving=self._flight.moving,
+                                 resizing=self._area.settles_in > 0)
+
+    @property
+    def full_plan(self) -> Plan:
+        """The picture as the settings have it, however long it takes."""
+        return Plan(self._view_settings.sides, self._view_settings.settings.lod)
+
+    @property
+    def needs_picture(self) -> bool:
+        """Whether the picture on the screen is not the one to be shown."""
+        return self._visit.scene is not None and self._area.visible and (self._picture.dirty or self._picture.lacks(self.plan))
+
+    @property
+    def exact(self) -> bool:
+        """Whether the picture on the screen is what the settings ask for, with nothing left out."""
+        made, full = self._picture.made, self.full_plan
+        return (made is not None and not self.refining and not made.hides
+                and (made.views, made.level, made.scale) == (full.views, full.level, full.scale)
+                and not (self._picture.stats or {}).get("points_missing"))
+
+    @property
+    def refining(self) -> bool:
+        """Whether a better picture than that on the screen will follow by itself."""
+        if self._visit.scene is None or not self._area.visible:
+            return False
+        coming = self._picture.pending is not None or self.drawn != self._view_settings.sides
+        return coming or self._flight.moving or self.needs_picture
+
+    @property
+    def drawn(self) -> tuple[str, ...]:
+        """The views on the screen, left first; those to come where there is no picture yet."""
+        made, sides = self._picture.made, self._view_settings.sides
+        return made.views if made is not None and len(made.views) == len(sides) else sides
+
+    @property
+    def approximations(self) -> list[str]:
+        """Everything about the picture on the screen that is not exact, in words."""
+        made = list(self._picture.approximations)
+        picture = self._picture.made
+        if picture is not None and picture.scale < 1.0:
+            made.append(f"internal resolution {100 * picture.scale:.0f} %")
+        if self.drawn != self._view_settings.sides and "neural" in self._view_settings.sides:
+            resizing = "while resizing" if self._area.settles_in > 0 else "until the network has run"
+            made.append(f"filled {'while moving' if self._flight.moving else resizing}")
+        elif self._picture.pending is not None:
+            made.append("network running: this picture has the settings before")
+        return made

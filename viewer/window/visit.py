@@ -1,0 +1,96 @@
+"""The visit of a scan: where it begins, what its notices offer, and when the camera stays although the points change.
+
+Frame: file coordinates; up is the direction that the document calls up.
+"""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from viewer.camera import Camera
+from viewer.tools.document import Document
+from viewer.tools.standing_place import standing_view
+from viewer.window.flight import Flight
+from viewer.window.loading import Loaded, scan_notices
+from viewer.window.navigation import FlyState, looking
+from viewer.window.notices import ScanNotice
+from viewer.window.start_viewpoint import Survey, brightening, darkness, lying, start_state
+
+if TYPE_CHECKING:
+    from viewer.grid.scene import Scene
+
+
+class Visit:
+    """scene: the one shown, None at first.  paths: its files.  preview: whether it is coarse and the complete one follows.
+    start: the camera that the next visit begins with; None: one is chosen (viewer.window.start_viewpoint)."""
+
+    def __init__(self, flight: Flight, start: Camera | None = None):
+        self._flight = flight
+        self.start = start
+        self.scene: Scene | None = None
+        self.paths: tuple[Path, ...] = ()
+        self.preview = False
+        self._seen: Survey | None = None
+        self._inside = False  # whether it began standing in the scan
+
+    def continues_with(self, loaded: Loaded) -> bool:
+        """Whether the camera stays where it is when ``loaded`` is shown.
+
+        It does after a scan's preview, and with other colours; but a person who has not moved yet is let into a scan of
+        which the preview showed too little to stand in it.
+        """
+        stays = self.scene is not None and (loaded.follows_preview or (bool(loaded.paths) and loaded.paths == self.paths))
+        if stays and loaded.follows_preview and self._flight.at_home and not self._inside:
+            stays = standing_view(loaded.scene, loaded.seen) is None
+        return stays
+
+    def show(self, loaded: Loaded, *, stays: bool) -> None:
+        """``loaded`` is shown from now on.  stays: as :meth:`continues_with` had it."""
+        self._inside = stays and self._inside
+        self.scene, self.paths, self.preview, self._seen = loaded.scene, loaded.paths, loaded.preview, loaded.seen
+        if stays:
+            self._flight.continue_in(loaded.seen)
+
+    def begin(self, document: Document, aspect: float) -> None:
+        """Puts the camera where the visit of the scene begins.  aspect: width over height of the picture."""
+        assert self.scene is not None and self._seen is not None
+        state = start_state(self.scene, self._seen, aspect, document.up)
+        if self.start is not None:
+            state, self.start = _at(self.start, state), None
+        if document.view is not None:
+            state = _at(document.view.camera(16, 9), state)
+        self._inside = standing_view(self.scene, self._seen) is not None
+        self._flight.begin(state, self._seen)
+
+    def turn_up(self, up: tuple[float, float, float], aspect: float) -> None:
+        """Begins again with another direction that is up."""
+        if self.scene is not None and self._seen is not None:
+            self._flight.begin(start_state(self.scene, self._seen, aspect, up), self._seen)
+
+    def end(self) -> None:
+        """No scene is shown any more."""
+        self.scene, self.paths, self.preview = None, (), False
+        self._flight.let_go()
+
+    @property
+    def exposure(self) -> float | None:
+        """Exposure that a dark scan wants, stops; None before the first scan."""
+        return None if self._seen is None else brightening(self._seen)
+
+    def notices(self, document: Document) -> list[ScanNotice]:
+        """What there is to say about the scene, most important first."""
+        assert self.scene is not None and self._seen is not None
+        offers = darkness(self._seen), lying(self._seen, document.up)
+        return scan_notices(self.scene.meta) + [offer for offer in offers if offer is not None]
+
+    @property
+    def title(self) -> str:
+        """The scene in a few words."""
+        if self.scene is None:
+            return "pointglass"
+        sources = self.scene.meta.get("sources") or ["points in memory"]
+        return Path(sources[0]).name + (f" and {len(sources) - 1} more" if len(sources) > 1 else "")
+
+
+def _at(camera: Camera, state: FlyState) -> FlyState:
+    """Where ``camera`` is and looks, at the speed and with the up axis of ``state``."""
+    return looking(camera.position, camera.view_rotation[2], state.speed, state.upright)
