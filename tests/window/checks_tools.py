@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from driver import SIZE, Driver
+from driver import SIZE, Driver, middle
 
 ROOM = np.array([8.0, 6.0, 3.0])
 
@@ -12,12 +12,6 @@ ROOM = np.array([8.0, 6.0, 3.0])
 def shown(d: Driver) -> np.ndarray:
     """The picture alone: the middle of the canvas, where no panel lies, interface hidden."""
     return d.bare()
-
-
-def middle(d: Driver, right: float = 0.0, down: float = 0.0) -> tuple[float, float]:
-    """A position of the window: the middle of the picture, moved by shares of its size."""
-    (left, top), (width, height) = d.session.area.origin, d.session.area.size
-    return left + width * (0.5 + right), top + height * (0.5 + down)
 
 
 def chord(d: Driver, name: str, *, shift: bool = False) -> None:

@@ -23,6 +23,12 @@ def room(points: int = 50_000, seed: int = 5):
     return scene_from_arrays(xyz, rgb, meta={"metres_per_unit": 1.0, "sources": [f"room{seed}"]})
 
 
+def middle(d: "Driver", right: float = 0.0, down: float = 0.0) -> tuple[float, float]:
+    """A position of the window: the middle of the picture, moved by shares of its size."""
+    (left, top), (width, height) = d.session.area.origin, d.session.area.size
+    return left + width * (0.5 + right), top + height * (0.5 + down)
+
+
 class Driver:
     """An App, and events for it.  A picture "bare" is that of the whole window with the interface hidden."""
 
@@ -101,6 +107,13 @@ class Driver:
     def canvas(self) -> np.ndarray:
         self.settle()
         return self.app.viewport.canvas.read()
+
+    def picture(self, name: str, settle: int = 2) -> None:
+        """Leaves what the window shows as ``NAME.png``, to be looked at."""
+        from PIL import Image
+
+        self.settle(settle)
+        Image.fromarray(self.app.viewport.canvas.read()).save(self.folder / f"{name}.png")
 
     def bare(self) -> np.ndarray:
         """The picture alone, at rest: the interface hidden."""

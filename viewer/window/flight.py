@@ -1,16 +1,19 @@
-"""Where the camera is, and how held keys, the mouse and time move it.  The steps themselves are ``navigation``'s.
+"""Where the camera is, and how held keys, the mouse and time move it.  The steps themselves are in ``navigation``, ``orbit``
+and ``glide``.
 
 Frame: file coordinates; up is the direction that the document calls up.  Speeds are file units a second; the
 clock counts seconds.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from viewer.camera import Camera
 from viewer.tools.up_axis import turned, upright_axes
 from viewer.window.framing import overview
+from viewer.window.glide import Glide
 from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
 from viewer.window.start_viewpoint import Survey
 
@@ -34,12 +37,14 @@ class Flight:
         self.held: set[str] = set()
         self.looking = False
         self._look = [0.0, 0.0]
+        self._glide: tuple[float, Glide] | None = None  # since when
+        self._dragged = False  # since the last call of advance
         self._moved = clock()
         self._time: float | None = None
 
     def begin(self, state: FlyState, seen: Survey) -> None:
         """Visits another scene, from ``state`` on."""
-        self._seen, self.state, self.home = seen, state, state
+        self._seen, self.state, self.home, self._glide = seen, state, state, None
         self._moved = self._clock() - REST
 
     def continue_in(self, seen: Survey) -> None:
@@ -59,12 +64,12 @@ class Flight:
     @property
     def moving(self) -> bool:
         """Whether the camera moves now or did a moment ago."""
-        return self.state.moving or self._keys_move() or self._clock() - self._moved < REST
+        return self.under_way or self._clock() - self._moved < REST
 
     @property
     def under_way(self) -> bool:
         """Whether time alone, or a movement of the mouse not yet followed, changes the picture."""
-        return self._keys_move() or self.state.moving or any(self._look)
+        return self._keys_move() or self.state.moving or any(self._look) or self._dragged or self._glide is not None
 
     @property
     def rest_in(self) -> float:
@@ -80,7 +85,11 @@ class Flight:
         dt = 0.0 if self._time is None else min(now - self._time, _LONGEST_STEP)
         moves, before = self.under_way, self.state
         self._time = now if moves else None
-        if moves and self._seen is not None:
+        if self._keys_move() or any(self._look):
+            self._glide = None
+        if self._glide is not None:
+            self._follow_glide(now)
+        elif moves and self._seen is not None:
             held = self.held
             motion = Motion(
                 forward=("forward" in held) - ("back" in held), right=("right" in held) - ("left" in held),
@@ -89,10 +98,36 @@ class Flight:
             )  # fmt: skip
             self.state = step(before, motion, dt)
         self._look = [0.0, 0.0]
-        changed = _place(before) != _place(self.state)
+        changed, self._dragged = self._dragged or _place(before) != _place(self.state), False
         if changed:
             self._moved = now
         return changed
+
+    def _follow_glide(self, now: float) -> None:
+        """Moves the camera to where the flight under way has brought it by ``now``."""
+        assert self._glide is not None
+        since, glide = self._glide
+        self.state = replace(glide.at(now - since), speed=self.state.speed)
+        if now - since >= glide.seconds:
+            self._glide = None
+
+    def drag(self, state: FlyState) -> None:
+        """Puts the camera somewhere else as part of a movement: a drag or the wheel."""
+        self.state, self._dragged, self._glide, self._moved = state, True, None, self._clock()
+
+    def glide_to(self, state: FlyState) -> None:
+        """Begins a short flight to ``state``, which a key, a drag or another flight ends where it is by then."""
+        self.state = replace(self.state, velocity=np.zeros(3))
+        self._glide = self._clock(), Glide(self.state, state)
+
+    def stop_glide(self) -> None:
+        """Ends a short flight where it is."""
+        self._glide = None
+
+    @property
+    def gliding(self) -> bool:
+        """Whether a short flight is under way."""
+        return self._glide is not None
 
     def look(self, dx: float, dy: float) -> None:
         """The mouse moved by logical pixels while looking."""
@@ -117,14 +152,14 @@ class Flight:
 
     def go(self, state: FlyState) -> None:
         """Puts the camera somewhere else at once, keeping the flying speed."""
-        self.state = looking(state.position, state.forward, self.state.speed, self.state.upright)
+        self.state, self._glide = looking(state.position, state.forward, self.state.speed, self.state.upright), None
         self._moved = self._clock() - REST
 
     def set_up(self, up: Sequence[float]) -> bool:
         """Levels the camera to another direction that is up, (3,); it looks the same way.  Returns whether that is another."""
         if np.allclose(self.state.upright[:, 2], up):
             return False
-        self.state = looking(self.state.position, self.state.forward, self.state.speed, upright_axes(up))
+        self.state, self._glide = looking(self.state.position, self.state.forward, self.state.speed, upright_axes(up)), None
         self._moved = self._clock() - REST
         return True
 
@@ -144,7 +179,7 @@ class Flight:
     def let_go(self) -> None:
         """Forgets every key and button held."""
         self.held.clear()
-        self.looking = False
+        self.looking, self._glide = False, None
 
 
 def _place(state: FlyState) -> tuple:

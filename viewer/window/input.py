@@ -49,6 +49,10 @@ class Input:
         self._key_names = {
             value: name.removeprefix("KEY_") for name, value in vars(glfw).items() if name.startswith("KEY_")
         }  # fmt: skip
+        self._modifier_keys: dict[int, int] = {
+            getattr(glfw, f"KEY_{side}_{name}"): getattr(glfw, f"MOD_{name}")
+            for side in ("LEFT", "RIGHT") for name in ("SHIFT", "CONTROL", "ALT")
+        }  # fmt: skip
         self._buttons: dict[int, Literal["left", "right", "middle"]] = {
             glfw.MOUSE_BUTTON_LEFT: "left", glfw.MOUSE_BUTTON_RIGHT: "right", glfw.MOUSE_BUTTON_MIDDLE: "middle",
         }  # fmt: skip
@@ -78,7 +82,9 @@ class Input:
         host = self._host
         glfw, imgui = host.glfw, host.imgui
         host.wake()
-        self._note_modifiers(mods)
+        if action == glfw.PRESS:
+            host.session.flight.stop_glide()
+        self._note_modifiers(mods, key, action)
         imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
         typing = imgui.get_io().want_text_input
         control = self._by_key.get(key)
@@ -103,8 +109,11 @@ class Input:
     def on_char(self, _window, character: int) -> None:
         self._host.imgui.backends.glfw_char_callback(self._host.address, character)
 
-    def _note_modifiers(self, mods: int) -> None:
+    def _note_modifiers(self, mods: int, key: int | None = None, action: int = 0) -> None:
+        """mods: GLFW's.  key, action: the key whose event it is; X11 leaves a modifier out of the event of its own key."""
         glfw = self._host.glfw
+        own = self._modifier_keys.get(key, 0) if key is not None else 0
+        mods = mods & ~own if action == glfw.RELEASE else mods | own
         self._modifiers = Modifiers(bool(mods & glfw.MOD_SHIFT), bool(mods & glfw.MOD_CONTROL), bool(mods & glfw.MOD_ALT))
 
     # -- pointer -----------------------------------------------------------------------------------------------------
@@ -150,6 +159,8 @@ class Input:
         host = self._host
         glfw, session = host.glfw, host.session
         host.wake()
+        if action == glfw.PRESS:
+            session.flight.stop_glide()
         self._note_modifiers(mods)
         host.imgui.backends.glfw_mouse_button_callback(host.address, button, action, mods)
         if button not in self._buttons:

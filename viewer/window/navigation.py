@@ -16,7 +16,8 @@ FAST, SLOW = 4.0, 0.25
 WHEEL_STEP = 1.25
 LOOK = 0.0032
 """Radians a (logical) pixel of mouse movement."""
-_PITCH_LIMIT = np.radians(89.0)
+PITCH_LIMIT = np.radians(89.0)
+"""Steepest direction of view: short of straight up, where the horizon has no direction."""
 _AT_REST = 1e-3  # of the flying speed: below it, standing still
 
 
@@ -80,7 +81,7 @@ def looking(position, direction, speed: float, upright: np.ndarray | None = None
     """At rest at ``position`` (3,), looking along ``direction`` (3,), not zero; both in file coordinates."""
     upright = np.eye(3) if upright is None else upright
     x, y, z = upright.T @ (np.asarray(direction, np.float64) / np.linalg.norm(direction))
-    pitch = float(np.clip(np.arcsin(np.clip(z, -1.0, 1.0)), -_PITCH_LIMIT, _PITCH_LIMIT))
+    pitch = float(np.clip(np.arcsin(np.clip(z, -1.0, 1.0)), -PITCH_LIMIT, PITCH_LIMIT))
     return FlyState(np.array(position, np.float64), float(np.arctan2(y, x)), pitch, float(speed), upright=upright)
 
 
@@ -92,7 +93,7 @@ def step(state: FlyState, motion: Motion, dt: float) -> FlyState:
     """
     dx, dy = motion.look
     yaw = (state.yaw - LOOK * dx + np.pi) % (2 * np.pi) - np.pi if dx else state.yaw
-    pitch = float(np.clip(state.pitch - LOOK * dy, -_PITCH_LIMIT, _PITCH_LIMIT))
+    pitch = float(np.clip(state.pitch - LOOK * dy, -PITCH_LIMIT, PITCH_LIMIT))
     state = replace(state, yaw=float(yaw), pitch=pitch)
     wish = motion.forward * state.forward + motion.right * state.right + motion.up * state.upright[:, 2]
     length = np.linalg.norm(wish)

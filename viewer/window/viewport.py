@@ -46,7 +46,7 @@ def scaled(camera: "Camera", scale: float) -> "Camera":
 class Viewport:
     """Makes the pictures that a session plans, and reports how they were made and what they cost.
 
-    renderer: of the scene shown, None at first.  frame: the last picture, None where there is none.
+    renderer: of the scene shown, None at first.  frame: the last picture, None where there is none; frame_camera: its camera.
     canvas: what the window shows, None until something was shown.
     memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
     """
@@ -61,6 +61,7 @@ class Viewport:
         self.renderer: Renderer | None = None
         self.canvas: Canvas | None = None
         self.frame: Frame | None = None
+        self.frame_camera: Camera | None = None
         self._untold: tuple[Plan, Frame] | None = None  # a picture whose cost was not reported yet
         self._shown: tuple[str, ...] = ()
         self._seen = Occlusion()
@@ -152,9 +153,10 @@ class Viewport:
         session.picture.contended = self.shares_processors and renderer.network_busy
         plan = session.screen.plan
         views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
+        self.frame_camera = scaled(session.camera, plan.scale)
         try:
             self.frame = renderer.render(
-                scaled(session.camera, plan.scale), replace(session.view_settings.settings, lod=plan.level),
+                self.frame_camera, replace(session.view_settings.settings, lod=plan.level),
                 self._with_measured(views), self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
                 edits=session.work.edits,
             )  # fmt: skip
@@ -299,7 +301,7 @@ class Viewport:
         else:
             frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides),
                                          edits=session.work.edits)
-            self.frame, self._shown = frame, sides
+            self.frame, self.frame_camera, self._shown = frame, session.camera, sides
             self._tell(plan, frame)
         images = [read_picture(self._developed(view)) for view in sides]
         image = composite(images[0], background)

@@ -1,6 +1,15 @@
-"""Fly: drag to look around, wheel for the speed.  The held keys (W, A, S, D, E, Q) move the camera with every tool."""
+"""Fly: drag to look around, wheel for the speed.  The held keys (W, A, S, D, E, Q) move the camera with every tool.
 
+The gestures about a point (middle drag, Ctrl+wheel, double click) are in ``around_point``.
+"""
+
+from typing import TYPE_CHECKING
+
+from viewer.window.interaction.around_point import AroundPoint
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
+
+if TYPE_CHECKING:
+    from viewer.window.overlay import OverlayCanvas
 
 DRAG = 3.0
 """Logical pixels that the pointer moves before a press becomes a drag; a click must not turn the camera or hide the pointer."""
@@ -15,9 +24,11 @@ class Fly(Tool):
     def __init__(self) -> None:
         self._pressed = False
         self._dragged = (0.0, 0.0)
+        self.around_point = AroundPoint()
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         flight = context.session.flight
+        about_point = self.around_point.pointer(event, context)
         if event.kind == "press" and event.button in ("left", "right"):
             self._pressed, self._dragged = True, (0.0, 0.0)
             return True
@@ -30,10 +41,10 @@ class Fly(Tool):
                 flight.looking = False
                 context.capture_pointer(False)
             return True
-        if event.kind == "wheel":
+        if event.kind == "wheel" and not about_point:
             context.session.wheel(event.notches)
             return True
-        return False
+        return about_point
 
     def _look(self, delta: tuple[float, float], context: ToolContext) -> None:
         flight = context.session.flight
@@ -45,3 +56,6 @@ class Fly(Tool):
             flight.looking = True
             context.capture_pointer(True)
             flight.look(*self._dragged)
+
+    def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
+        self.around_point.draw(overlay, context)

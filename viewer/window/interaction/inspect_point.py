@@ -48,6 +48,7 @@ class InspectPoint(Tool):
     name, label, letter, key = "inspect", "Inspect", "I", "I"
     help = "click a point for its coordinates, scan, intensity, class and density"
     cursor = "crosshair"
+    takes_clicks = True
 
     def __init__(self) -> None:
         self._pointing = Pointing()

@@ -71,6 +71,7 @@ class Measure(Tool):
     name, label, letter, key = "measure", "Measure", "M", "T"
     help = "measure between points: distance, polyline, height, angle, area"
     cursor = "crosshair"
+    takes_clicks = True
 
     def __init__(self) -> None:
         self._pointing = Pointing()

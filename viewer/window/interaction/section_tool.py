@@ -37,6 +37,7 @@ class SectionTool(Tool):
     name, label, letter, key = "section", "Section", "N", "N"
     help = "plan, elevation or section to scale, as PDF or PNG"
     cursor = "crosshair"
+    takes_clicks = True
 
     def __init__(self) -> None:
         self._pointing = Pointing()

@@ -37,6 +37,7 @@ class Stations(Tool):
 
     name, label, letter, key = "stations", "Stations", "P", "P"
     help = "scanner positions: click one to stand there; photographs in place"
+    takes_clicks = True
 
     def __init__(self) -> None:
         self._scene: Scene | None = None

@@ -7,7 +7,7 @@ they may lie outside the picture while a button is held.  Distances dragged are 
 the same size on every screen.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -132,6 +132,7 @@ class Tool:
     name: identifier, unique, lower case.  label: on its button.  letter: one or two characters drawn on the button.
     help: one line, for the tooltip and the table of controls.  key: GLFW's name of the key that selects it, "" for none.
     cursor: ``arrow``, ``crosshair``, ``hand`` or ``resize``, while the pointer is over the picture.
+    takes_clicks: whether clicks on the picture mean something to it; a double click then does not fly to a point.
     """
 
     name = ""
@@ -140,6 +141,7 @@ class Tool:
     help = ""
     key = ""
     cursor: Literal["arrow", "crosshair", "hand", "resize"] = "arrow"
+    takes_clicks = False
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         """Handles an event.  Returns True where the tool used it; otherwise Fly receives it.
@@ -216,7 +218,8 @@ class Toolbox:
     def pointer(self, event: PointerEvent, context: ToolContext) -> None:
         """Gives an event to the tool that holds the pointer, else to the selected tool and then to Fly."""
         if self._holder is not None:
-            self._holder.pointer(event, context)
+            taken = self._holder is self.fly is not self.active and self.active.takes_clicks
+            self._holder.pointer(replace(event, clicks=0) if taken else event, context)
             if event.kind in ("release", "leave"):
                 if event.clicks and self._holder is not self.active:  # a press that Fly took turned out to be a click
                     self.active.pointer(event, context)
@@ -244,10 +247,11 @@ class Toolbox:
         return self._holder is not None
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        """Draws the overlays and what the selected tool draws."""
+        """Draws the overlays and what Fly and the selected tool draw."""
         for shown in self.overlays:
             if shown.visible:
                 shown.draw(overlay, context)
-        self.active.draw(overlay, context)
+        for tool in dict.fromkeys((self.active, self.fly)):
+            tool.draw(overlay, context)
         if self.active.cursor == "crosshair" and context.session.pointer is not None:
             overlay.crosshair(context.session.pointer)
