@@ -1,5 +1,7 @@
 """Checks of moving about a point of the scene with the mouse: orbit, pan, zoom, and the flight to a point."""
 
+import time
+
 import numpy as np
 from driver import Driver, middle
 
@@ -126,3 +128,33 @@ def check_a_double_click_flies_there_and_a_key_stops_it(d: Driver) -> None:
     assert not flight.gliding, "Inspect takes clicks"
     d.key("I")
     start(d)
+
+
+def check_walking_keeps_to_the_floor_and_stops_at_walls(d: Driver) -> None:
+    start(d)
+    flight = d.session.flight
+    speed = flight.state.speed
+    d.key("G")
+    d.until(lambda: flight.walker is not None, 30.0)
+    d.until(lambda: not flight.moving)
+    assert abs(flight.state.position[2] - 1.65) < 0.03 and flight.state.speed != speed
+    d.rest()
+    d.picture("walk")
+    d.key("LEFT_SHIFT", "down")
+    d.key("W", "down")
+    end = time.monotonic() + 2.5
+    d.until(lambda: time.monotonic() > end)
+    d.key("W", "up")
+    d.key("LEFT_SHIFT", "up")
+    d.until(lambda: not flight.moving)
+    d.picture("walked")
+    x, y, z = flight.state.position
+    assert 0.1 < x < 7.9 and 0.1 < y < 5.9 and abs(z - 1.65) < 0.05, "in the room"
+    d.key("G")
+    assert flight.walker is None and flight.state.speed == speed
+    d.key("G")
+    d.until(lambda: flight.walker is not None, 30.0)
+    d.key("HOME")
+    d.settle(2)
+    assert flight.walker is None and any(toast.text == "Flying" for toast in d.session.notices.toasts)
+    assert flight.state.speed == speed

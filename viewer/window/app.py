@@ -20,6 +20,7 @@ from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.clipboard import SystemClipboard
 from viewer.window.glfw_window import make_window
 from viewer.window.input import Input
+from viewer.window.interaction.fly import Fly
 from viewer.window.interaction.table import toolbox
 from viewer.window.interaction.tool import ToolContext
 from viewer.window.interface import draw_interface
@@ -113,6 +114,7 @@ class App:
         self._actions = {
             "home": self.session.go_home,
             "frame": self.session.frame_scene,
+            "walk": self._walk,
             "view_raw": lambda: self.session.view_settings.show("raw"),
             "view_filtered": lambda: self.session.view_settings.show("filtered"),
             "view_filled": lambda: self.session.view_settings.show("filled"),
@@ -134,6 +136,11 @@ class App:
                 self._actions[f"tool_{tool.name}"] = partial(self.toolbox.select, tool.name, self.tools)
         self.input = Input(self)
         self._measure_density()
+
+    def _walk(self) -> None:
+        fly = self.toolbox.fly
+        assert isinstance(fly, Fly)
+        fly.walk_mode.toggle(self.tools)
 
     def _set_captured(self, captured: bool) -> None:
         self.input.set_captured(captured)

@@ -16,6 +16,7 @@ from viewer.window.framing import overview
 from viewer.window.glide import Glide
 from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
 from viewer.window.start_viewpoint import Survey
+from viewer.window.walking import Walker
 
 REST = 0.25
 """Seconds without a change of camera that count as rest."""
@@ -27,7 +28,8 @@ class Flight:
     """One camera through one scene after another; before the first there is nowhere to fly.
 
     state: position, direction, speed.  home: where the visit began.  held: actions of the keys held down.
-    looking: whether the mouse turns the camera.
+    looking: whether the mouse turns the camera.  walker: the person who walks on the floor, None while flying.
+    floor_lost: whether a walk ended because there was no floor any more.
     """
 
     def __init__(self, clock: Callable[[], float]):
@@ -35,7 +37,8 @@ class Flight:
         self._seen: Survey | None = None
         self.state = self.home = FlyState(np.zeros(3))
         self.held: set[str] = set()
-        self.looking = False
+        self.looking = self.floor_lost = False
+        self.walker: Walker | None = None
         self._look = [0.0, 0.0]
         self._glide: tuple[float, Glide] | None = None  # since when
         self._dragged = False  # since the last call of advance
@@ -44,7 +47,8 @@ class Flight:
 
     def begin(self, state: FlyState, seen: Survey) -> None:
         """Visits another scene, from ``state`` on."""
-        self._seen, self.state, self.home, self._glide = seen, state, state, None
+        self._seen, self.state, self.home = seen, state, state
+        self._glide = self.walker = None
         self._moved = self._clock() - REST
 
     def continue_in(self, seen: Survey) -> None:
@@ -69,7 +73,8 @@ class Flight:
     @property
     def under_way(self) -> bool:
         """Whether time alone, or a movement of the mouse not yet followed, changes the picture."""
-        return self._keys_move() or self.state.moving or any(self._look) or self._dragged or self._glide is not None
+        by_itself = self._glide is not None or (self.walker is not None and not self.walker.settled)
+        return by_itself or self._keys_move() or self.state.moving or any(self._look) or self._dragged
 
     @property
     def rest_in(self) -> float:
@@ -96,12 +101,30 @@ class Flight:
                 up=("up" in held) - ("down" in held), fast="fast" in held, slow="slow" in held,
                 look=(self._look[0], self._look[1]),
             )  # fmt: skip
-            self.state = step(before, motion, dt)
+            self.state = step(before, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
         self._look = [0.0, 0.0]
         changed, self._dragged = self._dragged or _place(before) != _place(self.state), False
         if changed:
             self._moved = now
         return changed
+
+    def _walk(self, walker: Walker, motion: Motion, dt: float) -> FlyState:
+        """The camera after a time on foot; where there is no floor any more it stops and flies from now on."""
+        walked = walker.step(self.state, motion, dt)
+        if walked is not None:
+            return walked
+        self.walker, self.floor_lost = None, True
+        return replace(self.state, velocity=np.zeros(3))
+
+    def walk(self, walker: Walker, speed: float) -> None:
+        """Goes on on foot.  speed: file units a second."""
+        self.walker, self.floor_lost, self._glide = walker, False, None
+        self.state = replace(self.state, speed=speed)
+
+    def fly(self, speed: float) -> None:
+        """Goes on flying at ``speed``, file units a second."""
+        self.walker = None
+        self.state = replace(self.state, speed=speed)
 
     def _follow_glide(self, now: float) -> None:
         """Moves the camera to where the flight under way has brought it by ``now``."""
@@ -112,12 +135,13 @@ class Flight:
             self._glide = None
 
     def drag(self, state: FlyState) -> None:
-        """Puts the camera somewhere else as part of a movement: a drag or the wheel."""
-        self.state, self._dragged, self._glide, self._moved = state, True, None, self._clock()
+        """Puts the camera somewhere else as part of a movement: a drag or the wheel.  This ends a walk."""
+        self.state, self._dragged, self._moved = state, True, self._clock()
+        self._glide = self.walker = None
 
     def glide_to(self, state: FlyState) -> None:
-        """Begins a short flight to ``state``, which a key, a drag or another flight ends where it is by then."""
-        self.state = replace(self.state, velocity=np.zeros(3))
+        """Begins a short flight to ``state``; a key, a drag or another flight ends it where it is.  This ends a walk."""
+        self.state, self.walker = replace(self.state, velocity=np.zeros(3)), None
         self._glide = self._clock(), Glide(self.state, state)
 
     def stop_glide(self) -> None:
@@ -152,14 +176,16 @@ class Flight:
 
     def go(self, state: FlyState) -> None:
         """Puts the camera somewhere else at once, keeping the flying speed."""
-        self.state, self._glide = looking(state.position, state.forward, self.state.speed, self.state.upright), None
+        self.state = looking(state.position, state.forward, self.state.speed, self.state.upright)
+        self._glide = self.walker = None
         self._moved = self._clock() - REST
 
     def set_up(self, up: Sequence[float]) -> bool:
         """Levels the camera to another direction that is up, (3,); it looks the same way.  Returns whether that is another."""
         if np.allclose(self.state.upright[:, 2], up):
             return False
-        self.state, self._glide = looking(self.state.position, self.state.forward, self.state.speed, upright_axes(up)), None
+        self.state = looking(self.state.position, self.state.forward, self.state.speed, upright_axes(up))
+        self._glide = self.walker = None
         self._moved = self._clock() - REST
         return True
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from viewer.window.interaction.around_point import AroundPoint
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
+from viewer.window.interaction.walk_mode import WalkMode
 
 if TYPE_CHECKING:
     from viewer.window.overlay import OverlayCanvas
@@ -24,7 +25,7 @@ class Fly(Tool):
     def __init__(self) -> None:
         self._pressed = False
         self._dragged = (0.0, 0.0)
-        self.around_point = AroundPoint()
+        self.around_point, self.walk_mode = AroundPoint(), WalkMode()
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         flight = context.session.flight
@@ -56,6 +57,12 @@ class Fly(Tool):
             flight.looking = True
             context.capture_pointer(True)
             flight.look(*self._dragged)
+
+    def follow(self, context: ToolContext) -> None:
+        self.walk_mode.follow(context)
+
+    def close(self) -> None:
+        self.walk_mode.close()
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         self.around_point.draw(overlay, context)

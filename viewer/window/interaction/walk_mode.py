@@ -1,0 +1,95 @@
+"""Walk mode: begins and ends walking on the floor, and builds the map of the floor on a thread when it is first needed."""
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from viewer.tools.walk_map import WalkMap, build_walk_map
+from viewer.window.interaction.editing import end, ended, metres_per_unit
+from viewer.window.walking import PACE, stand
+from viewer.window.worker import Worker
+
+if TYPE_CHECKING:
+    from viewer.window.interaction.tool import ToolContext
+
+
+class WalkMode:
+    """One window's.  on: whether the person walks, or will as soon as the map is there."""
+
+    def __init__(self) -> None:
+        self.on = False
+        self._map: WalkMap | None = None
+        self._of: tuple | None = None  # the scene, direction that is up and unit that the map is of
+        self._build: Worker | None = None
+        self._flying_speed = 0.0
+
+    def toggle(self, context: "ToolContext") -> None:
+        """Walks from where the camera is, or flies again."""
+        if context.scene is None:
+            return
+        if self.on:
+            self._fly(context, "Flying")
+            return
+        self.on = True
+        if self._of == self._wanted(context) and self._build is None:
+            self._begin(context)
+        else:
+            self._start_build(context)
+            context.toast("Finding the floor…")
+
+    def _wanted(self, context: "ToolContext") -> tuple:
+        return context.scene, tuple(context.document.up), metres_per_unit(context)
+
+    def _start_build(self, context: "ToolContext") -> None:
+        scene, _, metres = self._of = self._wanted(context)
+        if self._build is not None:
+            self._build.cancel()
+        work = partial(build_walk_map, scene, context.session.flight.state.upright, 1.0 / (metres or 1.0))
+        self._map, self._build = None, Worker(work, "Finding the floor", context.session.loads.wake)
+
+    def _begin(self, context: "ToolContext") -> None:
+        flight, metres = context.session.flight, metres_per_unit(context)
+        if self._map is None:
+            self._fly(context, "This scan is too coarse to walk in: its points cannot tell a step from a wall")
+            return
+        walker = stand(self._map, flight.state)
+        if walker is None:
+            self._fly(context, "No floor below: still flying")
+            return
+        if flight.walker is None:
+            self._flying_speed = flight.state.speed
+        flight.walk(walker, PACE * self._map.metre)
+        context.toast("Walking; G flies again" if metres else "Walking; one unit of the file is taken for a metre")
+
+    def _fly(self, context: "ToolContext", text: str) -> None:
+        flight, self.on = context.session.flight, False
+        flight.fly(self._flying_speed or flight.state.speed)
+        self._flying_speed = 0.0
+        context.toast(text)
+
+    def follow(self, context: "ToolContext") -> None:
+        """Takes the map when it is built; notes that a walk has ended."""
+        flight = context.session.flight
+        if self._of is not None and self._of != self._wanted(context):
+            self._drop()
+            if self.on and flight.walker is not None:  # more points of the same place have arrived, or its unit was assigned
+                self._start_build(context)
+                return
+            self._flying_speed = 0.0  # another scan begins with its own
+        if (done := ended(self._build, context, "The floor cannot be found")) is not None:
+            self._build, self._map = None, done.result
+            if done.error is not None:
+                self._drop()
+                self.on = False
+            elif self.on and context.scene is not None:
+                self._begin(context)
+        elif self.on and flight.walker is None and self._build is None:
+            self._fly(context, "No floor below: flying again" if flight.floor_lost else "Flying")
+
+    def _drop(self) -> None:
+        if self._build is not None:
+            self._build.cancel()
+        self._map = self._of = self._build = None
+
+    def close(self) -> None:
+        """Ends the work under way."""
+        end(self._build)
