@@ -18,6 +18,7 @@ import numpy as np
 from model.common.interrupts import finish_before_interrupt
 from viewer.settings import MEMORY, Memory, Settings
 from viewer.window.clipboard import SystemClipboard
+from viewer.window.gamepad import POLL, SPEED_NOTCHES, STILL, Gamepad
 from viewer.window.glfw_window import make_window
 from viewer.window.input import Input
 from viewer.window.interaction.fly import Fly
@@ -115,6 +116,8 @@ class App:
             "home": self.session.go_home,
             "frame": self.session.frame_scene,
             "walk": self._walk,
+            "slower": lambda: self.session.wheel(-SPEED_NOTCHES),
+            "faster": lambda: self.session.wheel(SPEED_NOTCHES),
             "view_raw": lambda: self.session.view_settings.show("raw"),
             "view_filtered": lambda: self.session.view_settings.show("filtered"),
             "view_filled": lambda: self.session.view_settings.show("filled"),
@@ -135,7 +138,19 @@ class App:
             if tool.key:
                 self._actions[f"tool_{tool.name}"] = partial(self.toolbox.select, tool.name, self.tools)
         self.input = Input(self)
+        self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
         self._measure_density()
+
+    def _follow_gamepad(self) -> None:
+        """Gives what the gamepad asks for to the camera, and does what its buttons stand for."""
+        push, actions = self.gamepad.read()
+        session = self.session
+        free = session.scene is not None and session.notices.message is None
+        session.flight.push = push if free else STILL
+        for action in actions:
+            self.wake()
+            session.flight.stop_glide()
+            self.act(action)
 
     def _walk(self) -> None:
         fly = self.toolbox.fly
@@ -244,9 +259,12 @@ class App:
         busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.area.window_size) == 0):
-                glfw.wait_events_timeout(_BREATH if stirring else min(_NAP, change or _NAP))
+                nap = POLL if self.gamepad.connected else _NAP
+                glfw.wait_events_timeout(_BREATH if stirring else min(nap, change or nap))
             else:
                 glfw.poll_events()
+        if self.gamepad.connected:
+            self._follow_gamepad()
         message = session.notices.message
         if chosen := self._dialog.poll():
             session.open(chosen)
@@ -299,6 +317,7 @@ class App:
             self._save_actions.record()
         self._remember_scan()
         self.toolbox.close()
+        self.gamepad.close()
         self.session.close()
         self.start_page.release()
         self.viewport.release()

@@ -15,6 +15,7 @@ class Control:
     """keys: GLFW key names without ``KEY_``, or mouse gestures; any of them does it.  action: what the code calls.
 
     kind: ``hold`` acts while down, ``press`` acts once, ``modifier`` changes what held keys do, ``mouse`` is a gesture,
+    ``gamepad`` a part of one (viewer.window.gamepad),
     ``chord`` a key with Ctrl that all tools share (viewer.window.interaction.editing).
     """
 
@@ -22,7 +23,7 @@ class Control:
     name: str
     action: str
     help: str
-    kind: Literal["hold", "press", "modifier", "mouse", "chord"] = "press"
+    kind: Literal["hold", "press", "modifier", "mouse", "gamepad", "chord"] = "press"
 
 
 CONTROLS: dict[str, tuple[Control, ...]] = {
@@ -63,6 +64,11 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("CTRL_C",), "Ctrl+C", "copy_camera", "copy the camera as text; Ctrl+V flies to a copied one", "chord"),
         Control(("CTRL_S",), "Ctrl+S", "save", "save the project: clips, measurements, look, viewpoint", "chord"),
     ),
+    "Gamepad": (
+        Control(("STICKS",), "Sticks", "pad_sticks", "left: move; right: look; triggers: down and up", "gamepad"),
+        Control(("BUMPERS",), "Bumpers", "pad_speed", "slower and faster", "gamepad"),
+        Control(("PAD_A",), "A, B, Start", "pad_buttons", "walk or fly; back to the start; these controls", "gamepad"),
+    ),
     "Window": (
         Control(("O",), "O", "open", "open scan files"),
         Control(("F3",), "F3", "profiler", "show or hide where the time of a frame goes"),
@@ -80,7 +86,7 @@ ALL: tuple[Control, ...] = tuple(control for group in CONTROLS.values() for cont
 
 def by_key() -> dict[str, Control]:
     """Key name -> control, for the keyboard."""
-    return {key: control for control in ALL if control.kind not in ("mouse", "chord") for key in control.keys}
+    return {key: control for control in ALL if control.kind not in ("mouse", "gamepad", "chord") for key in control.keys}
 
 
 def table_markdown() -> str:

@@ -57,7 +57,7 @@ def draw_message(session: Session, look: Theme) -> None:
     imgui.end_popup()
 
 
-_HALVES = (("Move", "Tools"), ("See", "Keep", "Work", "Window"))  # of the help page, left and right
+_HALVES = (("Move", "Gamepad", "Keep"), ("See", "Tools", "Work", "Window"))  # of the help page, left and right
 
 
 def draw_help(session: Session, look: Theme, key_name: Callable[[Control], str]) -> None:

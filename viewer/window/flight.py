@@ -13,13 +13,16 @@ import numpy as np
 from viewer.camera import Camera
 from viewer.tools.up_axis import turned, upright_axes
 from viewer.window.framing import overview
+from viewer.window.gamepad import STILL
 from viewer.window.glide import Glide
-from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
+from viewer.window.navigation import LOOK, FlyState, Motion, changed_speed, looking, step
 from viewer.window.start_viewpoint import Survey
 from viewer.window.walking import Walker
 
 REST = 0.25
 """Seconds without a change of camera that count as rest."""
+STICK = 2.2
+"""Radians a second that a fully pushed stick turns the camera: half a turn in 1.4 seconds.  Chosen by hand."""
 _LONGEST_STEP = 0.5  # seconds: a stall must not throw the camera through the wall
 _WAYS = {"forward", "back", "left", "right", "up", "down"}
 
@@ -28,7 +31,8 @@ class Flight:
     """One camera through one scene after another; before the first there is nowhere to fly.
 
     state: position, direction, speed.  home: where the visit began.  held: actions of the keys held down.
-    looking: whether the mouse turns the camera.  walker: the person who walks on the floor, None while flying.
+    looking: whether the mouse turns the camera.  push: what the gamepad asks for.
+    walker: the person who walks on the floor, None while flying.
     floor_lost: whether a walk ended because there was no floor any more.
     """
 
@@ -39,6 +43,7 @@ class Flight:
         self.held: set[str] = set()
         self.looking = self.floor_lost = False
         self.walker: Walker | None = None
+        self.push = STILL
         self._look = [0.0, 0.0]
         self._glide: tuple[float, Glide] | None = None  # since when
         self._dragged = False  # since the last call of advance
@@ -82,7 +87,7 @@ class Flight:
         return self._moved + REST - self._clock()
 
     def _keys_move(self) -> bool:
-        return bool(self.held & _WAYS)
+        return bool(self.held & _WAYS) or self.push.moves or self.push.looks
 
     def advance(self) -> bool:
         """Lets time pass since the last call.  Returns whether the camera is elsewhere or looks elsewhere."""
@@ -95,18 +100,27 @@ class Flight:
         if self._glide is not None:
             self._follow_glide(now)
         elif moves and self._seen is not None:
-            held = self.held
-            motion = Motion(
-                forward=("forward" in held) - ("back" in held), right=("right" in held) - ("left" in held),
-                up=("up" in held) - ("down" in held), fast="fast" in held, slow="slow" in held,
-                look=(self._look[0], self._look[1]),
-            )  # fmt: skip
+            motion = self._motion(dt)
             self.state = step(before, motion, dt) if self.walker is None else self._walk(self.walker, motion, dt)
         self._look = [0.0, 0.0]
         changed, self._dragged = self._dragged or _place(before) != _place(self.state), False
         if changed:
             self._moved = now
         return changed
+
+    def _motion(self, dt: float) -> Motion:
+        """What keys, mouse and gamepad ask for.  A stick moves as fast as it is pushed; its look is squared, for fine turns."""
+        held, push = self.held, self.push
+        forward, right, up = (("forward" in held) - ("back" in held), ("right" in held) - ("left" in held),
+                              ("up" in held) - ("down" in held))
+        pushed = float(np.linalg.norm([push.forward, push.right, push.up]))
+        strength = 1.0 if held & _WAYS else min(pushed, 1.0)
+        turn = STICK / LOOK * dt
+        return Motion(
+            forward=forward + push.forward, right=right + push.right, up=up + push.up, fast="fast" in held,
+            slow="slow" in held, strength=strength if pushed else 1.0,
+            look=(self._look[0] + turn * push.turn * abs(push.turn), self._look[1] - turn * push.tilt * abs(push.tilt)),
+        )  # fmt: skip
 
     def _walk(self, walker: Walker, motion: Motion, dt: float) -> FlyState:
         """The camera after a time on foot; where there is no floor any more it stops and flies from now on."""
@@ -205,7 +219,7 @@ class Flight:
     def let_go(self) -> None:
         """Forgets every key and button held."""
         self.held.clear()
-        self.looking, self._glide = False, None
+        self.looking, self._glide, self.push = False, None, STILL
 
 
 def _place(state: FlyState) -> tuple:

@@ -25,7 +25,8 @@ _AT_REST = 1e-3  # of the flying speed: below it, standing still
 class Motion:
     """What keys and mouse ask for in one frame.
 
-    forward, right, up: -1, 0 or 1.  look: (horizontal, vertical) mouse movement in logical pixels, right and down
+    forward, right, up: -1 to 1.  strength: share of the speed, 0 to 1.
+    look: (horizontal, vertical) mouse movement in logical pixels, right and down
     positive.
     """
 
@@ -34,6 +35,7 @@ class Motion:
     up: float = 0.0
     fast: bool = False
     slow: bool = False
+    strength: float = 1.0
     look: tuple[float, float] = (0.0, 0.0)
 
 
@@ -98,7 +100,7 @@ def step(state: FlyState, motion: Motion, dt: float) -> FlyState:
     wish = motion.forward * state.forward + motion.right * state.right + motion.up * state.upright[:, 2]
     length = np.linalg.norm(wish)
     pace = state.speed * (FAST if motion.fast else 1.0) * (SLOW if motion.slow else 1.0)
-    wanted = wish / length * pace if length > 1e-9 else np.zeros(3)
+    wanted = wish / length * pace * motion.strength if length > 1e-9 else np.zeros(3)
     excess = state.velocity - wanted
     fade = np.exp(-dt / EASE)
     position = state.position + wanted * dt + excess * (EASE * (1.0 - fade))
