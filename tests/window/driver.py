@@ -108,6 +108,15 @@ class Driver:
         self.settle()
         return self.app.viewport.canvas.read()
 
+    @property
+    def panels(self):
+        """Which panels are open."""
+        return self.session.panels
+
+    @property
+    def imgui_wants_pointer(self) -> bool:
+        return self.app.imgui.get_io().want_capture_mouse
+
     def picture(self, name: str, settle: int = 2) -> None:
         """Leaves what the window shows as ``NAME.png``, to be looked at."""
         from PIL import Image

@@ -1,0 +1,235 @@
+"""Random actions in a window, for ``test_random_actions.py``: ``python random_actions.py FOLDER ACTIONS SEED``.
+
+At regular intervals the window is brought to the same state, and resident memory and OpenGL objects are counted there.  Writes
+``random.json``: the counts, and the last actions before an exception.  The network is left out: it would take most of the time,
+and has memory of its own.
+"""
+
+import ctypes
+import gc
+import json
+import os
+import sys
+import traceback
+from collections import deque
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from driver import SIZE, Driver, middle
+
+INTERVALS = 10
+OBJECTS = ("Texture", "Buffer", "Framebuffer", "Query", "VertexArray", "Sampler", "Program", "Shader")
+MOST_NAMES = 6000
+"""Names that are looked at: drivers give small ones, and use them again."""
+
+
+def resident() -> float:
+    """MB of this process."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def gl_objects(d: Driver) -> dict[str, int]:
+    """How many objects of each kind exist in the window's context."""
+    counts = {}
+    for kind in OBJECTS:
+        address = ctypes.cast(d.glfw.get_proc_address(f"glIs{kind}"), ctypes.c_void_p).value
+        exists = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(address)
+        counts[kind] = sum(exists(name) for name in range(1, MOST_NAMES))
+    return counts
+
+
+class Monkey:
+    """Does one random thing after another.  done: the last ones, as text."""
+
+    def __init__(self, d: Driver, seed: int):
+        self.d, self.rng = d, np.random.default_rng(seed)
+        self.done: deque[str] = deque(maxlen=12)
+        self.actions = [
+            (10, self.tool), (10, self.click), (8, self.drag), (5, self.double_click), (5, self.wheel), (8, self.fly),
+            (3, self.key_of_view), (3, self.history), (3, self.window_key), (2, self.edit), (2, self.load), (1, self.close),
+            (1, self.bad_file), (2, self.resize), (2, self.notice), (2, self.panel), (1, self.walk), (1, self.cancelled),
+        ]  # fmt: skip
+        weights = np.array([weight for weight, _ in self.actions], float)
+        self.weights = weights / weights.sum()
+
+    def act(self) -> None:
+        work = self.actions[self.rng.choice(len(self.actions), p=self.weights)][1]
+        self.done.append(work.__name__)
+        work()
+        self.d.settle(1)
+
+    def _pick(self, values):
+        found = values[self.rng.integers(len(values))]
+        self.done[-1] += f" {found}"
+        return found
+
+    def _place(self) -> tuple[float, float]:
+        if self.d.session.scene is None or self.rng.random() < 0.1:  # also the panels
+            return tuple(self.rng.uniform((0, 0), self.d.glfw.get_window_size(self.d.app.window)))
+        return middle(self.d, *self.rng.uniform(-0.45, 0.45, 2))
+
+    def _press(self, name: str, mods: int = 0) -> None:
+        d, key = self.d, getattr(self.d.glfw, f"KEY_{name}")
+        for action in (d.glfw.PRESS, d.glfw.RELEASE):
+            d.app.input.on_key(d.app.window, key, 0, action, mods)
+
+    def tool(self) -> None:
+        if self.rng.random() < 0.2:
+            self.d.app.toolbox.select("scene", self.d.app.tools)
+        else:
+            self._press(self._pick(("I", "T", "B", "N", "C", "P", "M", "K", "ESCAPE")))
+
+    def click(self) -> None:
+        self.d.app.input.on_pointer(self.d.app.window, *self._place())
+        self.d.settle(1)
+        if self.d.imgui_wants_pointer and self.d.app.input.pointer[0] < 230 and self.d.app.input.pointer[1] < 200:
+            return  # Open… is a dialog of the desktop
+        for action in (self.d.glfw.PRESS, self.d.glfw.RELEASE):
+            self.d.app.input.on_button(self.d.app.window, self.d.glfw.MOUSE_BUTTON_LEFT, action, 0)
+
+    def double_click(self) -> None:
+        place = middle(self.d, *self.rng.uniform(-0.4, 0.4, 2))
+        for action in (self.d.glfw.PRESS, self.d.glfw.RELEASE) * 2:
+            self.d.app.input.on_pointer(self.d.app.window, *place)
+            self.d.app.input.on_button(self.d.app.window, self.d.glfw.MOUSE_BUTTON_LEFT, action, 0)
+
+    def drag(self) -> None:
+        d = self.d
+        d.app.input.on_pointer(d.app.window, *middle(d, *self.rng.uniform(-0.4, 0.4, 2)))
+        button = getattr(d.glfw, f"MOUSE_BUTTON_{self._pick(('LEFT', 'RIGHT', 'MIDDLE', 'MIDDLE'))}")
+        mods = self._pick((0, d.glfw.MOD_SHIFT))
+        d.app.input.on_button(d.app.window, button, d.glfw.PRESS, mods)
+        for _ in range(self.rng.integers(1, 4)):
+            x, y = d.app.input.pointer
+            d.app.input.on_pointer(d.app.window, x + self.rng.uniform(-60, 60), y + self.rng.uniform(-40, 40))
+            d.settle(1)
+        d.app.input.on_button(d.app.window, button, d.glfw.RELEASE, mods)
+
+    def wheel(self) -> None:
+        self.d.app.input._note_modifiers(self._pick((0, self.d.glfw.MOD_CONTROL)))
+        self.d.app.input.on_scroll(self.d.app.window, 0.0, float(self.rng.integers(-3, 4)))
+        self.d.app.input._note_modifiers(0)
+
+    def fly(self) -> None:
+        d, key = self.d, getattr(self.d.glfw, f"KEY_{self._pick('WASDEQ')}")
+        d.app.input.on_key(d.app.window, key, 0, d.glfw.PRESS, 0)
+        d.settle(int(self.rng.integers(1, 4)))
+        if self.rng.random() < 0.9:
+            d.app.input.on_key(d.app.window, key, 0, d.glfw.RELEASE, 0)
+        else:
+            d.app.input.on_focus(d.app.window, 0)  # another window takes the keyboard
+
+    def walk(self) -> None:
+        self._press("G")
+
+    def key_of_view(self) -> None:
+        self._press(self._pick(("1", "2", "3", "V", "HOME", "F")))
+
+    def history(self) -> None:
+        self._press(self._pick(("Z", "Z", "Y", "C", "V")), self.d.glfw.MOD_CONTROL)
+
+    def window_key(self) -> None:
+        self._press(self._pick(("F1", "F3", "F10", "ESCAPE", "ENTER", "BACKSPACE", "F9")))
+
+    def edit(self) -> None:
+        from viewer.window.interaction.editing import edit
+
+        context = self.d.app.tools
+        if context.scene is None:
+            return
+        kind = self._pick(("clip", "exposure", "colour", "up", "hide"))
+        if kind == "clip":
+            tool = next(tool for tool in self.d.app.toolbox.tools if tool.name == "clip")
+            tool.add(context, self._pick(("box", "upright", "level")))
+        elif kind == "up":
+            edit(context, "up", up=self._pick(((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))))
+        elif kind == "hide":
+            edit(context, "hide", hidden_stations=self._pick(((), (0,))))
+        else:
+            change = {"exposure": float(self.rng.uniform(-2, 2))} if kind == "exposure" else {
+                "colour_by": self._pick(("rgb", "height", "distance", "intensity"))}
+            edit(context, kind, look=replace(context.document.look, **change))
+        context.renew_picture()
+
+    def load(self) -> None:
+        self.d.drop(Path(f"room{self._pick((1, 2, 3))}"))
+        if self.rng.random() < 0.7:
+            self.d.until(lambda: self.d.session.loads.current is None)
+
+    def close(self) -> None:
+        self.d.app.act("close_scan")
+
+    def bad_file(self) -> None:
+        self.d.drop(Path("/nowhere/missing.laz"))
+
+    def cancelled(self) -> None:
+        self.d.drop(self.d.folder / "slow.ply")
+        self.d.settle(2)
+        self.d.session.cancel_load()
+
+    def resize(self) -> None:
+        self.d.resize(*self._pick(((640, 400), (400, 300), (900, 500), (517, 383))))
+
+    def notice(self) -> None:
+        notices = self.d.session.notices
+        if self.rng.random() < 0.5:
+            notices.toast(f"toast {self.rng.integers(100)}")
+        else:
+            notices.say("A message", "Its text")
+
+    def panel(self) -> None:
+        panels = self.d.panels
+        setattr(panels, self._pick(("scenes", "look")), bool(self.rng.integers(2)))
+
+    def rest(self) -> None:
+        """The state in which memory and objects are counted: the same each time."""
+        d = self.d
+        d.app.input.on_focus(d.app.window, 0)
+        for _ in range(8):
+            d.session.notices.message = None
+            self._press("ESCAPE")
+            d.settle(1)
+        if d.session.recording is not None:
+            self._press("F9")
+        d.session.help, d.session.interface, d.session.profiler = False, True, False
+        d.until(lambda: d.session.loads.current is None)
+        d.session.notices.message = None
+        if d.session.view_settings.split:
+            d.session.view_settings.compare(False)
+        d.app.act("close_scan")
+        d.settle(3)
+        d.resize(*SIZE)
+        d.drop(Path("room1"))
+        d.until(lambda: d.session.loads.current is None and d.session.scene is not None)
+        for key in ("C", "M", "1", "2", "3"):
+            d.key(key)
+            d.rest()
+        d.key("ESCAPE")
+        d.rest()
+
+
+def main(folder: Path, count: int, seed: int) -> None:
+    from model.common.memory import give_back
+
+    d = Driver(folder)
+    monkey = Monkey(d, seed)
+    report: dict = {"actions": 0, "counted": [], "problem": None}
+    try:
+        monkey.rest()
+        for _ in range(INTERVALS):
+            for _ in range(count // INTERVALS):
+                monkey.act()
+                report["actions"] += 1
+            monkey.rest()
+            gc.collect()
+            give_back()
+            report["counted"].append({"resident": resident(), **gl_objects(d), "error": d.app.context.error})
+    except Exception:
+        report["problem"] = f"after {list(monkey.done)}\n{traceback.format_exc()}"
+    (folder / "random.json").write_text(json.dumps(report, indent=1))
+    d.app.close()
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))

@@ -1,0 +1,36 @@
+"""Runs a script of this folder in a process of its own, with an X server of its own on whatever display is free."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def run_with_display(script: str, folder: Path, *arguments: str, seconds: float) -> subprocess.CompletedProcess:
+    """What ``python SCRIPT FOLDER ARGUMENTS`` did.  Skips the test where Xvfb is not installed."""
+    if not shutil.which("Xvfb"):
+        pytest.skip("Xvfb is not installed (apt install xvfb)")
+    read, write = os.pipe()
+    command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    try:
+        with os.fdopen(read) as pipe:
+            display = pipe.readline().strip()
+        assert display, "Xvfb did not start"
+        environment = os.environ | {
+            "DISPLAY": f":{display}", "POINTGLASS_CACHE": str(folder / "cache"),
+            "POINTGLASS_STATE": str(folder / "state"),
+            "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
+        }  # fmt: skip
+        environment.pop("WAYLAND_DISPLAY", None)
+        drive = [sys.executable, str(Path(__file__).with_name(script)), str(folder), *arguments]
+        return subprocess.run(drive, env=environment, capture_output=True, text=True, timeout=seconds)
+    finally:
+        server.terminate()
+        server.wait()
