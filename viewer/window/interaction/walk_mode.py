@@ -71,10 +71,12 @@ class WalkMode:
         flight = context.session.flight
         if self._of is not None and self._of != self._wanted(context):
             self._drop()
-            if self.on and flight.walker is not None:  # more points of the same place have arrived, or its unit was assigned
+            if self.on and flight.walker is not None and context.scene is not None:  # more points, or a unit
                 self._start_build(context)
                 return
             self._flying_speed = 0.0  # another scan begins with its own
+            if context.scene is None:
+                self.on, flight.walker = False, None
         if (done := ended(self._build, context, "The floor cannot be found")) is not None:
             self._build, self._map = None, done.result
             if done.error is not None:
