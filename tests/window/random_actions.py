@@ -18,6 +18,8 @@ from pathlib import Path
 import numpy as np
 from driver import SIZE, Driver, middle
 
+from viewer.settings import Settings
+
 INTERVALS = 10
 OBJECTS = ("Texture", "Buffer", "Framebuffer", "Query", "VertexArray", "Sampler", "Program", "Shader")
 MOST_NAMES = 6000
@@ -202,9 +204,11 @@ class Monkey:
         d.resize(*SIZE)
         d.drop(Path("room1"))
         d.until(lambda: d.session.loads.current is None and d.session.scene is not None)
-        for key in ("C", "M", "1", "2", "3"):
-            d.key(key)
-            d.rest()
+        for raster in ("compute", "points"):  # "auto" would choose by time: with another one, other objects are alive
+            d.session.view_settings.request(Settings(view="filled", raster=raster))
+            for key in ("C", "M", "1", "2", "3"):
+                d.key(key)
+                d.rest()
         d.key("ESCAPE")
         d.rest()
 

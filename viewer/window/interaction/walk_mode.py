@@ -11,6 +11,8 @@ from viewer.window.worker import Worker
 if TYPE_CHECKING:
     from viewer.window.interaction.tool import ToolContext
 
+_FINDING = "Finding the floor"
+
 
 class WalkMode:
     """One window's.  on: whether the person walks, or will as soon as the map is there."""
@@ -34,7 +36,7 @@ class WalkMode:
             self._begin(context)
         else:
             self._start_build(context)
-            context.toast("Finding the floor…")
+            context.toast(f"{_FINDING}…")
 
     def _wanted(self, context: "ToolContext") -> tuple:
         return context.scene, tuple(context.document.up), metres_per_unit(context)
@@ -58,13 +60,14 @@ class WalkMode:
         if flight.walker is None:
             self._flying_speed = flight.state.speed
         flight.walk(walker, PACE * self._map.metre)
-        context.toast("Walking; G flies again" if metres else "Walking; one unit of the file is taken for a metre")
+        said = "Walking; G flies again" if metres else "Walking; one unit of the file is taken for a metre"
+        context.session.notices.toast(said, instead_of=_FINDING)
 
     def _fly(self, context: "ToolContext", text: str) -> None:
         flight, self.on = context.session.flight, False
         flight.fly(self._flying_speed or flight.state.speed)
         self._flying_speed = 0.0
-        context.toast(text)
+        context.session.notices.toast(text, instead_of=_FINDING)
 
     def follow(self, context: "ToolContext") -> None:
         """Takes the map when it is built; notes that a walk has ended."""
