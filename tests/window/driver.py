@@ -111,7 +111,7 @@ class Driver:
     @property
     def panels(self):
         """Which panels are open."""
-        return self.session.panels
+        return self.session.area.panels
 
     @property
     def imgui_wants_pointer(self) -> bool:

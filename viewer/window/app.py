@@ -17,11 +17,11 @@ import numpy as np
 
 from model.common.interrupts import finish_before_interrupt
 from viewer.settings import MEMORY, Memory, Settings
+from viewer.window.actions import actions
 from viewer.window.clipboard import SystemClipboard
-from viewer.window.gamepad import POLL, SPEED_NOTCHES, STILL, Gamepad
+from viewer.window.gamepad import POLL, STILL, Gamepad
 from viewer.window.glfw_window import make_window
 from viewer.window.input import Input
-from viewer.window.interaction.fly import Fly
 from viewer.window.interaction.table import toolbox
 from viewer.window.interaction.tool import ToolContext
 from viewer.window.interface import draw_interface
@@ -103,40 +103,16 @@ class App:
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
             preview_scene=partial(preview_scene, match=match, columns=columns),
         )  # fmt: skip
-        self._dialog = OpenDialog()
+        self.open_dialog = OpenDialog()
         self.start_page = StartPage(self.context)
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
         self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
         self.tools.folder, self.tools.clipboard = folder or Path.cwd(), SystemClipboard(glfw, self.window)
-        self._save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
+        self.save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
         self._settle = _SETTLE
         self._awake_until = 0.0
-        self._actions = {
-            "home": self.session.go_home,
-            "frame": self.session.frame_scene,
-            "walk": self._walk,
-            "slower": lambda: self.session.wheel(-SPEED_NOTCHES),
-            "faster": lambda: self.session.wheel(SPEED_NOTCHES),
-            "view_raw": lambda: self.session.view_settings.show("raw"),
-            "view_filtered": lambda: self.session.view_settings.show("filtered"),
-            "view_filled": lambda: self.session.view_settings.show("filled"),
-            "view_neural": lambda: self.session.view_settings.show("neural"),
-            "split": lambda: self.session.view_settings.compare(not self.session.view_settings.split),
-            "screenshot": self._save_actions.screenshot,
-            "record": self._save_actions.record,
-            "open": lambda: self._dialog.show("files"),
-            "open_folder": lambda: self._dialog.show("folder"),
-            "demo": self._open_demo,
-            "close_scan": self.close_scan,
-            "profiler": lambda: setattr(self.session, "profiler", not self.session.profiler),
-            "help": lambda: setattr(self.session, "help", not self.session.help),
-            "interface": self.session.show_or_hide_interface,
-            "escape": self.escape,
-        }
-        for tool in self.toolbox.tools:
-            if tool.key:
-                self._actions[f"tool_{tool.name}"] = partial(self.toolbox.select, tool.name, self.tools)
+        self._actions = actions(self)
         self.input = Input(self)
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
         self._measure_density()
@@ -151,11 +127,6 @@ class App:
             self.wake()
             session.flight.stop_glide()
             self.act(action)
-
-    def _walk(self) -> None:
-        fly = self.toolbox.fly
-        assert isinstance(fly, Fly)
-        fly.walk_mode.toggle(self.tools)
 
     def _set_captured(self, captured: bool) -> None:
         self.input.set_captured(captured)
@@ -196,15 +167,6 @@ class App:
         """Does what a control asks for, by its name in the table.  On the start page only what can be seen there acts."""
         if self.session.scene is not None or action in _WITHOUT_SCENE:
             self._actions[action]()
-
-    def _open_demo(self) -> None:
-        from viewer.errors import InputError
-        from viewer.tools.demo import demo_camera, demo_scan
-
-        try:
-            self.session.open([demo_scan()], demo_camera())
-        except InputError as error:
-            self.session.notices.say("The demo cannot be opened", str(error))
 
     def open_recent(self, scan: RecentScan) -> None:
         """Opens a scan of the start page."""
@@ -255,7 +217,7 @@ class App:
             self.wake()
         change = session.next_change()
         loading = session.loads.current is not None or session.view_settings.network_load is not None
-        stirring = loading or self._dialog.shown or perf_counter() < self._awake_until
+        stirring = loading or self.open_dialog.shown or perf_counter() < self._awake_until
         busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.area.window_size) == 0):
@@ -266,7 +228,7 @@ class App:
         if self.gamepad.connected:
             self._follow_gamepad()
         message = session.notices.message
-        if chosen := self._dialog.poll():
+        if chosen := self.open_dialog.poll():
             session.open(chosen)
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
@@ -314,7 +276,7 @@ class App:
     def close(self) -> None:
         """Ends everything; a recording under way is saved."""
         if self.session.recording is not None:
-            self._save_actions.record()
+            self.save_actions.record()
         self._remember_scan()
         self.toolbox.close()
         self.gamepad.close()

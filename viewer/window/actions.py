@@ -1,0 +1,58 @@
+"""The window's actions: name in the table of controls (viewer.window.controls) -> what it does."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from viewer.window.gamepad import SPEED_NOTCHES
+from viewer.window.interaction.fly import Fly
+
+if TYPE_CHECKING:
+    from viewer.window.app import App
+
+
+def actions(app: "App") -> "dict[str, Callable[[], object]]":
+    """Every action of the window and one per tool that has a key, called ``tool_NAME``."""
+    session, views = app.session, app.session.view_settings
+    table: dict[str, Callable[[], object]] = {
+        "home": session.go_home,
+        "frame": session.frame_scene,
+        "walk": partial(_walk, app),
+        "slower": lambda: session.wheel(-SPEED_NOTCHES),
+        "faster": lambda: session.wheel(SPEED_NOTCHES),
+        "view_raw": lambda: views.show("raw"),
+        "view_filtered": lambda: views.show("filtered"),
+        "view_filled": lambda: views.show("filled"),
+        "view_neural": lambda: views.show("neural"),
+        "split": lambda: views.compare(not views.split),
+        "screenshot": app.save_actions.screenshot,
+        "record": app.save_actions.record,
+        "open": lambda: app.open_dialog.show("files"),
+        "open_folder": lambda: app.open_dialog.show("folder"),
+        "demo": partial(_open_demo, app),
+        "close_scan": app.close_scan,
+        "profiler": lambda: setattr(session, "profiler", not session.profiler),
+        "help": lambda: setattr(session, "help", not session.help),
+        "interface": session.show_or_hide_interface,
+        "escape": app.escape,
+    }
+    for tool in app.toolbox.tools:
+        if tool.key:
+            table[f"tool_{tool.name}"] = partial(app.toolbox.select, tool.name, app.tools)
+    return table
+
+
+def _walk(app: "App") -> None:
+    fly = app.toolbox.fly
+    assert isinstance(fly, Fly)
+    fly.walk_mode.toggle(app.tools)
+
+
+def _open_demo(app: "App") -> None:
+    from viewer.errors import InputError
+    from viewer.tools.demo import demo_camera, demo_scan
+
+    try:
+        app.session.open([demo_scan()], demo_camera())
+    except InputError as error:
+        app.session.notices.say("The demo cannot be opened", str(error))
