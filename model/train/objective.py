@@ -1,10 +1,11 @@
-"""The training loss: L1, perceptual distance, dissimilarity, local light, coverage, and temporal stability between cameras.
+"""The training loss: L1, perceptual distance, dissimilarity, local light, excess error, coverage, and temporal stability.
 
 L1 and the perceptual distance have the paper's weights by default (0.9 and 0.1).  Dissimilarity is 1 - SSIM.  Local light
 compares means over small squares: without it the network shifted the brightness of surfaces slightly, which the other terms
-hardly penalise.  Coverage compares the fourth channel with the true covered share of each pixel.  Temporal stability (Lai et
-al. 2018): the picture from a slightly moved camera, warped by the true motion of the surface points, should equal this picture;
-their optical flow is estimated, ours is known.
+hardly penalise.  Excess error counts only where the network is further from the truth than its input.
+Coverage compares the fourth channel with the true covered share of each pixel.  Temporal stability (Lai et al. 2018): the
+picture from a slightly moved camera, warped by the true motion of the surface points, should equal this picture; their
+optical flow is estimated, ours is known.
 """
 
 from pathlib import Path
@@ -55,6 +56,24 @@ def local_light(made: Tensor, true: Tensor, weight: Tensor) -> Tensor:
     return torch.stack(losses).mean()
 
 
+EXCESS_SIDES = (2, 4, 16)
+"""Pixels a side of the squares of :func:`excess_error`: below what FLIP and the eye resolve as noise, up to patches of a wall."""
+
+
+def excess_error(made: Tensor, filled: Tensor, true: Tensor, weight: Tensor) -> Tensor:
+    """How much further than the filled picture's the mean colours of squares are from the truth; 0 where they are nearer.
+
+    The mean of the measured colours of a square is an unbiased estimate, so a network may replace it only where it knows
+    better.  made, filled, true: (B, 3, H, W).  weight: (B, 1, H, W), 0 where the truth is unknown.  Averaged over EXCESS_SIDES.
+    """
+    losses = []
+    for side in EXCESS_SIDES:
+        now = F.avg_pool2d((made - true) * weight, side).abs()
+        before = F.avg_pool2d((filled - true) * weight, side).abs()
+        losses.append(F.relu(now - before).sum() / (3 * F.avg_pool2d(weight, side).sum()).clamp_min(1e-6))
+    return torch.stack(losses).mean()
+
+
 class Objective(nn.Module):
     """``forward`` returns the loss and its terms.  ``name``: of the perceptual distance in use.
 
@@ -62,9 +81,9 @@ class Objective(nn.Module):
     """
 
     def __init__(self, perceptual_path: Path | None, perceptual_weight: float, coverage_weight: float, steady_weight: float,
-                 structure_weight: float = 0.0, light_weight: float = 0.0):
+                 structure_weight: float = 0.0, light_weight: float = 0.0, excess_weight: float = 0.0):
         super().__init__()
-        self.light_weight = light_weight
+        self.light_weight, self.excess_weight = light_weight, excess_weight
         self.dissimilarity, self.structure_weight = Dissimilarity(), structure_weight
         self.distance, self.name = perceptual(perceptual_path)
         self.perceptual_weight = perceptual_weight if self.distance is not None else 0.0
@@ -90,6 +109,9 @@ class Objective(nn.Module):
         if self.light_weight:
             terms["light"] = local_light(colour.float(), batch.colour, weight)
             loss = loss + self.light_weight * terms["light"]
+        if self.excess_weight:
+            terms["excess"] = excess_error(colour.float(), batch.x[:, :3].float(), batch.colour, weight)
+            loss = loss + self.excess_weight * terms["excess"]
         if made.shape[1] > 3 and self.coverage_weight:
             covered, true = made[:, 3:4], batch.coverage
             # The channel is clamped to 0..1 for display, so values beyond a true 0 or 1 are no error.

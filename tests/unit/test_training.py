@@ -20,7 +20,7 @@ from model.data.dataset import DataError, MemoryPicture
 from model.data.pairs import _truth, build, flow_to
 from model.data.projected import project_scan, scan_spacing
 from model.data.stations import load_scene
-from model.train.objective import Objective, inside_flow, local_light, warp
+from model.train.objective import Objective, excess_error, inside_flow, local_light, warp
 from model.train.trainer import Process, TrainConfig, Trainer, train
 from model.train.training_log import PICTURES_EVERY, TrainingLog
 from model.unet import PaperUNet
@@ -375,6 +375,21 @@ def test_pictures_for_tensorboard_do_not_change_the_averaged_network(tmp_path, m
         log.pictures(PICTURES_EVERY, averaged, batch)
     assert any("running_mean" in name for name in before)
     assert all(torch.equal(before[name], value) for name, value in averaged.state_dict().items())
+
+
+def test_excess_error_counts_only_where_the_picture_is_further_from_the_truth_than_its_input(seed):
+    rng = np.random.default_rng(seed)
+    true = torch.tensor(rng.random((1, 3, 64, 64)), dtype=torch.float32)
+    weight = torch.ones(1, 1, 64, 64)
+    filled = true + 0.2
+    assert float(excess_error(true + 0.1, filled, true, weight)) == 0, "nearer to the truth"
+    assert float(excess_error(true - 0.2, filled, true, weight)) < 1e-6, "as far, on the other side"
+    assert float(excess_error(true + 0.25, filled, true, weight)) == pytest.approx(0.05, rel=1e-3)
+    left = weight.clone()
+    left[..., 32:] = 0
+    wrong = true + 0.2
+    wrong[..., 32:] += 1
+    assert float(excess_error(wrong, filled, true, left)) < 1e-6, "where the truth is unknown nothing counts"
 
 
 def test_local_light_sees_a_shift_of_brightness_and_no_texture(seed):
