@@ -57,7 +57,7 @@ def local_light(made: Tensor, true: Tensor, weight: Tensor) -> Tensor:
 
 
 EXCESS_SIDES = (2, 4, 16)
-"""Pixels a side of the squares of :func:`excess_error`: below what FLIP and the eye resolve as noise, up to patches of a wall."""
+"""Pixels a side of the squares of :func:`excess_error`: from fine edges to patches of a wall. Chosen by hand."""
 
 
 def excess_error(made: Tensor, filled: Tensor, true: Tensor, weight: Tensor) -> Tensor:
