@@ -1,5 +1,5 @@
 """Run time, measured and never asserted: ``pointglass bench frame | grid | open | error | scale | versus | stability |
-occlusion | raster | cull``.
+occlusion | raster | cull | flight``.
 
 Every result carries the machine, driver, versions, scan and size it was had with.  Speed is shown here, not by timed tests.
 """
@@ -25,8 +25,9 @@ PROCEDURAL = 25_000_000
 """Points made on the spot where a bench needs a scan and none is given."""
 _UNITS = {"k": 10**3, "m": 10**6, "g": 10**9}
 _MOST_POINTS = 10**11
-LEAST_FRAMES = {"occlusion": 3}
-"""Cameras a bench needs, where more than one: occlusion's first, the one after its jump, and one that has a past."""
+LEAST_FRAMES = {"occlusion": 3, "flight": 12}
+"""Cameras a bench needs, where more than one: occlusion's first, the one after its jump, and one that has a past; of a flight
+those whose error is measured."""
 PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".eps", ".ps", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 """Of what matplotlib writes, what a person can open."""
 
@@ -46,6 +47,8 @@ class Kind:
 SETTINGS = (*CHOICES, "filter_strength", "filter_levels", "lod", "weights")
 KINDS = {
     "frame": Kind("frame times by stage along a path", 1, "demo", (*SETTINGS, "size", "along", "repeats")),
+    "flight": Kind("pictures per second in a window, and the error of what it shows meanwhile", 1, "demo",
+                   (*SETTINGS, "size", "frames")),
     "grid": Kind("building the grid", 3, "nothing", ("points", "repeats")),
     "open": Kind("time to the first picture and to full quality", 1, "demo", SETTINGS),
     "error": Kind("time saved and error made by every approximation", 5, "demo", ("only", "repeats")),
@@ -58,7 +61,7 @@ KINDS = {
     "cull": Kind("finding what is in view among a million cells", 5, "nothing", ("repeats", "seed")),
 }
 _OF_SCANS = ("procedural", "rooms", "seed")
-NEURAL = ("open", "error", "scale", "versus", "stability")
+NEURAL = ("open", "error", "scale", "versus", "stability", "flight")
 """Benches that always run a network."""
 
 
@@ -191,6 +194,14 @@ def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> O
     return found, frame_times.rows, frame_times.plot
 
 
+def _flight(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
+    from viewer.bench import flight_rate
+
+    size = parse_sizes(options.size or ["1280x720"])[0]
+    frames = options.frames or flight_rate.FRAMES
+    return flight_rate.run_flight(subject_of(options), size, settings, frames), flight_rate.rows, flight_rate.plot
+
+
 def _grid(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
     from viewer.bench import grid
 
@@ -266,7 +277,7 @@ def _cull(options: argparse.Namespace, settings: "Settings", repeats: int) -> Ou
 
 _RUN: dict[str, Callable[[argparse.Namespace, "Settings", int], Outcome]] = {
     "frame": _frame, "grid": _grid, "open": _open, "error": _error, "scale": _scale, "versus": _versus,
-    "stability": _stability, "occlusion": _occlusion, "raster": _raster, "cull": _cull,
+    "stability": _stability, "occlusion": _occlusion, "raster": _raster, "cull": _cull, "flight": _flight,
 }
 
 
@@ -282,11 +293,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="procedural: rooms (default: one for every 5M points)")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of what is made on the spot (default 1)")
     parser.add_argument("--size", action="append", metavar="WxH[,WxH]",
-                        help="picture size, default 960x720; frame and versus take several")
+                        help="picture size, default 960x720, flight: 1280x720; frame and versus take several")
     parser.add_argument("--along", choices=["path", "views"], default="path",
                         help="frame: the fixed path of 48 frames, or the eight named views (default path)")
     parser.add_argument("--frames", type=int, metavar="N",
-                        help="versus, occlusion (at least 3): cameras along the path")
+                        help="versus, occlusion (at least 3), flight (at least 12): cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
                         help="grid, occlusion, raster: points made on the spot (10M, 100M, 2M); scale: the sizes (1M to 1G)")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids there, and use those that are")

@@ -194,6 +194,10 @@ class Flight:
         self._glide = self.walker = None
         self._moved = self._clock() - REST
 
+    def carry(self, state: FlyState) -> None:
+        """Puts the camera somewhere else as one step of a movement, so that it counts as moving."""
+        self.state, self._moved = state, self._clock()
+
     def set_up(self, up: Sequence[float]) -> bool:
         """Levels the camera to another direction that is up, (3,); it looks the same way.  Returns whether that is another."""
         if np.allclose(self.state.upright[:, 2], up):
