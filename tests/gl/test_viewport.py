@@ -38,8 +38,8 @@ class Told:
         self.flight, self.work = SimpleNamespace(moving=True), Work()
         self.picture = SimpleNamespace(contended=False, dirty=False)
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
-        self.size = self.window_size = SIZES[0]
-        self.origin, self.exact, self.full_plan = (0, 0), False, Plan(("filled",), None)
+        self.area = SimpleNamespace(size=SIZES[0], window_size=SIZES[0], origin=(0, 0))
+        self.screen = SimpleNamespace(exact=False, full_plan=Plan(("filled",), None), plan=None)
 
     def accept(self, _):
         pass
@@ -52,7 +52,7 @@ class Told:
         angle = 0.3 + 0.1 * self.number
         ahead = self.eye + (np.cos(angle), np.sin(angle), -0.1)
         self.camera = from_fov(*SIZES[self.number % len(SIZES)], 60.0, look_at(self.eye, ahead))
-        self.plan = Plan(("filled",), 64.0 + self.number, hides=moving, moving=moving)
+        self.screen.plan = Plan(("filled",), 64.0 + self.number, hides=moving, moving=moving)
 
     def shown(self, plan, *, hides, approximations):
         self.heard.append(("shown", plan.level, hides))
@@ -140,7 +140,7 @@ def test_the_background_chosen_is_behind_what_is_shown_and_what_is_saved(context
     told = Told(floor[0])
     told.view_settings.settings, told.view_settings.sides = Settings(view="raw", raster="compute", lod=1.0), ("raw",)
     told.go_on(moving=False)
-    told.plan = told.full_plan = Plan(("raw",), 1.0)
+    told.screen.plan = told.screen.full_plan = Plan(("raw",), 1.0)
     viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     try:
         assert viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
