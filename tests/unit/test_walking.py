@@ -1,9 +1,13 @@
 """Walking in a synthetic room whose floor, walls, stair, table and gap are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from viewer.grid.open_scene import scene_from_arrays
+from viewer.tools.clip import box_around
+from viewer.tools.exporting.selection import Selection
 from viewer.tools.up_axis import upright_axes
 from viewer.tools.walk_map import BODY, build_walk_map
 from viewer.window.navigation import FlyState, Motion, looking
@@ -56,7 +60,7 @@ def world():
 
 @pytest.fixture(scope="module")
 def walk_map(world):
-    made = build_walk_map(scene_of(world), np.eye(3), 1.0)
+    made = build_walk_map(Selection(scene_of(world)), np.eye(3), 1.0)
     assert made is not None
     return made
 
@@ -118,6 +122,17 @@ def test_a_stair_is_climbed_and_a_table_is_not(walk_map):
     assert feet == pytest.approx(FLOOR + 0.3, abs=0.03), "a step of 0.3 m"
 
 
+def test_what_is_clipped_away_is_in_nobodys_way(world):
+    table = replace(box_around((3.3, 3.8, FLOOR + 0.1), (4.7, 5.2, 2.5), "table"), removes=True)
+    without = build_walk_map(Selection(scene_of(world), (table,)), np.eye(3), 1.0)
+    assert without is not None
+    states, feet = go(without, (4.0, 3.0), (0.0, 1.0))
+    assert feet == pytest.approx(FLOOR, abs=0.02) and states[-1].position[1] > 5.4, "up to the wall"
+    elsewhere = box_around((-50, -50, -50), (-40, -40, -40), "elsewhere")
+    for sight in (Selection(scene_of(world), (elsewhere,)), Selection(scene_of(world), hidden=frozenset({0}))):
+        assert build_walk_map(sight, np.eye(3), 1.0) is None, "nothing is left"
+
+
 def test_a_gap_under_the_tripod_is_walked_over(walk_map):
     states, feet = go(walk_map, (2.0, 0.5), (0.0, 1.0), 2.0)
     assert feet == pytest.approx(FLOOR, abs=0.02) and states[-1].position[1] > 2.5
@@ -140,8 +155,8 @@ def test_a_long_stride_does_not_jump_through_a_wall(walk_map):
 def test_the_path_is_the_same_with_another_direction_up_units_and_origin(world, seed):
     """The world turned so that y is up, in feet, far from the origin."""
     upright, metre, shift = upright_axes((0.0, 1.0, 0.0)), 1 / 0.3048, np.random.default_rng(seed).uniform(-5e6, 5e6, 3)
-    turned = build_walk_map(scene_of(world * metre @ upright.T + shift), upright, metre)
-    plain = build_walk_map(scene_of(world), np.eye(3), 1.0)
+    turned = build_walk_map(Selection(scene_of(world * metre @ upright.T + shift)), upright, metre)
+    plain = build_walk_map(Selection(scene_of(world)), np.eye(3), 1.0)
     assert turned is not None and plain is not None
     states = []
     for walk_map, axes, unit, origin in ((plain, np.eye(3), 1.0, np.zeros(3)), (turned, upright, metre, shift)):
@@ -158,4 +173,4 @@ def test_the_path_is_the_same_with_another_direction_up_units_and_origin(world, 
 
 def test_a_coarse_scan_has_no_map():
     rng = np.random.default_rng(0)
-    assert build_walk_map(scene_of(rng.random((400, 3)) * (20, 20, 0.01)), np.eye(3), 1.0) is None
+    assert build_walk_map(Selection(scene_of(rng.random((400, 3)) * (20, 20, 0.01))), np.eye(3), 1.0) is None

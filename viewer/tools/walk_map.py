@@ -2,7 +2,7 @@
 
 Frame: the upright world (viewer.tools.up_axis), file units.  Each block keeps the mean height of its points, so that a floor is
 known to millimetres though blocks are a decimetre wide.  Queries look up blocks by binary search: a few thousand of them, and
-no point is read after the map is built.  Clips and hidden stations are not regarded: it is the whole scan.
+no point is read after the map is built.  Points that are clipped away or of a hidden station are not in anyone's way.
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,7 @@ import numpy as np
 
 from viewer.grid.scene import unpack
 from viewer.progress import progress
+from viewer.tools.exporting.selection import Selection
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -105,11 +106,12 @@ class WalkMap:
         return self.heights[rows], self.floor[rows], np.repeat((columns + 0.5 - at) * self.side, count, axis=0)
 
 
-def build_walk_map(scene: "Scene", upright: np.ndarray, metre: float) -> WalkMap | None:
-    """The map of a scan; None where its points are too far apart to tell a step from a wall.
+def build_walk_map(sight: Selection, upright: np.ndarray, metre: float) -> WalkMap | None:
+    """The map of the points in sight; None where they are too far apart to tell a step from a wall, or none is left.
 
     upright: (3, 3) as in viewer.tools.up_axis.  metre: file units in a metre.  Raises Cancelled where the progress is stopped.
     """
+    scene = sight.scene
     cells = len(scene.cell_coords)
     ends = np.asarray(scene.offsets)[cells::cells] if cells else np.zeros(1, np.int64)
     head = int(ends[min(int(np.searchsorted(ends, SAMPLE)), len(ends) - 1)])
@@ -127,8 +129,11 @@ def build_walk_map(scene: "Scene", upright: np.ndarray, metre: float) -> WalkMap
     with progress(head, "Finding the floor") as meter:
         for start in range(0, head, 1 << 20):
             stop = min(start + (1 << 20), head)
-            points.append(unpack(scene, slice(start, stop, every))[0] @ upright)
+            xyz, _, _, station = unpack(scene, slice(start, stop, every))
+            points.append(xyz[sight.keeps(xyz, station)] @ upright)
             meter.update(stop - start)
+    if not any(len(part) for part in points):
+        return None
     lowest = low - 1.5 * side  # a level floor at the bottom lies in the middle of its blocks
     return map_of(np.concatenate(points), lowest, side, metre, spacing)
 

@@ -54,12 +54,12 @@ class Selection:
             xyz, rgb, intensity, station = unpack(scene, slice(start, stop))
             classes = attributes_of(scene, slice(start, stop)).classification
             classes = np.zeros(len(xyz), np.uint8) if classes is None else classes
-            kept = self._kept(xyz, station) if self.clips or self.within or self.hidden else slice(None)
+            kept = self.keeps(xyz, station) if self.clips or self.within or self.hidden else slice(None)
             if len(xyz[kept]):
                 yield Block(xyz[kept], rgb[kept], intensity[kept], station[kept], classes[kept])
 
-    def _kept(self, xyz: np.ndarray, station: np.ndarray) -> np.ndarray:
-        """(n,) bool: which points are in sight."""
+    def keeps(self, xyz: np.ndarray, station: np.ndarray) -> np.ndarray:
+        """(n,) bool: which points are in sight.  xyz: (n, 3) file coordinates.  station: (n,) uint8 scan numbers."""
         hidden = np.zeros(256, bool)
         hidden[list(self.hidden)] = True
         return ~hidden[station] & contains(self.clips, xyz) & contains(self.within, xyz)

@@ -3,6 +3,7 @@
 from functools import partial
 from typing import TYPE_CHECKING
 
+from viewer.tools.exporting.selection import Selection
 from viewer.tools.walk_map import WalkMap, build_walk_map
 from viewer.window.interaction.editing import end, ended, metres_per_unit
 from viewer.window.walking import PACE, stand
@@ -20,7 +21,7 @@ class WalkMode:
     def __init__(self) -> None:
         self.on = False
         self._map: WalkMap | None = None
-        self._of: tuple | None = None  # the scene, direction that is up and unit that the map is of
+        self._of: tuple | None = None  # what the map is of: scene, direction that is up, unit, clips, hidden stations
         self._build: Worker | None = None
         self._flying_speed = 0.0
 
@@ -39,19 +40,21 @@ class WalkMode:
             context.toast(f"{_FINDING}…")
 
     def _wanted(self, context: "ToolContext") -> tuple:
-        return context.scene, tuple(context.document.up), metres_per_unit(context)
+        document = context.document
+        return context.scene, tuple(document.up), metres_per_unit(context), document.clips, document.hidden_stations
 
     def _start_build(self, context: "ToolContext") -> None:
-        scene, _, metres = self._of = self._wanted(context)
+        scene, _, metres, clips, hidden = self._of = self._wanted(context)
         if self._build is not None:
             self._build.cancel()
-        work = partial(build_walk_map, scene, context.session.flight.state.upright, 1.0 / (metres or 1.0))
+        sight = Selection(scene, clips, hidden=frozenset(hidden))
+        work = partial(build_walk_map, sight, context.session.flight.state.upright, 1.0 / (metres or 1.0))
         self._map, self._build = None, Worker(work, "Finding the floor", context.session.loads.wake)
 
     def _begin(self, context: "ToolContext") -> None:
         flight, metres = context.session.flight, metres_per_unit(context)
         if self._map is None:
-            self._fly(context, "This scan is too coarse to walk in: its points cannot tell a step from a wall")
+            self._fly(context, "No walking here: the points in sight are too far apart to tell a step from a wall")
             return
         walker = stand(self._map, flight.state)
         if walker is None:
