@@ -36,7 +36,7 @@ class Told:
         )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
         self.flight, self.work = SimpleNamespace(moving=True), Work()
-        self.picture = SimpleNamespace(contended=False, dirty=False)
+        self.picture = SimpleNamespace(contended=False, dirty=False, adaptive_lod=SimpleNamespace(target_ms=None))
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
         self.area = SimpleNamespace(size=SIZES[0], window_size=SIZES[0], origin=(0, 0))
         self.screen = SimpleNamespace(exact=False, full_plan=Plan(("filled",), None), plan=None)

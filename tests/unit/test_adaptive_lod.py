@@ -48,6 +48,96 @@ def test_while_the_window_is_being_resized_the_network_waits():
     assert made.next_change() is None and not made.screen.needs_picture
 
 
+def neural(**costs):
+    """A session that shows the neural view and has learned from pictures at rest how long networks take."""
+    made, clock = session()
+    made.view_settings.show("neural")
+    finish(made)
+    for name, milliseconds in costs.items():
+        made.picture.adaptive_lod.ran_network(name, milliseconds)
+    made.drew(made.screen.plan, stats())
+    clock.now += 1
+    made.flight.held.add("forward")
+    return made, clock
+
+
+def moved(made, clock, **cost):
+    """One moving picture with a network's time in its stages where it has one; returns its plan."""
+    clock.now += 0.05
+    made.advance()
+    plan = made.screen.plan
+    assert plan.moving
+    network = {} if plan.network is None else {"network": cost[plan.network]}
+    made.drew(plan, stats(raster=5.0, **network) | {"total_ms": cost["rest"] + sum(network.values())})
+    return plan
+
+
+def test_a_smaller_network_flies_where_the_one_asked_for_is_too_slow():
+    made, clock = neural(balanced=50.0)
+    for _ in range(5):
+        plan = moved(made, clock, rest=20.0, fast=25.0)
+        assert plan.network == "fast" and plan.views == ("neural",) and plan.scale == 1.0 and not plan.deferred
+    assert made.screen.smaller_network == "fast" and "the fast network while moving" in made.screen.approximations
+    assert not made.screen.exact
+    made.flight.held.clear()
+    for _ in range(200):
+        clock.now += 1 / 60
+        made.advance()
+    plan = made.screen.plan
+    assert plan.network == "balanced" and made.screen.needs_picture, "full quality at rest"
+    made.drew(plan, stats(network=50.0))
+    assert made.screen.smaller_network is None and not made.screen.needs_picture
+
+
+def test_the_network_goes_before_the_resolution_and_comes_back_only_later():
+    made, clock = neural(balanced=30.0)
+    assert moved(made, clock, rest=70.0, balanced=30.0).network == "balanced", "it is fast enough by itself"
+    for _ in range(40):
+        plan = moved(made, clock, rest=70.0)
+        assert plan.network is None and plan.views == ("filled",) and plan.scale == 1.0, "the frame as a whole was too slow"
+    networks = [moved(made, clock, rest=70.0, balanced=30.0).network for _ in range(40)]
+    assert networks.count("balanced") == 1, f"tried again once: {networks}"
+
+
+def test_at_a_lower_resolution_no_network_runs():
+    made, clock = neural(balanced=600.0, fast=300.0)
+    for _ in range(3):
+        moved(made, clock, rest=200.0)
+    made.picture.adaptive_lod.ran_network("fast", 5.0)
+    assert moved(made, clock, rest=60.0).scale == 0.5
+    assert made.screen.plan.network is None
+
+
+def test_a_resolution_that_was_too_slow_is_tried_again_after_a_while_and_points_do_not_count_as_pixels():
+    made, clock = neural(balanced=600.0)
+    scales = []
+    for _ in range(200):  # 40 ms of points at any resolution, 10 ms of filter and fill at half
+        clock.now += 0.05
+        made.advance()
+        plan = made.screen.plan
+        scales.append(plan.scale)
+        made.drew(plan, stats(raster=30.0) | {"total_ms": 30.0 + 40.0 * plan.scale**2 + (80.0 if len(scales) == 3 else 0.0)})
+    assert scales[:3] == [1.0] * 3 and scales[3] == 0.5, "one slow frame lowers it"
+    assert scales[-1] == 0.5, "70 ms at full resolution would miss the target"
+    made, clock = neural(balanced=600.0)
+    scales = []
+    for _ in range(100):
+        clock.now += 0.05
+        made.advance()
+        plan = made.screen.plan
+        scales.append(plan.scale)
+        made.drew(plan, stats(raster=30.0) | {"total_ms": 30.0 + 20.0 * plan.scale**2 + (80.0 if len(scales) == 3 else 0.0)})
+    assert scales[-1] == 1.0 and scales.count(0.5) > 30, "50 ms do not: it comes back, but not at once"
+
+
+def test_own_weights_have_no_smaller_network(tmp_path):
+    made, _ = session(settings=Settings(view="filled", weights=str(tmp_path / "own.safetensors")))
+    assert made.view_settings.networks == ("balanced",)
+    for quality, expected in (("fast", ("fast",)), ("best", ("best", "balanced", "fast"))):
+        made, _ = session(settings=Settings(view="filled", quality=quality))
+        assert made.view_settings.networks == expected
+
+
 def fly(made, clock, raster, *, frames=40, occlusion=None):
     """Moves for some frames whose raster stage takes ``raster(level)`` milliseconds; returns the levels drawn with."""
     levels = []

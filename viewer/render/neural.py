@@ -28,6 +28,8 @@ from viewer.render.network_thread import NetworkThread
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.engines.ENGINES), for measurements."""
 
+_FAILED = ("failed",)
+"""The key of a stage that is not to be used again."""
 _networks: dict[tuple[str, bool, str | None, str, str], Reconstructor] = {}
 
 
@@ -91,6 +93,11 @@ class NeuralStage:
         self.picture = self.context.texture(size, 4, dtype="f1")
 
     @property
+    def usable(self) -> bool:
+        """Whether no run of it has failed."""
+        return self.key != _FAILED
+
+    @property
     def name(self) -> str:
         """Weights, their hash, precision and device; on CUDA how it runs there."""
         return self.network.name + (f", {self._runner.name}" if self._runner is not None else "")
@@ -132,7 +139,7 @@ class NeuralStage:
         failure = DeviceLostError(LOST) if lost else device_failure(error)
         if failure is None:
             raise error
-        self.key = ("failed",)
+        self.key = _FAILED
         if failure is error:
             raise failure
         raise failure from error

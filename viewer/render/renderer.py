@@ -175,15 +175,16 @@ class Renderer(SizedPasses):
             textures["filtered"], mask = step.filtered, step.mask
             if {"filled", "neural"} & set(views):
                 self._fill_in(camera, settings, edits, rasteriser, mask, facts, textures,
-                              neural="neural" in views, defer_network=defer_network)
+                              neural="neural" in views, defer_network=defer_network, streaming=streaming)
         stages.end()
         return Frame({v: textures[v] for v in views if v in textures}, rasteriser.depth, mask, facts, stages.times)
 
     def _fill_in(self, camera: "Camera", settings: Settings, edits: Edits | None, rasteriser: Rasteriser,
-                 mask: "moderngl.Texture", facts: dict, textures: dict, *, neural: bool, defer_network: bool) -> None:
+                 mask: "moderngl.Texture", facts: dict, textures: dict, *, neural: bool, defer_network: bool, streaming: bool
+                 ) -> None:
         """Adds the filled view, and the neural one, to ``textures``, and to ``facts`` what ran."""
         stages = self._stages
-        network = self._neural_for(settings, background=defer_network) if neural else None
+        network = self._neural_for(settings, background=defer_network or streaming) if neural else None
         fill = self._fill = self._fill or Fill(self._programs, self._size)
         colour, confidence = self._fill_input(rasteriser, mask)
         level = None
@@ -204,7 +205,7 @@ class Renderer(SizedPasses):
                           missing=self.pages.missing)
         else:
             network.drop()
-            if not defer_network:
+            if not (defer_network or streaming):
                 network.settle()
             stages.run("network", network.infer)
             stages.run("present", lambda: network.present(fill.filled))
@@ -291,10 +292,14 @@ class Renderer(SizedPasses):
         device = settings.device if settings.device != "auto" else self._device
         key = (settings.quality, settings.filter != "off", settings.weights, settings.precision, device)
         if self._neural is None or self._neural.key != key:
-            if self._neural is not None:
+            self._neural, self._spare_neural = self._spare_neural, self._neural
+            if self._spare_neural is not None and not (self._kept_sizes and self._spare_neural.usable):
+                self._spare_neural.release()
+                self._spare_neural = None
+            if self._neural is not None and self._neural.key != key:
                 self._neural.release()
                 self._neural = None
-            self._neural = NeuralStage(self._programs, self._size, *key, background=background)
+            self._neural = self._neural or NeuralStage(self._programs, self._size, *key, background=background)
         return self._neural
 
     def _check_memory(self) -> None:

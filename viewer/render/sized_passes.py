@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from viewer.render.raster import Rasteriser
     from viewer.render.stations import Confidence
 
-_NAMES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural")
+_NAMES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural", "_spare_neural")
 """Attributes of SizedPasses that belong to one picture size."""
 
 
@@ -29,6 +29,7 @@ class SizedPasses:
         self._confidence: Confidence | None = None
         self._noise: NoiseLevel | None = None
         self._neural: NeuralStage | None = None
+        self._spare_neural: NeuralStage | None = None  # of another quality, for callers that alternate between two
         self._size, self._allocated = (0, 0), False
         self._kept_sizes = kept_sizes
         self._kept: dict[tuple[int, int], dict] = {}
@@ -36,7 +37,8 @@ class SizedPasses:
     @property
     def network_busy(self) -> bool:
         """Whether a network runs on its own thread, for a picture of any size."""
-        stages = (self._neural, *(passes["_neural"] for passes in self._kept.values()))
+        kept = (passes[name] for passes in self._kept.values() for name in ("_neural", "_spare_neural"))
+        stages = (self._neural, self._spare_neural, *kept)
         return any(stage is not None and stage.busy for stage in stages)
 
     def _resize(self, size: tuple[int, int], limit: int) -> None:

@@ -1,12 +1,21 @@
 """Adaptive level of detail: what a moving picture leaves out to hold a frame time, and how the picture at rest gets it back.
 
-While the camera moves, in this order: a lower internal resolution, fewer points per pixel, the filled view instead of a slow
-network; and cells that were hidden in the frame before are skipped.  At rest: four times the points, again and again, until
-nothing is left out or the next step would take too long; then the network runs, once.
+While the camera moves, in this order: a smaller network, the filled view instead of a network, a lower internal resolution,
+fewer points per pixel; and cells that were hidden in the frame before are skipped.  The order is that of the error at equal
+time, measured along the fixed path of three scans at 1280x720 (PSNR to the full neural picture: demo, studio, plant room):
+
+    the fast network at full resolution     35.0  42.1  41.2 dB     the balanced one at 75 %, as slow     30.6  38.8  36.5 dB
+    the filled view at full resolution      30.8  36.2  37.7 dB     the same at 75 %                      28.3  36.3  35.4 dB
+    the filled view at 50 %                 30.0  35.5  36.0 dB     the balanced network at 50 %          30.3  36.1  34.8 dB
+
+A network at a lower resolution is hardly closer than the filled view, which takes a third of its time; 75 % is no closer than
+50 %.  At rest: four times the points, again and again, until nothing is left out or the next step would take too long; then the
+network runs, once.
 Nothing here knows a clock or a window; it learns from ``Frame.stats``.  Levels of detail: points per pixel, None draws every
-point.
+point.  Networks: qualities of viewer.settings.QUALITIES.
 """
 
+from collections.abc import Sequence
 from math import log2
 
 TARGET_GPU_MS, TARGET_CPU_MS = 33.0, 66.0
@@ -21,7 +30,7 @@ MANY_POINTS = 20_000_000
 """Points of a scene from which on the first picture is a coarse one."""
 FINEST, COARSEST = 16.0, 0.5
 """Points per pixel while moving: above 16 the soft z-buffer shows no difference, below 0.5 holes open."""
-SCALES = (1.0, 0.75, 0.5)
+SCALES = (1.0, 0.5)
 """Internal resolutions while moving, as a share of each side."""
 CONTENDED_LEVEL = 1.0
 """Points per pixel of a moving picture while a network runs on the processors that draw (see :meth:`AdaptiveLod.scale`)."""
@@ -34,6 +43,10 @@ _FASTER = 0.9  # times the target: a higher resolution is tried where it is pred
 _PATIENCE = 60  # frames until what did not pay is tried again
 _STEP = 4.0  # at rest
 _ALL = 1024.0  # points per pixel that no scan has
+_OVER = 1.2  # times the points' target: above it fewer are drawn
+_SPARE = 0.45  # share of the points' target below which twice the points are drawn
+RELATIVE_TIME = {"fast": 1.0, "balanced": 2.0, "best": 8.0, "paper": 25.0}
+"""Time of the networks, the fast one's is 1: measured at 960x720 on two cores in bf16 (viewer/bench/README.md)."""
 
 
 class AdaptiveLod:
@@ -42,7 +55,7 @@ class AdaptiveLod:
     def __init__(self, target_ms: float = TARGET_CPU_MS) -> None:
         self.keep_up = True
         self.target_ms = target_ms
-        self._network: float | None = None
+        self._network_ms: dict[str, float] = {}
         self._outside = 0.0
         self.begin(0)
 
@@ -54,6 +67,7 @@ class AdaptiveLod:
         self._points = -1
         self._scale = 0
         self._idle = self._looked = self._stay = 0
+        self._no_network = self._no_scale = self._no_all = 0  # moving frames until it is tried again
         self._floor = COARSEST
         self._before: tuple[float | None, int, float] | None = None
 
@@ -88,41 +102,60 @@ class AdaptiveLod:
         """Whether cells hidden in the last frame are to be left out."""
         return moving and self.keep_up and self._idle == 0
 
-    def stand_in(self, view: str, *, moving: bool, resizing: bool = False) -> str:
-        """The view drawn for ``view``: ``filled`` for ``neural`` while the camera moves and the network is slow or its speed
-        unknown, while the picture at rest is still refined, and while the window is resized, since the network is prepared
-        for one size."""
-        if view != "neural":
-            return view
-        fast = self._network is not None and self._network <= NETWORK_SHARE * self.target_ms
-        ready = not resizing and (fast if moving else self.final)
-        return "neural" if ready else "filled"
+    def network(self, networks: Sequence[str], *, moving: bool, resizing: bool = False, contended: bool = False) -> str | None:
+        """The network to draw the neural view with; None: the filled view stands in.
 
-    def ran_network(self, milliseconds: float) -> None:
-        """Learns how long the network takes for one picture."""
-        self._network = milliseconds
+        networks: the one asked for, then smaller ones that may replace it while the camera moves.  contended: as for
+        :meth:`scale`.  The filled view is drawn where each of them is slow, or its time unknown, while the picture at rest is
+        still refined, and while the window is resized, since a network is prepared for one size.
+        """
+        if resizing or not networks:
+            return None
+        if not moving:
+            return networks[0] if self.final else None
+        if contended or self._scale > 0 or self._no_network > 0:
+            return None
+        usable = networks if self.keep_up else networks[:1]
+        return next((name for name in usable if self._expected(name) <= NETWORK_SHARE * self.target_ms), None)
+
+    def _expected(self, network: str) -> float:
+        """Milliseconds that a network takes: measured, else by RELATIVE_TIME from another's; infinite where none is known."""
+        if network in self._network_ms or not self._network_ms:
+            return self._network_ms.get(network, float("inf"))
+        known, milliseconds = next(reversed(self._network_ms.items()))
+        return milliseconds * RELATIVE_TIME[network] / RELATIVE_TIME[known]
+
+    def ran_network(self, network: str, milliseconds: float) -> None:
+        """Learns how long a network takes for one picture."""
+        self._network_ms[network] = milliseconds
 
     def spent_outside(self, milliseconds: float) -> None:
         """Learns how long the interface and the screen take beside a picture, where they share its processors."""
         self._outside += OUTSIDE_WEIGHT * (min(milliseconds, self.target_ms / 2) - self._outside)
 
-    def drew(self, level: float | None, stats: dict, *, moving: bool) -> None:
-        """Learns from a picture made at a level of detail: that of ``level``, or a coarser one that a person chose."""
+    def drew(self, level: float | None, stats: dict, *, moving: bool, network: str | None = None) -> None:
+        """Learns from a picture made at a level of detail: that of ``level``, or a coarser one that a person chose.  network:
+        that of its neural view, None without one."""
         stages = stats["stages"]
-        self._network = stages.get("network", self._network)
+        if network is not None and "network" in stages:
+            self.ran_network(network, stages["network"])
         spent = stages.get("cull", 0.0) + max(stages.get("raster", 0.0), stats["host"].get("raster", 0.0))
         if moving:
-            self._drew_moving(level, spent, stats)
+            self._drew_moving(level, spent, stats, network is not None)
             return
         self._looked = 0
         if level == self._rest and not stats.get("points_missing"):  # points still arriving would be drawn again and again
             self._drew_at_rest(spent, stats["points_drawn"])
 
-    def _drew_moving(self, level: float | None, spent: float, stats: dict) -> None:
+    def _drew_moving(self, level: float | None, spent: float, stats: dict, neural: bool) -> None:
+        self._no_network, self._no_scale, self._no_all, self._stay = (
+            max(0, frames - 1) for frames in (self._no_network, self._no_scale, self._no_all, self._stay)
+        )
         target = POINTS_SHARE * (self.target_ms - self._outside)
-        if not self._fit_resolution(max(stats["total_ms"], spent / POINTS_SHARE)):
+        if neural and stats["total_ms"] > _SLOWER * (self.target_ms - self._outside):
+            self._no_network = _PATIENCE
+        elif not self._fit_resolution(max(stats["total_ms"], spent), spent):
             self._fit_points(level, spent, target, stats["points_drawn"])
-        self._stay = max(0, self._stay - 1)
         if self._stay == 0:
             self._floor = COARSEST
         self.jump()
@@ -133,16 +166,19 @@ class AdaptiveLod:
             if hidden < LEAST_HIDDEN * (hidden + stats["points_drawn"]):
                 self._idle, self._looked = _PATIENCE, 0
 
-    def _fit_resolution(self, total: float) -> bool:
-        """Lowers or raises the internal resolution.  Returns whether it changed: then this frame says nothing about points."""
+    def _fit_resolution(self, total: float, spent: float) -> bool:
+        """Lowers or raises the internal resolution.  Returns whether it changed: then this frame says nothing about points.
+
+        total: milliseconds of the picture.  spent: those of them that depend on points more than on pixels.
+        """
         target = self.target_ms - self._outside
-        if total > _SLOWER * target and self._scale < len(SCALES) - 1:
-            self._scale += 1 if total < 2.0 * target else len(SCALES) - 1 - self._scale
-            self._before = None
+        if max(total, spent / POINTS_SHARE) > _SLOWER * target and self._scale < len(SCALES) - 1:
+            self._scale += 1
+            self._no_scale, self._before = _PATIENCE, None
             return True
-        if self._scale > 0:
-            larger = total * (SCALES[self._scale - 1] / SCALES[self._scale]) ** 2
-            if larger < _FASTER * target and self._moving is None:
+        if self._scale > 0 and self._no_scale == 0 and self._moving is None:
+            larger = spent + (total - spent) * (SCALES[self._scale - 1] / SCALES[self._scale]) ** 2
+            if larger < _FASTER * target:
                 self._scale -= 1
                 self._before = None
                 return True
@@ -153,11 +189,14 @@ class AdaptiveLod:
         if before is not None and points < 0.7 * before[1] and spent > 0.8 * before[2]:
             self._floor, self._stay = before[0] or COARSEST, _PATIENCE  # the time does not depend on the points
             self._moving = before[0]
-        elif spent > 1.5 * target:
+        elif spent > _OVER * target:
             halvings = min(max(round(log2(spent / target)), 1), 3)  # a large excess is corrected within few frames
+            if level is None:
+                self._no_all = _PATIENCE
             self._moving = FINEST if level is None else max(min(level / 2**halvings, FINEST), self._floor)
-        elif self._moving is not None and spent < target / 4:
-            self._moving = min(2 * self._moving, FINEST)
+        elif self._moving is not None and spent < _SPARE * target:
+            more = 2 * self._moving
+            self._moving = more if more <= FINEST else FINEST if self._no_all else None
         coarser = level is not None and self._moving is not None and self._moving < level
         self._before = (level, points, spent) if coarser else None
 

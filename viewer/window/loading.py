@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 
+_SMALLER = {"fast": (), "balanced": ("fast",), "best": ("balanced", "fast"), "paper": ("fast",)}
+"""Quality -> those of smaller networks, the largest first."""
 _PREVIEW_SECONDS = 3.0  # that the complete load waits at most for the preview to be on the screen
 
 
@@ -78,8 +80,21 @@ def preview_scene(paths: list[Path], *, match: bool = True, columns: str | None 
     return coarse(files, columns=columns)
 
 
+def smaller_networks(settings: Settings) -> tuple[str, ...]:
+    """Qualities whose networks may stand in for that of ``settings`` while the camera moves, the largest first: those shipped
+    for the same input; none for a person's own weights."""
+    from viewer.paths import assets_dir
+
+    if settings.weights is not None:
+        return ()
+    form = "filtered" if settings.filter != "off" else "unfiltered"
+    shipped = assets_dir() / "weights"
+    return tuple(name for name in _SMALLER[settings.quality] if (shipped / f"{name}-{form}.safetensors").is_file())
+
+
 def load_network(settings: Settings) -> None:
-    """Imports torch and reads the weights, off the window's thread, so that the first neural frame only has to run."""
+    """Imports torch and reads the weights, also those of smaller networks for flight, off the window's thread, so that the
+    first neural frame only has to run."""
     from model.common.torch_process import prepare_inference
     from model.reconstruct import cuda_problem
     from viewer.errors import DeviceError
@@ -90,7 +105,8 @@ def load_network(settings: Settings) -> None:
     if settings.device == "cuda" and problem:
         raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use the CPU")
     device = "cpu" if settings.device == "cpu" or problem else "cuda"
-    neural.load_network(settings.quality, settings.filter != "off", settings.weights, settings.precision, device)
+    for quality in (settings.quality, *smaller_networks(settings)):
+        neural.load_network(quality, settings.filter != "off", settings.weights, settings.precision, device)
 
 
 def expanded(paths: Sequence[Path]) -> list[Path]:

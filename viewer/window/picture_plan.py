@@ -14,7 +14,8 @@ class Plan:
     """How to make the next picture.  views: left first.  level: of detail.  hides: cells hidden in the last frame are left
     out.  moving: while the camera moves.  scale: of the internal resolution, 1 is the picture's own.
     deferred: the network runs on its own thread, and the filled view stands in until it has ended.
-    contended: coarse while moving, because a network of an earlier picture runs on the processors that draw."""
+    contended: coarse while moving, because a network of an earlier picture runs on the processors that draw.
+    network: the quality that the neural view is drawn with, None without one."""
 
     views: tuple[str, ...]
     level: float | None
@@ -23,6 +24,7 @@ class Plan:
     scale: float = 1.0
     deferred: bool = False
     contended: bool = False
+    network: str | None = None
 
 
 class Picture:
@@ -50,19 +52,24 @@ class Picture:
         self.dirty = True
         self.adaptive_lod.jump()
 
-    def plan(self, views: Sequence[str], lod: float | None, *, moving: bool, resizing: bool = False) -> Plan:
-        """The picture to make now.  views, lod: as chosen."""
-        adaptive = self.adaptive_lod
-        drawn = tuple(adaptive.stand_in(view, moving=moving, resizing=resizing) for view in views)
-        levels = [level for level in (lod, adaptive.level(moving=moving, contended=self.contended)) if level is not None]
+    def plan(self, views: Sequence[str], lod: float | None, networks: Sequence[str], *, moving: bool, resizing: bool = False
+             ) -> Plan:
+        """The picture to make now.  views, lod: as chosen.  networks: the quality chosen, then smaller networks for flight."""
+        adaptive, contended = self.adaptive_lod, self.contended
+        network = None
+        if "neural" in views:
+            network = adaptive.network(networks, moving=moving, resizing=resizing, contended=contended)
+        drawn = tuple("filled" if view == "neural" and network is None else view for view in views)
+        levels = [level for level in (lod, adaptive.level(moving=moving, contended=contended)) if level is not None]
         return Plan(drawn, min(levels) if levels else None, adaptive.hides(moving=moving), moving,
-                    adaptive.scale(moving=moving, contended=self.contended), contended=self.contended,
-                    deferred="neural" in drawn and not moving)
+                    adaptive.scale(moving=moving, contended=contended), contended=contended,
+                    deferred="neural" in drawn and not moving, network=network)
 
     def lacks(self, plan: Plan) -> bool:
         """Whether something of ``plan`` is missing and nothing that is under way will bring it."""
         made = self.pending or self.made
-        return (made is None or (made.views, made.level, made.scale) != (plan.views, plan.level, plan.scale)
+        return (made is None or (made.views, made.level, made.scale, made.network) != (plan.views, plan.level, plan.scale,
+                                                                                       plan.network)
                 or (made.hides and not plan.hides))
 
     def drew(self, plan: Plan, *, hides: bool, approximations: Sequence[str], shown: tuple[str, ...] | None = None,
@@ -78,10 +85,11 @@ class Picture:
         assert self.pending is not None
         self.made, self.pending = self.pending, None
         self.approximations, self.stats = approximations, stats
-        self.adaptive_lod.ran_network(stats["stages"]["network"])
+        if self.made.network is not None:
+            self.adaptive_lod.ran_network(self.made.network, stats["stages"]["network"])
 
     def learn(self, plan: Plan, stats: dict) -> None:
         """What a picture cost that was made as planned; ``stats`` as ``Frame.stats``."""
         self.stats = stats
         if not (plan.moving and plan.contended):  # it says nothing of pictures that have the processors to themselves
-            self.adaptive_lod.drew(plan.level, stats, moving=plan.moving)
+            self.adaptive_lod.drew(plan.level, stats, moving=plan.moving, network=plan.network)

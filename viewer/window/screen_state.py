@@ -16,13 +16,16 @@ class ScreenState:
     @property
     def plan(self) -> Plan:
         """The picture to make now."""
-        return self._picture.plan(self._view_settings.sides, self._view_settings.settings.lod, moving=self._flight.moving,
-                                 resizing=self._area.settles_in > 0)
+        chosen = self._view_settings
+        return self._picture.plan(chosen.sides, chosen.settings.lod, chosen.networks, moving=self._flight.moving,
+                                  resizing=self._area.settles_in > 0)
 
     @property
     def full_plan(self) -> Plan:
         """The picture as the settings have it, however long it takes."""
-        return Plan(self._view_settings.sides, self._view_settings.settings.lod)
+        chosen = self._view_settings
+        network = chosen.settings.quality if "neural" in chosen.sides else None
+        return Plan(chosen.sides, chosen.settings.lod, network=network)
 
     @property
     def needs_picture(self) -> bool:
@@ -34,7 +37,7 @@ class ScreenState:
         """Whether the picture on the screen is what the settings ask for, with nothing left out."""
         made, full = self._picture.made, self.full_plan
         return (made is not None and not self.refining and not made.hides
-                and (made.views, made.level, made.scale) == (full.views, full.level, full.scale)
+                and (made.views, made.level, made.scale, made.network) == (full.views, full.level, full.scale, full.network)
                 and not (self._picture.stats or {}).get("points_missing"))
 
     @property
@@ -52,12 +55,21 @@ class ScreenState:
         return made.views if made is not None and len(made.views) == len(sides) else sides
 
     @property
+    def smaller_network(self) -> str | None:
+        """The network that the picture on the screen was drawn with, where it is not the one asked for; else None."""
+        made = self._picture.made
+        drawn = made.network if made is not None and "neural" in self.drawn else None
+        return None if drawn == self._view_settings.settings.quality else drawn
+
+    @property
     def approximations(self) -> list[str]:
         """Everything about the picture on the screen that is not exact, in words."""
         made = list(self._picture.approximations)
         picture = self._picture.made
         if picture is not None and picture.scale < 1.0:
             made.append(f"internal resolution {100 * picture.scale:.0f} %")
+        if (smaller := self.smaller_network) is not None:
+            made.append(f"the {smaller} network while moving")
         if self.drawn != self._view_settings.sides and "neural" in self._view_settings.sides:
             resizing = "while resizing" if self._area.settles_in > 0 else "until the network has run"
             made.append(f"filled {'while moving' if self._flight.moving else resizing}")

@@ -60,6 +60,11 @@ class ViewSettings:
         """The view shown, or the two that are compared, left first."""
         return (self.left, self.settings.view) if self.split else (self.settings.view,)
 
+    @property
+    def networks(self) -> tuple[str, ...]:
+        """The quality chosen, then those of smaller networks that are loaded with it, for flight."""
+        return self.settings.quality, *loading.smaller_networks(self.settings)
+
     # -- settings ----------------------------------------------------------------------------------------------------
 
     def request(self, settings: Settings) -> None:

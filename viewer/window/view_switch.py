@@ -1,4 +1,5 @@
-"""The view switch over the picture: the lit segment is drawn, the outlined one was requested and is being made."""
+"""The view switch over the picture: the lit segment is drawn, the outlined one was requested and is being made.  A neural view
+that a smaller network draws while the camera moves is lit and outlined."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -32,10 +33,14 @@ def draw_view_switch(session: Session, look: Theme) -> None:
         if number:
             imgui.same_line(0, 0)
         lit, asked = view in session.screen.drawn, view == wanted
-        if _segment(_SHORT[view] if short else TITLES[view], width, height, look, lit=lit, asked=asked and not lit):
+        smaller = session.screen.smaller_network if view == "neural" and lit else None
+        coming = asked and (not lit or smaller is not None)
+        if _segment(_SHORT[view] if short else TITLES[view], width, height, look, lit=lit, asked=coming):
             chosen.show(view)
         state = ""
-        if asked and not lit:
+        if smaller is not None:
+            state = f"\nDrawn by the {smaller} network while the camera moves; {chosen.settings.quality} at rest."
+        elif coming:
             loading = chosen.network_load is not None
             state = "\nAsked for; " + ("its network is being loaded." if loading else "shown as soon as it is made.")
         hint(f"{explained} (key {number + 1}){state}", look)
@@ -57,8 +62,7 @@ def _segment(text: str, width: float, height: float, look: Theme, *, lit: bool, 
     if asked:
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         inset = look.px(1.5)
+        colour = packed(theme.ACCENT_TEXT if lit else theme.ACCENT)
         imgui.get_window_draw_list().add_rect(
-            ImVec2(low.x + inset, low.y + inset), ImVec2(high.x - inset, high.y - inset), packed(theme.ACCENT),
-            look.px(5), look.px(2.5),
-        )  # fmt: skip
+            ImVec2(low.x + inset, low.y + inset), ImVec2(high.x - inset, high.y - inset), colour, look.px(5), look.px(2.5))
     return pressed

@@ -3,7 +3,6 @@
 Owns GL objects and knows no window.  The session plans the pictures; the interface is drawn on the canvas later.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from time import perf_counter
@@ -15,8 +14,10 @@ from viewer.errors import DeviceError, DeviceLostError, PointglassError
 from viewer.render.develop import DevelopedViews, read_picture
 from viewer.render.occlusion import Occlusion
 from viewer.render.points import UPLOAD_SECONDS
-from viewer.settings import Memory
+from viewer.settings import Memory, Settings
 from viewer.tools.background import composite
+from viewer.window.adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
+from viewer.window.frame_rate import FrameRate
 from viewer.window.loading import Loaded
 from viewer.window.photo_layer import PhotoLayer
 from viewer.window.present import Canvas, split_column
@@ -67,8 +68,7 @@ class Viewport:
         self._seen = Occlusion()
         self._points_read: np.ndarray | None = None  # depth of the last picture, read when it is first asked for
         self._problem: str | None = None
-        self._intervals: deque[float] = deque(maxlen=20)
-        self._last_picture = 0.0
+        self._rate = FrameRate()
 
     def upload(self, loaded: Loaded) -> bool:
         """Uploads a loaded scene to the GPU.  False where that fails; the previous scene stays and a message says why."""
@@ -80,8 +80,9 @@ class Viewport:
         if self.renderer is not None:
             self.renderer.release()
         self._forget(renderer)
+        self._session.picture.adaptive_lod.target_ms = TARGET_CPU_MS if renderer.device.software else TARGET_GPU_MS
         self._session.accept(loaded)
-        self._intervals.clear()
+        self._rate.clear()
         return True
 
     def _made(self, scene: "Scene") -> "Renderer":
@@ -122,7 +123,7 @@ class Viewport:
         if self.renderer is not None:
             self.renderer.release()
         self._forget(None)
-        self._intervals.clear()
+        self._rate.clear()
 
     def note_arrivals(self) -> bool:
         """At rest (a moving picture does this itself): uploads points that have arrived; the picture is made again if it waited
@@ -157,8 +158,8 @@ class Viewport:
         try:
             self.frame = renderer.render(
                 self.frame_camera, replace(session.view_settings.settings, lod=plan.level),
-                self._with_measured(views), self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
-                edits=session.work.edits,
+                self._with_measured(views),
+                self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred, edits=session.work.edits,
             )  # fmt: skip
         except DeviceLostError:
             raise  # ends the window with its message and exit code 3
@@ -167,12 +168,7 @@ class Viewport:
             session.failed(str(error) or _NO_MEMORY)
             return
         self._shown = tuple(view if view in self.frame.textures else "filled" for view in plan.views)
-        now = perf_counter()
-        if now - self._last_picture < 1.0:
-            self._intervals.append(now - self._last_picture)
-        else:
-            self._intervals.clear()
-        self._last_picture = now
+        self._rate.add(perf_counter())
         self._tell(plan, self.frame)
         self._points_read = None
         session.lost = self._empty(self.frame, plan)
@@ -180,6 +176,11 @@ class Viewport:
             self._problem = problem
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
+
+    def _settings(self, plan: "Plan") -> Settings:
+        """The settings chosen, with what the plan leaves out."""
+        chosen = self._session.view_settings.settings
+        return replace(chosen, lod=plan.level, quality=plan.network or chosen.quality)
 
     def _with_measured(self, views: tuple[str, ...]) -> tuple[str, ...]:
         """The views to render: those shown, each once, and the filtered one where the tint or the lock compares with it."""
@@ -252,9 +253,7 @@ class Viewport:
     @property
     def frame_rate(self) -> float | None:
         """Pictures a second while something moves; None at rest."""
-        if not self._intervals or not self._session.flight.moving:
-            return None
-        return len(self._intervals) / max(sum(self._intervals), 1e-9)
+        return self._rate.per_second if self._session.flight.moving else None
 
     def show(self) -> Canvas:
         """The last picture in its place, or the background where there is none, on a canvas of the window's size."""
