@@ -226,10 +226,10 @@ def test_a_stage_is_made_anew_for_what_it_is_made_of_and_kept_otherwise(monkeypa
     def stage(_programs, _size, *key, background):
         made.append(key)
         there.append(key)
-        return SimpleNamespace(key=key, release=lambda: there.remove(key))
+        return SimpleNamespace(key=key, usable=True, release=lambda: there.remove(key))
 
     monkeypatch.setattr(neural, "NeuralStage", stage)
-    renderer = SimpleNamespace(_neural=None, _device="cuda", _programs=None, _size=(4, 4))
+    renderer = SimpleNamespace(_neural=None, _spare_neural=None, _kept_sizes=0, _device="cuda", _programs=None, _size=(4, 4))
     plain = Settings(quality="fast", device="cpu")
     others = [{"quality": "best"}, {"filter": "off"}, {"weights": "own.safetensors"}, {"precision": "fp32"}, {"device": "auto"}]
     for settings in (plain, *(replace(plain, **other) for other in others)):
@@ -239,3 +239,25 @@ def test_a_stage_is_made_anew_for_what_it_is_made_of_and_kept_otherwise(monkeypa
     device, filtered = [key[-1] for key in made], [key[1] for key in made]
     assert len(made) == len(set(made)) == 6
     assert device == ["cpu"] * 5 + ["cuda"] and filtered == [True, True, False, True, True, True]
+
+
+def test_a_window_that_alternates_between_two_networks_makes_each_once(monkeypatch):
+    """In flight a smaller one stands in; a third replaces the one that was used longer ago, and a failed one is not kept."""
+    there, made = [], []
+
+    def stage(_programs, _size, *key, background):
+        made.append(key[0])
+        there.append(key[0])
+        return SimpleNamespace(key=key, usable=True, release=lambda: there.remove(key[0]))
+
+    monkeypatch.setattr(neural, "NeuralStage", stage)
+    renderer = SimpleNamespace(_neural=None, _spare_neural=None, _kept_sizes=2, _device="cuda", _programs=None, _size=(4, 4))
+    for quality in ("balanced", "fast", "balanced", "fast", "balanced"):
+        used = Renderer._neural_for(renderer, Settings(quality=quality), background=True)  # type: ignore[arg-type]
+        assert used.key[0] == quality
+    assert made == ["balanced", "fast"]
+    Renderer._neural_for(renderer, Settings(quality="best"), background=True)  # type: ignore[arg-type]
+    assert made == ["balanced", "fast", "best"] and sorted(there) == ["balanced", "best"]
+    renderer._neural.usable, renderer._neural.key = False, ("failed",)
+    Renderer._neural_for(renderer, Settings(quality="best"), background=True)  # type: ignore[arg-type]
+    assert there == ["best"] and made[-1] == "best"
