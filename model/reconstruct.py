@@ -17,6 +17,7 @@ from torch import Tensor, nn
 from model.blend_cpu import Blender
 from model.common.processors import usable_processors
 from model.engines import fold_normalisation
+from model.interruption import check
 from model.network_layout import BACKGROUND, CLOSED, PACKED_OUT
 from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
 from model.weights import MIRRORED, WeightsError, digest, load_weights, weights_dir, weights_name
@@ -123,6 +124,10 @@ class Reconstructor:
         mirrored = f" on {len(self.flips)} mirrored pictures" if len(self.flips) > 1 else ""
         self.name = f"{path.stem} {digest(path)}{mirrored} {self.precision} on {device}"
         self._blender: Blender | None = None
+        if device == "cpu":
+            for layer in self.network.modules():
+                if isinstance(layer, nn.Conv2d):
+                    layer.register_forward_pre_hook(check)
         if device == "cpu" and self.compact:
             self._blender = Blender(usable_processors())
         _log.info("network %s", self.name)

@@ -294,3 +294,22 @@ def test_best_is_the_mean_of_the_balanced_networks_mirrored_pictures(seed):
     assert "4 mirrored pictures" in best.name and best.name.split()[1] == one.name.split()[1]
     mirrored = best(packed.flip((1,)).contiguous()).flip((1,))
     assert (best(packed).float() - mirrored.float()).abs().max() < 2e-3, "which side is left no longer matters"
+
+
+def test_a_network_is_interrupted_between_its_layers_and_unharmed(seed):
+    """From the first layer that finds its picture needless on, nothing runs; the next picture is as always."""
+    from model.interruption import Interrupted, interruptible
+    from model.network_layout import PACKED_IN
+    from model.reconstruct import Reconstructor
+
+    network = Reconstructor("fast", filtered=True, device="cpu", precision="fp32")
+    packed = torch.from_numpy(np.random.default_rng(seed).random((32, 48, PACKED_IN)).astype(np.float16))
+    expected, asked = network(packed), []
+
+    def needless():
+        asked.append(1)
+        return len(asked) == 4
+
+    with pytest.raises(Interrupted), interruptible(needless):
+        network(packed)
+    assert len(asked) == 4 and torch.equal(network(packed), expected)

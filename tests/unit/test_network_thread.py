@@ -61,10 +61,58 @@ def test_a_result_that_nobody_waits_for_any_more_is_dropped(steps):
     gate = threading.Event()
     assert steps.start(4, gate).wait(5)
     steps.start(5)
-    steps.thread.drop_waiting()
+    steps.thread.drop()
     gate.set()
     steps.wait()
     assert steps.ran == [1, 4] and steps.thread.take(5) is None
+
+
+def test_a_run_ends_at_the_next_layer_once_its_picture_is_not_needed(steps):
+    """By another picture, or because nothing is to be shown; a run that is needed goes on to its end."""
+    from model.interruption import check
+
+    for end in (steps.thread.drop, lambda: steps.start(9)):
+        begun, gate, layers = threading.Event(), threading.Event(), []
+
+        def work(begun=begun, gate=gate, layers=layers):
+            for layer in range(3):
+                check()
+                layers.append(layer)
+                begun.set()
+                assert gate.wait(5)
+            return np.zeros(3)
+
+        steps.thread.start(1, work, steps.woken.set)
+        assert begun.wait(5)
+        end()
+        gate.set()
+        steps.wait()
+        while steps.thread.busy:
+            steps.wait()
+        assert layers == [0] and steps.thread.take(1) is None
+    steps.thread.drop()
+    steps.thread.start(2, lambda: check() or np.ones(3), steps.woken.set)
+    while steps.thread.busy:
+        steps.wait()
+    done = steps.thread.take(2)
+    assert done is not None and done.error is None
+
+
+def test_only_the_thread_that_asked_is_interrupted():
+    """Another thread may run the same network meanwhile."""
+    from model.interruption import Interrupted, check, interruptible
+
+    with interruptible(lambda: True):
+        other = threading.Thread(target=check)
+        failed = []
+        threading.excepthook, before = lambda found: failed.append(found), threading.excepthook
+        other.start()
+        other.join()
+        threading.excepthook = before
+        with pytest.raises(Interrupted):
+            check()
+    check()
+    assert not failed
 
 
 def test_an_error_is_given_to_whoever_takes_the_result_and_the_thread_lives_on(steps):

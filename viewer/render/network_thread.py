@@ -1,5 +1,7 @@
 """Runs the network on a thread of its own, one picture at a time, so that the thread that draws the interface does not wait.
 
+A run whose picture is not needed any more ends at the network's next layer (model.interruption).
+
 No OpenGL here: the caller reads the packed input back before, and uploads the result after.  torch releases Python's lock
 while it computes.
 """
@@ -11,6 +13,8 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
+
+from model.interruption import Interrupted, interruptible
 
 _NICENESS = 10
 """Added to the thread's niceness where the system has one per thread (Linux), so that the interface goes first on few cores.
@@ -29,8 +33,7 @@ class Finished:
 
 
 class NetworkThread:
-    """One worker thread, started with the first run.  A run under way cannot be interrupted; of those that wait only the
-    latest is kept.
+    """One worker thread, started with the first run.  Of the runs that wait only the latest is kept.
 
     lock: held during a run.  Hold it to run the same network on another thread.
     """
@@ -40,14 +43,16 @@ class NetworkThread:
         self._state = threading.Condition()
         self._waiting: tuple[int, Callable[[], np.ndarray], Callable[[], None]] | None = None
         self._running: int | None = None
+        self._wanted: int | None = None  # the run whose result is needed
         self._finished: Finished | None = None
         self._thread: threading.Thread | None = None
         self._closed = False
 
     def start(self, serial: int, work: Callable[[], np.ndarray], wake: Callable[[], None]) -> None:
-        """Runs ``work`` as soon as the run before it has ended.  wake: called on the thread when it has."""
+        """Runs ``work`` as soon as the run before it has ended; that one is interrupted.  wake: called on the thread when it
+        has ended."""
         with self._state:
-            self._waiting, self._finished = (serial, work, wake), None
+            self._waiting, self._finished, self._wanted = (serial, work, wake), None, serial
             if self._thread is None:
                 self._thread = threading.Thread(target=self._loop, name="pointglass network", daemon=True)
                 self._thread.start()
@@ -62,10 +67,10 @@ class NetworkThread:
             self._finished = None
             return done if done.serial == serial else None
 
-    def drop_waiting(self) -> None:
-        """Forgets the run that has not begun and the result that was not taken."""
+    def drop(self) -> None:
+        """Forgets the run that has not begun and the result that was not taken, and interrupts the run under way."""
         with self._state:
-            self._waiting = self._finished = None
+            self._waiting = self._finished = self._wanted = None
 
     @property
     def busy(self) -> bool:
@@ -74,9 +79,10 @@ class NetworkThread:
             return self._running is not None or self._waiting is not None
 
     def close(self) -> None:
-        """Ends the thread after the run under way; does not wait for it."""
+        """Interrupts the run under way and ends the thread; does not wait for it."""
         with self._state:
-            self._waiting, self._finished, self._closed = None, None, True
+            self._waiting = self._finished = self._wanted = None
+            self._closed = True
             self._state.notify_all()
 
     def _loop(self) -> None:
@@ -93,11 +99,14 @@ class NetworkThread:
             try:
                 with self.lock:
                     begun = perf_counter()
-                    made = work()
+                    with interruptible(lambda serial=serial: self._wanted != serial):
+                        made = work()
+            except Interrupted:
+                pass
             except BaseException as error:  # raised again where the result is taken
                 failed = error
             with self._state:
                 self._running = None
-                if self._waiting is None and not self._closed:
+                if self._wanted == serial:
                     self._finished = Finished(serial, made, (perf_counter() - begun) * 1e3, failed)
             wake()

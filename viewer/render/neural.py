@@ -187,8 +187,8 @@ class NeuralStage:
         return self._thread.busy
 
     def drop(self) -> None:
-        """Forgets a picture whose network has not begun or whose result was not presented."""
-        self._thread.drop_waiting()
+        """Forgets a picture whose network has not begun or whose result was not presented; interrupts a run under way."""
+        self._thread.drop()
 
     def present(self, filled) -> None:
         """Writes the network's pixels into ``picture``, with the filled picture's alpha."""

@@ -119,6 +119,8 @@ class Renderer(SizedPasses):
     def _render(self, camera: "Camera", settings: Settings, views: tuple[str, ...], history: Occlusion | None,
                 edits: Edits | None, *, streaming: bool, defer_network: bool) -> Frame:
         self._serial += 1
+        for stage in self._networks():
+            stage.drop()  # what it may still run is a picture that this one replaces
         if not self.device.software and context_lost(self.context):
             raise DeviceLostError(LOST)
         self._resize((camera.width, camera.height), self.device.texture_limit)

@@ -37,9 +37,12 @@ class SizedPasses:
     @property
     def network_busy(self) -> bool:
         """Whether a network runs on its own thread, for a picture of any size."""
+        return any(stage.busy for stage in self._networks())
+
+    def _networks(self) -> "list[NeuralStage]":
+        """The networks' stages of every picture size."""
         kept = (passes[name] for passes in self._kept.values() for name in ("_neural", "_spare_neural"))
-        stages = (self._neural, self._spare_neural, *kept)
-        return any(stage is not None and stage.busy for stage in stages)
+        return [stage for stage in (self._neural, self._spare_neural, *kept) if stage is not None]
 
     def _resize(self, size: tuple[int, int], limit: int) -> None:
         """Uses the passes of a picture size (width, height).  limit: pixels along a side of a texture.
