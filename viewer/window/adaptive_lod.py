@@ -32,8 +32,9 @@ FINEST, COARSEST = 16.0, 0.5
 """Points per pixel while moving: above 16 the soft z-buffer shows no difference, below 0.5 holes open."""
 SCALES = (1.0, 0.5)
 """Internal resolutions while moving, as a share of each side."""
-CONTENDED_LEVEL = 1.0
-"""Points per pixel of a moving picture while a network runs on the processors that draw (see :meth:`AdaptiveLod.scale`)."""
+CONTENDED_LEVEL = COARSEST
+"""Points per pixel of a moving picture while a network runs on the processors that draw (see :meth:`AdaptiveLod.scale`): of the
+one or two pictures until it ends at its next layer."""
 LEAST_HIDDEN = 0.25
 """Share of the points that must be hidden for occlusion culling to pay."""
 OUTSIDE_WEIGHT = 0.2
