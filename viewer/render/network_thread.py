@@ -18,8 +18,8 @@ from model.interruption import Interrupted, interruptible
 
 _NICENESS = 19
 """Added to the niceness of the thread, and of torch's threads that it starts, where the system has one per thread (Linux).  A
-drag while a network of 0.8 s runs (two cores, window of 1280x720) is answered within 47 to 57 ms at p95, with 10 within 58 to 66;
-the network takes as long."""
+drag while a network of 0.8 s runs (two cores, window of 1280x720) is answered within 47 to 57 ms at p95, with 10 within 58 to
+66; the network takes as long."""
 
 
 @dataclass(frozen=True, eq=False)
