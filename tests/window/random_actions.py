@@ -1,8 +1,9 @@
 """Random actions in a window, for ``test_random_actions.py``: ``python random_actions.py FOLDER ACTIONS SEED``.
 
 At regular intervals the window is brought to the same state, and resident memory and OpenGL objects are counted there.  Writes
-``random.json``: the counts, and the last actions before an exception.  The network is left out: it would take most of the time,
-and has memory of its own.
+``random.json``: the counts, and the last actions before an exception.  Besides resident memory, the memory in use is counted
+(what the C library has given out, and Python's objects): freed blocks between others keep pages resident, by chance of the
+threads' timing.
 """
 
 import ctypes
@@ -29,6 +30,23 @@ MOST_NAMES = 6000
 def resident() -> float:
     """MB of this process."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+class _Mallinfo2(ctypes.Structure):
+    """mallinfo2(3) of glibc 2.33 and later."""
+
+    _fields_ = [(name, ctypes.c_size_t) for name in ("arena", "ordblks", "smblks", "hblks", "hblkhd", "usmblks", "fsmblks",
+                                                     "uordblks", "fordblks", "keepcost")]
+
+
+def in_use() -> float | None:
+    """MB that the C library has given out and not got back; None where it cannot tell."""
+    library = ctypes.CDLL(None)
+    if not hasattr(library, "mallinfo2"):
+        return None
+    library.mallinfo2.restype = _Mallinfo2
+    info = library.mallinfo2()
+    return (info.uordblks + info.hblkhd) / 1e6
 
 
 def gl_objects(d: Driver) -> dict[str, int]:
@@ -155,7 +173,10 @@ class Monkey:
         context.renew_picture()
 
     def load(self) -> None:
-        self.d.drop(Path(f"room{self._pick((1, 2, 3))}"))
+        if self.rng.random() < 0.1:
+            self.d.app.act("demo")
+        else:
+            self.d.drop(Path(f"room{self._pick((1, 2, 3))}"))
         if self.rng.random() < 0.7:
             self.d.until(lambda: self.d.session.loads.current is None)
 
@@ -220,6 +241,7 @@ def main(folder: Path, count: int, seed: int) -> None:
     monkey = Monkey(d, seed)
     report: dict = {"actions": 0, "counted": [], "problem": None}
     try:
+        d.app.act("demo")  # what reads files is imported once, and takes memory once
         monkey.rest()
         for _ in range(INTERVALS):
             for _ in range(count // INTERVALS):
@@ -228,7 +250,10 @@ def main(folder: Path, count: int, seed: int) -> None:
             monkey.rest()
             gc.collect()
             give_back()
-            report["counted"].append({"resident": resident(), **gl_objects(d), "error": d.app.context.error})
+            report["counted"].append({
+                "resident": resident(), "in_use": in_use(), "objects": sys.getallocatedblocks(), **gl_objects(d),
+                "error": d.app.context.error,
+            })
     except Exception:
         report["problem"] = f"after {list(monkey.done)}\n{traceback.format_exc()}"
     (folder / "random.json").write_text(json.dumps(report, indent=1))
