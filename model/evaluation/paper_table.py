@@ -6,6 +6,7 @@ distances the others are given the true colours.  LPIPS stands twice: as the pub
 defined, fed -1..1.  Frames a second are of the plain twin in torch, projection to network, not of the OpenGL renderer.
 """
 
+import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -28,6 +29,8 @@ from model.projection import SoftZ, network_input, pixels, rasterise
 from model.reconstruct import PRECISIONS, fast_precision
 from model.unet import CompactUNet
 from model.weights import load_weights
+
+_log = logging.getLogger(__name__)
 
 SIZES = ((1920, 1440), (960, 720))
 DENSITIES = (1.0, 0.1)
@@ -84,7 +87,8 @@ class _Distances:
         for make in (_from_lpips, _from_torchmetrics):
             try:
                 return _Distances(make(backbone).eval().to(device), squeeze, "")
-            except Exception as error:  # not installed, or its weights cannot be fetched: the table says which
+            except (ImportError, OSError, RuntimeError) as error:  # not installed, or its weights cannot be fetched
+                _log.info("LPIPS is not available: %s", error)
                 reasons.append(str(error).splitlines()[0] if str(error) else type(error).__name__)
         return _Distances(None, squeeze, "; ".join(reasons))
 

@@ -51,7 +51,7 @@ def quantised(network: "Reconstructor", packed: "torch.Tensor") -> "Reconstructo
             quantization.convert(made.network, inplace=True)
             _mark(made.network)
             made(packed)
-    except Exception as error:
+    except (RuntimeError, ImportError, ValueError, AttributeError) as error:  # what a torch without this engine raises
         raise Int8Error(f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else 'no reason given'}") from None
     finally:
         torch.backends.quantized.engine = before
