@@ -130,6 +130,21 @@ def test_a_resolution_that_was_too_slow_is_tried_again_after_a_while_and_points_
     assert scales[-1] == 1.0 and scales.count(0.5) > 30, "50 ms do not: it comes back, but not at once"
 
 
+def test_where_points_take_all_the_time_they_become_fewer_and_the_resolution_stays():
+    """As in the raw view, which has no stages that cost by the pixel."""
+    made, clock = session()
+    made.flight.held.add("forward")
+    plans = []
+    for _ in range(40):
+        clock.now += 0.05
+        made.advance()
+        plan = made.screen.plan
+        plans.append(plan)
+        spent = min(300.0, 20.0 * (plan.level or 1e9))
+        made.drew(plan, stats(raster=spent) | {"total_ms": spent + 1.0, "points_drawn": spent})
+    assert {plan.scale for plan in plans} == {1.0} and 20.0 * plans[-1].level <= 66.0
+
+
 def test_own_weights_have_no_smaller_network(tmp_path):
     made, _ = session(settings=Settings(view="filled", weights=str(tmp_path / "own.safetensors")))
     assert made.view_settings.networks == ("balanced",)

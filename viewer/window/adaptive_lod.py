@@ -44,6 +44,7 @@ _FASTER = 0.9  # times the target: a higher resolution is tried where it is pred
 _PATIENCE = 60  # frames until what did not pay is tried again
 _STEP = 4.0  # at rest
 _ALL = 1024.0  # points per pixel that no scan has
+_PIXELS_SHARE = 0.2  # of a picture's time: below it a lower resolution would not be faster (the raw view has only points)
 _OVER = 1.2  # times the points' target: above it fewer are drawn
 _SPARE = 0.45  # share of the points' target below which twice the points are drawn
 RELATIVE_TIME = {"fast": 1.0, "balanced": 2.0, "best": 8.0, "paper": 25.0}
@@ -152,10 +153,11 @@ class AdaptiveLod:
         self._no_network, self._no_scale, self._no_all, self._stay = (
             max(0, frames - 1) for frames in (self._no_network, self._no_scale, self._no_all, self._stay)
         )
-        target = POINTS_SHARE * (self.target_ms - self._outside)
-        if neural and stats["total_ms"] > _SLOWER * (self.target_ms - self._outside):
+        total, whole = max(stats["total_ms"], spent), self.target_ms - self._outside
+        if neural and total > _SLOWER * whole:
             self._no_network = _PATIENCE
-        elif not self._fit_resolution(max(stats["total_ms"], spent), spent):
+        elif not self._fit_resolution(total, spent):
+            target = max(POINTS_SHARE * whole, whole - (total - spent))  # the raw view has no other stages
             self._fit_points(level, spent, target, stats["points_drawn"])
         if self._stay == 0:
             self._floor = COARSEST
@@ -173,7 +175,7 @@ class AdaptiveLod:
         total: milliseconds of the picture.  spent: those of them that depend on points more than on pixels.
         """
         target = self.target_ms - self._outside
-        if max(total, spent / POINTS_SHARE) > _SLOWER * target and self._scale < len(SCALES) - 1:
+        if total > _SLOWER * target and self._scale < len(SCALES) - 1 and total - spent > _PIXELS_SHARE * total:
             self._scale += 1
             self._no_scale, self._before = _PATIENCE, None
             return True
