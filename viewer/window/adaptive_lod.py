@@ -44,7 +44,7 @@ _FASTER = 0.9  # times the target: a higher resolution is tried where it is pred
 _PATIENCE = 60  # frames until what did not pay is tried again
 _STEP = 4.0  # at rest
 _ALL = 1024.0  # points per pixel that no scan has
-_PIXELS_SHARE = 0.2  # of a picture's time: below it a lower resolution would not be faster (the raw view has only points)
+_PIXELS_SHARE = 0.2  # of a picture's time: below it fewer points come before a lower resolution (raw)
 _OVER = 1.2  # times the points' target: above it fewer are drawn
 _SPARE = 0.45  # share of the points' target below which twice the points are drawn
 RELATIVE_TIME = {"fast": 1.0, "balanced": 2.0, "best": 8.0, "paper": 25.0}
@@ -175,7 +175,8 @@ class AdaptiveLod:
         total: milliseconds of the picture.  spent: those of them that depend on points more than on pixels.
         """
         target = self.target_ms - self._outside
-        if total > _SLOWER * target and self._scale < len(SCALES) - 1 and total - spent > _PIXELS_SHARE * total:
+        pays = total - spent > _PIXELS_SHARE * total or (self._moving is not None and self._moving <= COARSEST)
+        if total > _SLOWER * target and self._scale < len(SCALES) - 1 and pays:
             self._scale += 1
             self._no_scale, self._before = _PATIENCE, None
             return True
