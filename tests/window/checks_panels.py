@@ -40,6 +40,21 @@ def check_panels_fold_where_the_window_becomes_narrow(d: Driver) -> None:
     assert panels.scenes and panels.look, "there is room again"
 
 
+def check_a_tool_of_the_folded_panel_opens_it_for_its_controls(d: Driver) -> None:
+    """All icons of the folded panel lie above the status bar, also of a low window."""
+    d.resize(890, 600)
+    d.key("ESCAPE")
+    panels = d.session.area.panels
+    assert not panels.scenes
+    pitch = (600 - 30 - 12) / (len(d.app.toolbox.tools) + 4)
+    d.click(22, 6 + 3.5 * pitch)  # the second tool: unfold, open and Fly come before
+    assert panels.scenes and d.app.toolbox.active is d.app.toolbox.tools[1]
+    d.key("ESCAPE")
+    panels.scenes = False
+    d.resize(1200, 500)
+    assert panels.scenes and panels.look
+
+
 def check_the_view_switch_changes_the_view_and_tells_what_is_drawn(d: Driver) -> None:
     d.key("3")
     d.rest()

@@ -12,6 +12,8 @@ from viewer.window.view_switch import TITLES
 from viewer.window.widgets import FLOATING, MARGIN, PASSIVE
 
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
+_LOST_BOX = 112.0, 44.0
+"""Half the width and height of the box that says how to get back, design units."""
 
 
 def draw_profiler(session: Session, look: Theme, *, fps: float | None) -> None:
@@ -163,7 +165,9 @@ def draw_lost(session: Session, look: Theme) -> None:
     px, area, draw = look.px, session.area.layout.picture, imgui.get_background_draw_list()
     middle = np.array([area.left + area.width / 2, area.top + area.height / 2])
     along = session.flight.direction_to_middle(session.camera)
-    start, tip = middle + along * px(70), middle + along * px(110)
+    half = np.array([px(_LOST_BOX[0]), px(_LOST_BOX[1])])
+    edge = float((half / np.maximum(np.abs(along), 1e-9)).min()) + px(14)  # where a ray leaves the box of buttons, and a gap
+    start, tip = middle + along * edge, middle + along * (edge + px(44))
     side = np.array([-along[1], along[0]]) * px(9)
     base = tip - along * px(16)
     for colour, width in ((theme.SHADE, px(7)), (theme.ACCENT, px(4))):
@@ -171,7 +175,7 @@ def draw_lost(session: Session, look: Theme) -> None:
     draw.add_triangle_filled(ImVec2(*tip), ImVec2(*(base + side)), ImVec2(*(base - side)), packed(theme.ACCENT))
     imgui.set_next_window_pos(ImVec2(*middle), 0, ImVec2(0.5, 0.5))
     imgui.begin("lost", None, FLOATING)
-    imgui.text_unformatted("Nothing in sight: Home, F")
+    imgui.text_unformatted("Nothing in sight: Home, F")  # the keys of the two buttons
     if imgui.button("Home"):
         session.go_home()
     imgui.same_line()

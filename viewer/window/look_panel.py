@@ -26,6 +26,7 @@ from viewer.window.widgets import (
     rail_button,
     setting,
     slider,
+    to_the_right,
 )  # fmt: skip
 
 _LOD_DEFAULT = 4.0
@@ -55,7 +56,7 @@ def draw_look_panel(session: Session, look: Theme) -> None:
     imgui.push_font(look.regular, theme.FONT_SIZE - 1)
     old = session.view_settings.shown_settings
     heading("Look", look)
-    imgui.same_line(place.width - look.px(14) - imgui.calc_text_size(">>").x - look.px(14))
+    to_the_right(">>", look)
     if imgui.small_button(">>##fold look"):
         session.area.panels.look = False
     hint("Fold this panel", look)

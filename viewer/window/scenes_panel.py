@@ -9,10 +9,13 @@ from viewer.window import theme
 from viewer.window.session import Session
 from viewer.window.status_bar import count_text, units_text
 from viewer.window.theme import Theme, fitted, packed, text_in
-from viewer.window.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small
+from viewer.window.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small, to_the_right
 
 if TYPE_CHECKING:
     from viewer.window.app import App
+
+_RAIL_BESIDES_TOOLS = 4
+"""Icons of the folded panel besides the tools: unfold, open, start viewpoint, notices."""
 
 
 def draw_scenes_panel(app: "App", look: Theme) -> None:
@@ -26,7 +29,7 @@ def draw_scenes_panel(app: "App", look: Theme) -> None:
     begin_docked("scenes", place, look)
     imgui.push_font(look.regular, theme.FONT_SIZE - 1)
     heading("Scans", look)
-    imgui.same_line(place.width - look.px(14) - imgui.calc_text_size("<<").x - look.px(14))
+    to_the_right("<<", look)
     if imgui.small_button("<<##fold scenes"):
         session.area.panels.scenes = False
     hint("Fold the scene list", look)
@@ -45,6 +48,10 @@ def _folded(app: "App", look: Theme) -> None:
     assert place is not None
     begin_docked("scenes folded", place, look, padding=(5, 6), scroll=False)
     imgui.push_font(look.bold, theme.FONT_SIZE)
+    number = len(app.toolbox.tools) + _RAIL_BESIDES_TOOLS
+    free = (place.height - look.px(12) - number * (place.width - look.px(10))) / (number - 1)
+    usual = imgui.get_style().item_spacing
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, ImVec2(usual.x, min(max(free, look.px(1)), usual.y)))
     if rail_button(">>##scenes", "Show the scene list", look):
         session.area.panels.scenes = True
     if rail_button("O", "Open scans", look):
@@ -52,6 +59,7 @@ def _folded(app: "App", look: Theme) -> None:
     for tool in app.toolbox.tools:
         if rail_button(f"{tool.letter}##{tool.name}", _explained(tool), look, lit=tool is app.toolbox.active):
             app.toolbox.select(tool.name, app.tools)
+            session.area.panels.scenes = tool is not app.toolbox.fly  # a tool's controls are in the open panel
     if rail_button("H##home", "Back to the start viewpoint (Home)", look):
         session.go_home()
     if session.notices.of_scan:
@@ -61,6 +69,7 @@ def _folded(app: "App", look: Theme) -> None:
         side = place.width - look.px(10)
         dot = ImVec2(at.x + side - look.px(5), at.y + look.px(5))
         imgui.get_window_draw_list().add_circle_filled(dot, look.px(4), packed(theme.WARN), 16)
+    imgui.pop_style_var()
     imgui.pop_font()
     imgui.end()
 

@@ -21,7 +21,7 @@ def _colour(text: str, alpha: float = 1.0) -> ImVec4:
 TEXT = _colour("#E9EBEE")
 DIM = _colour("#A3A9B3")
 ACCENT = _colour("#5CC4C0")
-SLIDER = _colour("#4AA39F")
+SLIDER = _colour("#2A8581")
 ACCENT_TEXT = _colour("#0E1B1B")
 PANEL = _colour("#1D2025", 0.96)
 FIELD = _colour("#2C3038")
@@ -79,7 +79,7 @@ class Theme:
         style.window_rounding, style.popup_rounding = 8, 6
         style.frame_rounding, style.grab_rounding = 5, 4
         style.scrollbar_size, style.scrollbar_rounding = 10, 5
-        style.grab_min_size = 14
+        style.grab_min_size = 8
         style.window_border_size, style.popup_border_size, style.frame_border_size = 1, 1, 1
         style.window_title_align = ImVec2(0.0, 0.5)
         style.separator_text_border_size = 1

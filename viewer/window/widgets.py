@@ -38,6 +38,12 @@ def begin_docked(name: str, rect: Rect, look: Theme, *, padding: tuple[float, fl
     imgui.pop_style_var(3)
 
 
+def to_the_right(text: str, look: Theme) -> None:
+    """Places a small button of ``text`` on the line of the last item, ending where the content ends (left of a scroll bar)."""
+    width = imgui.calc_text_size(text).x + 2 * imgui.get_style().frame_padding.x
+    imgui.same_line(imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x - width)
+
+
 def heading(text: str, look: Theme) -> None:
     """The title of a section."""
     if imgui.get_cursor_pos_y() > look.px(40):

@@ -40,10 +40,14 @@ class SceneSettings(Tool):
         if ui.button("Save project"):
             save_project(context)
         for verb, label, redo in (("Undo", work.history.undo_label, False), ("Redo", work.history.redo_label, True)):
+            if redo:
+                ui.same_line()
             ui.begin_disabled(label is None)
-            if ui.button(f"{verb}: {label}" if label else verb):
+            if ui.button(verb):
                 step(context, redo=redo)
             ui.end_disabled()
+            if label and ui.is_item_hovered():
+                ui.set_tooltip(f"{verb}: {label}")
 
     def _units(self, ui: Any, context: ToolContext) -> None:
         """One unit for all scans: they share the scene's coordinates."""

@@ -106,11 +106,15 @@ class Stations(Tool):
             overlay.label(place, f"{name} (inferred)" if inferred else name)
         shown = context.session.work.photo
         if shown is not None and shown.psnr is not None:
-            left, top, width, _ = overlay.area
+            left, top, width, height = overlay.area
+            if shown.split:
+                middle, bottom = left + shown.split_at * width, top + height - overlay.look.px(12)
+                overlay.divider(middle)
+                overlay.text((middle - overlay.look.px(10), bottom), "photograph", align=(1.0, 1.0))
+                view = f"{context.session.screen.drawn[-1]} view"
+                overlay.text((middle + overlay.look.px(10), bottom), view, align=(0.0, 1.0))
             text = f"photograph against the view: {shown.psnr:.1f} dB PSNR"
             overlay.text((left + width / 2, top + overlay.look.px(64)), text, align=(0.5, 0.0))
-            if shown.split:
-                overlay.divider(left + shown.split_at * width)
 
     def panel(self, ui: Any, context: ToolContext) -> None:
         self._follow(context)
@@ -151,12 +155,14 @@ class Stations(Tool):
         if shown is None:
             return
         ui.set_next_item_width(-1)
-        _, shown.blend = ui.slider_float("##blend", shown.blend, 0.0, 1.0, "%.2f photograph", ui.SliderFlags_.always_clamp)
+        clamp = ui.SliderFlags_.always_clamp
+        _, percent = ui.slider_float("##blend", 100.0 * shown.blend, 0.0, 100.0, "photograph %.0f %%", clamp)
+        shown.blend = percent / 100.0
         _, shown.split = ui.checkbox("split against the view", shown.split)
         if shown.split:
             ui.set_next_item_width(-1)
-            clamp = ui.SliderFlags_.always_clamp
-            _, shown.split_at = ui.slider_float("##split", shown.split_at, 0.0, 1.0, "line at %.2f", clamp)
+            _, percent = ui.slider_float("##split", 100.0 * shown.split_at, 0.0, 100.0, "line at %.0f %%", clamp)
+            shown.split_at = percent / 100.0
         if shown.psnr is not None:
             ui.text_wrapped(f"PSNR {shown.psnr:.1f} dB between photograph and view")
         else:
