@@ -6,6 +6,7 @@ Parts of a line behind the camera are cut off.  Colours are keys of theme.OVERLA
 ("accent", "text", "warn", ...), so that a tool need not import imgui.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -126,21 +127,45 @@ class OverlayCanvas:
             align = (0.0 if offset[0] >= 0 else 1.0, 0.0 if offset[1] >= 0 else 1.0)
             self.text(tuple(places[0] + shift), text, colour, align=align)
 
+    def labels(self, points, texts: "Sequence[str]", colour: str = "text") -> None:
+        """Labels of world points, none over another: each in the first free corner of its point, the nearest points first; a
+        label without a free corner is left out."""
+        places, inside = self.place(points)
+        depths = self.camera.project(points)[1]
+        taken: list[tuple[float, float, float, float]] = []
+        for number in np.argsort(depths):
+            if not inside[number]:
+                continue
+            for across, down in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
+                at = places[number] + self.look.px(10.0) * np.array([across, down])
+                align = (0.0 if across > 0 else 1.0, 0.0 if down > 0 else 1.0)
+                x, y, width, height = plate = self._plate(tuple(at), texts[number], align)
+                if all(x + width <= a or a + w <= x or y + height <= b or b + h <= y for a, b, w, h in taken):
+                    taken.append(plate)
+                    self.text(tuple(at), texts[number], colour, align=align)
+                    break
+
     def divider(self, x: float) -> None:
         """A vertical line across the picture at a position of the interface."""
         _, top, _, height = self.area
         for shade, width in (("shade", 3.0), ("text", 1.0)):
             self.draw_list.add_line(ImVec2(x, top), ImVec2(x, top + height), _shade(shade), self.look.px(width))
 
-    def text(self, at: tuple[float, float], text: str, colour: str = "text", *,
-             align: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Text on a dark plate at a position of the interface, kept inside the picture.  align: the plate's point that lies
-        at ``at``; (0, 0) its top left corner, (1, 1) its bottom right one."""
+    def _plate(self, at: tuple[float, float], text: str, align: tuple[float, float]) -> tuple[float, float, float, float]:
+        """Left, top, width and height of the plate of a text, kept inside the picture."""
         size, px = imgui.calc_text_size(text), self.look.px
         width, height = size.x + 2 * px(7), size.y + 2 * px(3)
         left, top, across, down = self.area
         x = float(np.clip(at[0] - align[0] * width, left + px(4), max(left + across - width - px(4), left + px(4))))
         y = float(np.clip(at[1] - align[1] * height, top + px(4), max(top + down - height - px(4), top + px(4))))
+        return x, y, width, height
+
+    def text(self, at: tuple[float, float], text: str, colour: str = "text", *,
+             align: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Text on a dark plate at a position of the interface, kept inside the picture.  align: the plate's point that lies
+        at ``at``; (0, 0) its top left corner, (1, 1) its bottom right one."""
+        px = self.look.px
+        x, y, width, height = self._plate(at, text, align)
         self.draw_list.add_rect_filled(ImVec2(x, y), ImVec2(x + width, y + height), packed(theme.PANEL, 0.92), px(4))
         self.draw_list.add_text(ImVec2(x + px(7), y + px(3)), _shade(colour), text)
 

@@ -15,6 +15,7 @@ from viewer.window.interaction.editing import edit, metres_per_unit
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
 from viewer.window.navigation import looking
 from viewer.window.photo_layer import ShownPhoto
+from viewer.window.theme import fitted
 from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
@@ -99,11 +100,14 @@ class Stations(Tool):
         self._follow(context)
         if context.scene is None:
             return
-        for _, name, place, inferred in places_of(context.scene):
-            if np.linalg.norm(place - context.camera.position) < 1e-3 * np.ptp(context.scene.bounds, axis=0).max():
-                continue  # the eye is there: the marker would hide the picture
+        at_eye = 1e-3 * np.ptp(context.scene.bounds, axis=0).max()  # a marker there would hide the picture
+        found = [(place, f"{name} (inferred)" if inferred else name, inferred)
+                 for _, name, place, inferred in places_of(context.scene)
+                 if np.linalg.norm(place - context.camera.position) >= at_eye]
+        for place, _, inferred in found:
             overlay.marker(place, "accent", 8.0, "ring" if inferred else "diamond")
-            overlay.label(place, f"{name} (inferred)" if inferred else name)
+        if found:
+            overlay.labels([place for place, _, _ in found], [text for _, text, _ in found])
         shown = context.session.work.photo
         if shown is not None and shown.psnr is not None:
             left, top, width, height = overlay.area
@@ -133,10 +137,11 @@ class Stations(Tool):
                 kept = tuple(other for other in hidden if other != number)
                 edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
             ui.same_line()
-            if ui.button(name):
+            room = ui.get_content_region_avail().x
+            if ui.button(fitted(name, room - 2 * ui.get_style().frame_padding.x)):
                 self.stand_at(context, place)
             if ui.is_item_hovered():
-                ui.set_tooltip("inferred from the order of the points" if inferred else "as the file says")
+                ui.set_tooltip(f"{name}: {'inferred from the order of the points' if inferred else 'as the file says'}")
             ui.pop_id()
         self._photographs(ui, context)
 
