@@ -41,7 +41,7 @@ def test_while_the_window_is_being_resized_the_network_waits():
         assert made.screen.needs_picture and made.screen.plan.views == ("filled",)
         made.drew(made.screen.plan, stats())
         clock.now += 0.1
-    assert 0 < made.next_change() < 0.21 and not made.screen.needs_picture
+    assert 0 < made.next_change() < 0.21 and not made.screen.needs_picture  # type: ignore[operator]
     clock.now += 0.25
     assert made.screen.needs_picture and made.screen.plan.views == ("neural",)
     made.drew(made.screen.plan, stats(network=5.0))

@@ -136,13 +136,14 @@ class OverlayCanvas:
         for number in np.argsort(depths):
             if not inside[number]:
                 continue
+            text = texts[int(number)]
             for across, down in ((1, -1), (1, 1), (-1, -1), (-1, 1)):
                 at = places[number] + self.look.px(10.0) * np.array([across, down])
                 align = (0.0 if across > 0 else 1.0, 0.0 if down > 0 else 1.0)
-                x, y, width, height = plate = self._plate(tuple(at), texts[number], align)
+                x, y, width, height = plate = self._plate(tuple(at), text, align)
                 if all(x + width <= a or a + w <= x or y + height <= b or b + h <= y for a, b, w, h in taken):
                     taken.append(plate)
-                    self.text(tuple(at), texts[number], colour, align=align)
+                    self.text(tuple(at), text, colour, align=align)
                     break
 
     def divider(self, x: float) -> None:

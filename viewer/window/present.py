@@ -60,7 +60,7 @@ class Canvas:
         self._draw(left, (x, bottom), (width, height), (0, column), background)
         if right is not None:
             self._draw(right, (x, bottom), (width, height), (column, width), background)
-        self.framebuffer.scissor = None
+        self.framebuffer.scissor = None  # type: ignore[assignment]  # the whole canvas
         self.framebuffer.viewport = (0, 0, *self.size)
 
     def _draw(self, view: "moderngl.Texture", origin: tuple[int, int], size: tuple[int, int], columns: tuple[int, int],
