@@ -151,8 +151,14 @@ def _check_weights(settings: Settings) -> None:
 
 def _info(options: argparse.Namespace) -> int:
     from viewer.grid.info import describe, format_text
+    from viewer.tools.project import is_project
 
-    facts = describe(options.scans, cache=not options.no_cache, columns=options.columns)
+    if any(map(is_project, options.scans)):
+        from viewer.tools.open_project import project_facts
+
+        facts = project_facts(options)
+    else:
+        facts = describe(options.scans, cache=not options.no_cache, columns=options.columns)
     print(json.dumps(facts, indent=1) if options.json else format_text(facts))
     return 0
 

@@ -68,6 +68,7 @@ def format_text(info: dict) -> str:
     unit = {"metre": "m", "foot": "ft", "US survey foot": "ft (US survey)"}.get(info["units"], info["units"])
     unit = "units" if unit == "unknown" else unit
     metres = info["metres_per_unit"]
+    assigned = info.get("assigned") or []
     lengths = f"1 unit = {metres:.10g} m" if metres else "length not given by the file"
     rows = [
         ("file", ", ".join(info["sources"]) or "-"),
@@ -77,8 +78,8 @@ def format_text(info: dict) -> str:
         ("to", _vector(info["bounds"]["max"])),
         ("size", " x ".join(f"{side:.4g}" for side in info["size"]) + f" {unit}"),
         ("spacing", f"{info['spacing']:.3g} {unit}"),
-        ("units", f"{info['units']} ({lengths})"),
-        ("CRS", info["crs"] or "not given"),
+        ("units", f"{info['units']} ({lengths}{', assigned in the project' if assigned else ''})"),
+        ("CRS", f"{info['crs'] or 'not given'}{' (assigned in the project)' if 'crs' in assigned else ''}"),
         ("colour", (info["colour"] or {}).get("note", "-")),
     ]
     rows.append(("noise", _noise(info["noise"])))

@@ -6,8 +6,13 @@ pyproj takes 0.1 s to import, which opening most files does without.  EPSG codes
 
 import logging
 import re
+from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from viewer.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 _LENGTHS = {9001: ("metre", 1.0), 9002: ("foot", 0.3048), 9003: ("US survey foot", 1200 / 3937)}
 _LENGTHS |= {9005: ("Clarke's foot", 0.3047972654), 9036: ("kilometre", 1000.0)}
@@ -71,6 +76,7 @@ def from_geokeys(
     return (name, *_units(name)) if name is not None and name.startswith("EPSG:") else (name, "unknown", None)
 
 
+@lru_cache(maxsize=64)
 def assigned(text: str) -> Reference:
     """The reference system that a person assigns: an EPSG code ("EPSG:25832" or "25832").  Replaces ``crs``, ``units`` and
     ``metres_per_unit`` of a scan; coordinates are not changed.
@@ -89,6 +95,61 @@ def assigned(text: str) -> Reference:
         raise InputError(f"{code}: there is no such horizontal reference system; see epsg.io for its code") from None
 
 
+@lru_cache(maxsize=1)
+def catalogue() -> tuple[tuple[str, str, str], ...]:
+    """(code, name, area of use) of every EPSG system with horizontal axes that is not deprecated, in order of code.
+
+    Takes a few tenths of a second.  Raises InputError where pyproj cannot be loaded.
+    """
+    try:
+        from pyproj.database import query_crs_info
+        from pyproj.enums import PJType
+    except ImportError as error:
+        raise InputError(f"pyproj, which knows the names of systems, cannot be loaded ({error}); pip install pyproj") from None
+    kinds = [PJType.PROJECTED_CRS, PJType.GEOGRAPHIC_2D_CRS, PJType.GEOGRAPHIC_3D_CRS, PJType.COMPOUND_CRS]
+    found = query_crs_info(auth_name="EPSG", pj_types=kinds)
+    areas: dict[tuple[int, str], list[str]] = {}  # a system used in several areas is found once for each
+    for info in found:
+        areas.setdefault((int(info.code), info.name), []).append(info.area_of_use.name if info.area_of_use else "")
+    return tuple((f"EPSG:{code}", name, " ".join(places)) for (code, name), places in sorted(areas.items()))
+
+
+def matching(text: str, systems: "Sequence[tuple[str, str, str]]", most: int = 50) -> list[tuple[str, str, str]]:
+    """The systems of :func:`catalogue` that a person may mean: a code begun, or words of name and area; at most ``most``.
+
+    Exact codes come first, then names that hold every word, then those whose area of use holds the rest.
+    """
+    text = text.strip().casefold()
+    digits = text.removeprefix("epsg").strip(" :")
+    if digits.isdecimal():
+        exact = [row for row in systems if row[0] == f"EPSG:{int(digits)}"]
+        begun = [row for row in systems if row[0].startswith(f"EPSG:{digits}") and row not in exact]
+        named = [row for row in systems if digits in row[1] and row not in exact and row not in begun]
+        return [*exact, *begun, *named][:most]
+    words = text.split()
+    if not words:
+        return []
+    by_name = [row for row in systems if all(word in row[1].casefold() for word in words)]
+    named = set(by_name)
+    by_area = [row for row in systems if row not in named and all(word in f"{row[1]} {row[2]}".casefold() for word in words)]
+    return [*sorted(by_name, key=lambda row: len(row[1])), *by_area][:most]
+
+
+def wkt(code: str) -> str:
+    """WKT 1 (GDAL's) of an EPSG code; WKT 2 where version 1 cannot express it.  Raises InputError as :func:`assigned`."""
+    name = assigned(code)[0]
+    assert name is not None
+    from pyproj.enums import WktVersion
+    from pyproj.exceptions import CRSError
+
+    system = _crs(name)
+    try:
+        return system.to_wkt(WktVersion.WKT1_GDAL)
+    except CRSError:
+        return system.to_wkt()
+
+
+@lru_cache(maxsize=64)
 def title(code: str) -> str | None:
     """The full name of an EPSG code, "EPSG:25832" -> "ETRS89 / UTM zone 32N"; None where it is not known."""
     match = _EPSG.fullmatch(code)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from viewer.tools.document import Document, ScanFile
 from viewer.tools.project import check_projects, is_project, read_project, scans_of
+from viewer.tools.reference import with_reference
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -15,7 +16,7 @@ def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
     """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
 
     options: as viewer.options.add_scans and add_exposures make them.  Raises InputError where a project is damaged, holds no
-    visible scan, or is not alone.
+    visible scan, or is not alone, or assigns a reference system that is not known.
     """
     from viewer.grid.open_scene import open_scene
 
@@ -26,7 +27,17 @@ def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
     scene = open_scene(scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
-    assigned = next((scan.metres_per_unit for scan in document.scans if scan.metres_per_unit), None)
-    if assigned is not None:
-        scene = replace(scene, meta={**scene.meta, "metres_per_unit": assigned})
-    return scene, document
+    return replace(scene, meta=with_reference(scene.meta, document.scans)), document
+
+
+def project_facts(options: argparse.Namespace) -> dict:
+    """The facts of ``pointglass info`` about the scans of a project, with the unit and reference system that it assigns.
+
+    Raises InputError as :func:`opened`.
+    """
+    from viewer.grid.info import describe
+
+    check_projects(list(options.scans))
+    document = read_project(options.scans[0])
+    scans = scans_of(options.scans[0], document)
+    return with_reference(describe(scans, cache=not options.no_cache, columns=options.columns), document.scans)

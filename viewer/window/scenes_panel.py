@@ -91,7 +91,7 @@ def _scans(session: Session, look: Theme) -> None:
     imgui.push_font(look.regular, theme.SMALL)
     rows = [("points", f"{scene.count:,}".replace(",", "\u2009") if scene.count < 1e6 else count_text(scene.count))]
     rows.append(("format", str(scene.meta.get("format") or "unknown")))
-    rows.append(("units", units_text(scene.meta)))
+    rows.append(("units", units_text(session.facts)))
     extent = scene.bounds[1] - scene.bounds[0]
     rows.append(("extent", " x ".join(f"{length:.4g}" for length in extent)))
     rows.append(("spacing", f"{scene.spacing:.3g}"))

@@ -97,6 +97,11 @@ class Session:
         """What a person works on; changed through ``work``."""
         return self.work.document
 
+    @property
+    def facts(self) -> dict:
+        """``Scene.meta`` of the scene shown, with the unit and reference system that a person assigned; empty without one."""
+        return self.work.facts(self.scene.meta) if self.scene is not None else {}
+
     # -- what to draw ------------------------------------------------------------------------------------------------
 
     @property
@@ -175,7 +180,7 @@ class Session:
     @property
     def speed_text(self) -> str:
         """The flying speed in metres where the file knows them, else in its own units."""
-        return self.flight.speed_text(self.scene.meta.get("metres_per_unit") if self.scene is not None else None)
+        return self.flight.speed_text(self.facts.get("metres_per_unit"))
 
     def go_home(self) -> None:
         """Puts the camera where the visit began."""

@@ -28,11 +28,11 @@ def coordinates_text(point: np.ndarray | None, metres_per_unit: float | None) ->
 
 
 def units_text(meta: dict) -> str:
-    """The unit of the coordinates and the coordinate reference system, as far as the file says."""
+    """The unit of the coordinates and the coordinate reference system, as far as they are known."""
     metres = meta.get("metres_per_unit")
     named = {1.0: "m", 0.001: "mm", 0.01: "cm", 1000.0: "km", 0.3048: "ft", 1200 / 3937: "US ft"}
     unit = next((name for value, name in named.items() if metres and abs(value / metres - 1) < 1e-7), None)
-    unit = unit or (f"{metres:g} m" if metres else "unit unknown")
+    unit = unit or (f"{metres:g} m" if metres else "degrees" if meta.get("units") == "degree" else "unit unknown")
     crs = meta.get("crs")
     name = crs.get("name") if isinstance(crs, dict) else crs
     return f"{unit} · {name}" if name else unit
@@ -49,7 +49,7 @@ class _Column:
 
 
 def _columns(session: Session, fps: float | None) -> list[_Column]:
-    meta = session.scene.meta if session.scene is not None else {}
+    meta = session.facts
     stats = session.picture.stats or {}
     approximations = session.screen.approximations
     if session.picture.pending is not None or (session.screen.refining and not session.flight.moving):
@@ -65,7 +65,7 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
     return [
         _Column(coordinates_text(session.point, meta.get("metres_per_unit")), 270,
                 "The measured point under the pointer, in the file's coordinates"),
-        _Column(units_text(meta), 0, "Unit and coordinate reference system of the file"),
+        _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
         _Column(("on foot, " if session.flight.walker is not None else "") + session.speed_text, 116,
                 "Flying or walking speed; the wheel changes it, G walks on the floor or flies again"),
         _Column(state + rough, 176, said, bool(approximations)),

@@ -8,12 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from viewer.camera import Camera
+from viewer.errors import InputError
 from viewer.render.edits import Edits
 from viewer.settings import Settings
 from viewer.tools.document import Document, ScanFile, moved
 from viewer.tools.history import History
 from viewer.tools.pick import Picked
 from viewer.tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
+from viewer.tools.reference import with_reference
 from viewer.window.photo_layer import ShownPhoto
 
 _DRAWN_ANEW = ("hidden_stations", "clips", "look")
@@ -24,7 +26,8 @@ class Work:
     """history: of the document.  project: the file it was read from or saved to, else None.
     shot_scale: times the sides of the picture that F12 saves.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
-    under_pointer: the measured point under the pointer, None where there is none or something moves."""
+    under_pointer: the measured point under the pointer, None where there is none or something moves.
+    reference_problem: why the assigned reference system cannot be used, None where it can."""
 
     def __init__(self) -> None:
         self.history = History(Document())
@@ -33,12 +36,27 @@ class Work:
         self.under_pointer: Picked | None = None
         self.photo: ShownPhoto | None = None
         self.shot_scale = 1
+        self.reference_problem: str | None = None
+        self._facts: tuple[dict, tuple[ScanFile, ...], dict] | None = None
         self._next: tuple[Document, Path | None] = Document(), None  # what is being opened
 
     @property
     def document(self) -> Document:
         """The present state."""
         return self.history.current
+
+    def facts(self, meta: dict) -> dict:
+        """``Scene.meta`` with the unit and the reference system that the document assigns; ``meta`` where they cannot be used,
+        and :attr:`reference_problem` says why."""
+        scans = self.document.scans
+        if self._facts is None or self._facts[0] is not meta or self._facts[1] != scans:
+            self.reference_problem = None
+            try:
+                found = with_reference(meta, scans)
+            except InputError as error:
+                found, self.reference_problem = meta, str(error)
+            self._facts = meta, scans, found
+        return self._facts[2]
 
     @property
     def edits(self) -> Edits:

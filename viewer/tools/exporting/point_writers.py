@@ -12,6 +12,7 @@ import numpy as np
 
 from viewer.errors import InputError
 from viewer.tools.exporting.selection import BLOCK, Selection
+from viewer.tools.reference import wkt_of
 
 if TYPE_CHECKING:
     import pye57
@@ -62,9 +63,13 @@ def las_scale(scene: "Scene") -> float:
 
 
 def _reference_records(scene: "Scene") -> list:
-    """The coordinate reference records of the LAS files that the scene was made from, where it was made from one alone."""
+    """The coordinate reference records: of what was assigned, else of the LAS file that the scene was made from, where it was
+    made from one alone."""
     import laspy
 
+    assigned = wkt_of(scene.meta)
+    if assigned is not None:
+        return [laspy.vlrs.known.WktCoordinateSystemVlr(assigned)]
     sources = [Path(source) for source in scene.meta.get("sources") or []]
     if len(sources) != 1 or sources[0].suffix.lower() not in (".las", ".laz") or not sources[0].is_file():
         return []
@@ -81,7 +86,10 @@ _PLY_NAMES = {"f8": "double", "u1": "uchar", "u2": "ushort"}
 def write_ply(path: Path, selection: Selection, counts: np.ndarray) -> None:
     """Binary little-endian PLY."""
     fields = "".join(f"property {_PLY_NAMES[_PLY_TYPE[name].str[1:]]} {name}\n" for name in _PLY_TYPE.names or ())
-    head = f"ply\nformat binary_little_endian 1.0\ncomment pointglass\nelement vertex {counts.sum()}\n{fields}end_header\n"
+    about = f"comment crs {selection.scene.meta.get('crs') or 'unknown'}, unit {selection.scene.meta.get('units') or 'unknown'}"
+    about = about.encode("ascii", "replace").decode().replace("\n", " ")
+    head = (f"ply\nformat binary_little_endian 1.0\ncomment pointglass\n{about}\n"
+            f"element vertex {counts.sum()}\n{fields}end_header\n")
     with path.open("wb") as file:
         file.write(head.encode("ascii"))
         for block in selection.blocks("writing"):
@@ -99,12 +107,10 @@ def write_e57(path: Path, selection: Selection, counts: np.ndarray) -> None:
 
     By libe57's own calls, since pye57's writer stores float32 coordinates, half a metre apart on a national grid.
     """
-    import pye57
-
     scene = selection.scene
     names = [str(scan.get("name") or "") for scan in scene.meta.get("scans") or []]
     places = scene.station_places
-    file = pye57.E57(str(path), mode="w")
+    file = _e57_file(path, wkt_of(scene.meta) or "")
     try:
         for station in np.flatnonzero(counts):
             known = station < len(places) and np.isfinite(places[station]).all()
@@ -112,6 +118,31 @@ def write_e57(path: Path, selection: Selection, counts: np.ndarray) -> None:
             _write_station(file, selection, int(station), name, places[station] if known else None)
     finally:
         file.close()
+
+
+def _e57_file(path: Path, reference: str) -> "pye57.E57":
+    """A new file with the reference system in its header.  pye57 writes an empty one, and libe57 replaces no field."""
+    from uuid import uuid4
+
+    import pye57
+    from pye57 import libe57  # type: ignore[attr-defined]
+
+    class File(pye57.E57):
+        """A file that writes the header itself."""
+
+        def write_default_header(self) -> None:
+            image, root = self.image_file, self.image_file.root()
+            image.extensionsAdd("", libe57.E57_V1_0_URI)
+            texts = {"formatName": "ASTM E57 3D Imaging Data File", "guid": f"{{{uuid4()}}}",
+                     "e57LibraryVersion": libe57.E57_LIBRARY_ID, "coordinateMetadata": reference}
+            for name, text in texts.items():
+                root.set(name, libe57.StringNode(image, text))
+            for name, number in (("versionMajor", libe57.E57_FORMAT_MAJOR), ("versionMinor", libe57.E57_FORMAT_MINOR)):
+                root.set(name, libe57.IntegerNode(image, number))
+            for name in ("data3D", "images2D"):
+                root.set(name, libe57.VectorNode(image, True))
+
+    return File(str(path), mode="w")
 
 
 _E57_FIELDS = ["cartesianX", "cartesianY", "cartesianZ", "intensity", "colorRed", "colorGreen", "colorBlue"]

@@ -4,6 +4,7 @@ A click on a measured point sets the height of a plan, or the ends of a section 
 can be made a clip, so that the view shows what the sheet will.  Sheets are drawn on a thread of their own.
 """
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -125,19 +126,15 @@ class SectionTool(Tool):
         if cut is None or scene is None:
             context.toast("Click the two ends of the section line first")
             return
+        scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
         selection = Selection(scene, document.clips, hidden=frozenset(document.hidden_stations))
-        known, scale = metres_per_unit(context), float(self.scale)
         out = stamped(f"pointglass-{KINDS[cut.kind]}", self.format, context.folder)
 
         def work() -> "Path":
-            from dataclasses import replace
-
             from viewer.tools.section.orthographic import draw
             from viewer.tools.section.sheet import write_sheet
 
             paper = paper_of(scene, scale)
-            if known:
-                paper = replace(paper, metres=known, assumed=False)
             write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, title_of(scene))
             return out
 
