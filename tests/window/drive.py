@@ -13,6 +13,7 @@ from pathlib import Path
 import checks_files
 import checks_flight
 import checks_navigation
+import checks_outputs
 import checks_panels
 import checks_start
 import checks_tools
@@ -20,7 +21,8 @@ import checks_window
 import numpy as np
 from driver import Driver, room
 
-PARTS = (checks_start, checks_flight, checks_panels, checks_files, checks_window, checks_tools, checks_navigation)
+PARTS = (checks_start, checks_flight, checks_panels, checks_files, checks_window, checks_tools, checks_navigation,
+         checks_outputs)
 """In this order: each check begins where the one before left the window."""
 CHECKS = {
     name.removeprefix("check_"): made for part in PARTS for name, made in vars(part).items() if name.startswith("check_")

@@ -25,6 +25,8 @@ _PROJECTED = re.compile(r'\b(?:PROJCS|PROJCRS|PROJECTEDCRS|LOCAL_CS|ENGCRS|GEOCC
 _GEOGRAPHIC = re.compile(r'\b(?:GEOGCS|GEOGCRS|GEODCRS|GEOGRAPHICCRS)\s*\[\s*"([^"]*)"', re.IGNORECASE)
 _EPSG = re.compile(r"\s*(?:EPSG\s*:{1,2}\s*)?(\d{1,6})\s*", re.IGNORECASE)
 _USER_DEFINED = 32767  # in GeoTIFF, instead of an EPSG code
+MOST_SHOWN = 50
+"""Systems that a search returns at most; who needs more types another word."""
 _LONGEST_NAME = 80  # characters of a name that are shown; chosen by hand
 
 Reference = tuple[str | None, str, float | None]
@@ -114,7 +116,7 @@ def catalogue() -> tuple[tuple[str, str, str], ...]:
     return tuple((f"EPSG:{code}", name, " ".join(places)) for (code, name), places in sorted(areas.items()))
 
 
-def matching(text: str, systems: "Sequence[tuple[str, str, str]]", most: int = 50) -> list[tuple[str, str, str]]:
+def matching(text: str, systems: "Sequence[tuple[str, str, str]]", most: int = MOST_SHOWN) -> list[tuple[str, str, str]]:
     """The systems of :func:`catalogue` that a person may mean: a code begun, or words of name and area; at most ``most``.
 
     Exact codes come first, then names that hold every word, then those whose area of use holds the rest.

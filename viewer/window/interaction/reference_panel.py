@@ -57,13 +57,14 @@ class ReferencePanel:
         width, height = (look.px(side) for side in _POPUP)
         ui.set_next_window_size_constraints((width, look.px(80)), (width, height))
         shown = f"{code}  {_title(code)}" if code else AS_FILE
-        if ui.begin_combo("##crs", shown, ui.ComboFlags_.height_largest):
+        room = ui.get_content_region_avail().x - look.px(40)  # the arrow and the frame's padding
+        if ui.begin_combo("##crs", theme.fitted(shown, room), ui.ComboFlags_.height_largest):
             self._list(ui, context, code, f"{AS_FILE}: {of_file}" if of_file else f"{AS_FILE} (it names none)")
             ui.end_combo()
         elif ui.is_item_hovered(ui.HoveredFlags_.for_tooltip):
             ui.set_tooltip(f"{shown}\nWhat the coordinates mean; they are not changed."
                            if code else f"The file's reference system: {of_file or 'none'}")
-        self._unit(ui, context, scans[0].metres_per_unit, AS_FILE if code is None else "as the reference system says")
+        self._unit(ui, context, scans[0].metres_per_unit, AS_FILE if code is None else "that of the system")
         context.session.work.facts(context.scene.meta)
         if (problem := context.session.work.reference_problem) is not None:
             ui.push_text_wrap_pos(0.0)
@@ -80,7 +81,7 @@ class ReferencePanel:
         entered, self.search = ui.input_text_with_hint("##search", "EPSG code or name, such as 25832 or UTM 33N", self.search,
                                                        ui.InputTextFlags_.enter_returns_true)
         if entered and self.search.strip():
-            self._choose(ui, context, self._best())
+            self._enter(ui, context)
         if self._problem:
             ui.text_wrapped(self._problem)
         if ui.selectable(unassigned, code is None)[0]:
@@ -116,10 +117,13 @@ class ReferencePanel:
             self._found = self.search, crs.matching(self.search, self._systems.result)
         return self._found[1]
 
-    def _best(self) -> str:
-        """What Enter chooses: the first match, else what is typed."""
+    def _enter(self, ui: Any, context: ToolContext) -> None:
+        """Enter chooses a code that was typed, or the only system of a name; several systems have to be told apart."""
         rows = self._rows()
-        return rows[0][0] if rows else self.search
+        if len(rows) > 1 and not self.search.upper().removeprefix("EPSG").strip(" :").isdecimal():
+            self._problem = f"{len(rows) if len(rows) < crs.MOST_SHOWN else 'Many'} systems have this name; choose one below."
+        else:
+            self._choose(ui, context, rows[0][0] if len(rows) == 1 else self.search)
 
     def _choose(self, ui: Any, context: ToolContext, text: str | None) -> None:
         try:
