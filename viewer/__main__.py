@@ -16,10 +16,13 @@ def main() -> int:
         with importing():
             from viewer.cli import main as run
 
-        return run()
+        code = run()
     except KeyboardInterrupt:
         print("pointglass: stopped", file=sys.stderr)
-        return 130
+        code = 130
+    from model.common.background_threads import leave
+
+    return leave(code)
 
 
 if __name__ == "__main__":

@@ -144,7 +144,7 @@ class Monkey:
         self._press("G")
 
     def key_of_view(self) -> None:
-        self._press(self._pick(("1", "2", "3", "V", "HOME", "F")))
+        self._press(self._pick(("1", "2", "3", "3", "3", "4", "V", "HOME", "F")))
 
     def history(self) -> None:
         self._press(self._pick(("Z", "Z", "Y", "C", "V")), self.d.glfw.MOD_CONTROL)
@@ -243,6 +243,9 @@ def main(folder: Path, count: int, seed: int) -> None:
     try:
         d.app.act("demo")  # what reads files is imported once, and takes memory once
         monkey.rest()
+        d.key("4")  # so is what runs the network
+        d.rest()
+        monkey.rest()
         for _ in range(INTERVALS):
             for _ in range(count // INTERVALS):
                 monkey.act()
@@ -261,4 +264,7 @@ def main(folder: Path, count: int, seed: int) -> None:
 
 
 if __name__ == "__main__":
+    from model.common.background_threads import leave
+
     main(Path(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3]))
+    sys.exit(leave(0))

@@ -112,7 +112,7 @@ def catalogue() -> tuple[tuple[str, str, str], ...]:
     found = query_crs_info(auth_name="EPSG", pj_types=kinds)
     areas: dict[tuple[int, str], list[str]] = {}  # a system used in several areas is found once for each
     for info in found:
-        areas.setdefault((int(info.code), info.name), []).append(info.area_of_use.name if info.area_of_use else "")
+        areas.setdefault((int(info.code), info.name), []).append((info.area_of_use.name if info.area_of_use else None) or "")
     return tuple((f"EPSG:{code}", name, " ".join(places)) for (code, name), places in sorted(areas.items()))
 
 
