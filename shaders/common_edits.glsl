@@ -1,4 +1,4 @@
-// Edits of points: hidden stations and clips remove them, the look colours them by an attribute.
+// Edits of points: hidden stations and clips remove them, the look colours them by an attribute, dimmed ghosts are faded.
 // Included only in programs of pictures with edits (EDITED).  Host side: viewer/render/edits.py.
 
 layout(std140, binding = EDITS_BINDING) uniform Edits {
@@ -7,7 +7,7 @@ layout(std140, binding = EDITS_BINDING) uniform Edits {
     uvec4 hidden[2];     // a bit for each station
     vec4 upward;         // xyz: the up axis in the view frame; w: height of the eye above the ramp's lower end
     vec4 ramp;           // x: lower end, y: 255 / (upper - lower end); zw: of a scan with classes, lowest intensity and step
-    uvec4 mode;          // x: colour mode, index in viewer.tools.look.COLOUR_BY; y: 1 where points have classes
+    uvec4 mode;          // x: colour mode, index in viewer.tools.look.COLOUR_BY; y: 1 where points have classes; z: 1 + station to be dimmed
     uvec4 table[64];     // 256 colours, r | g << 8 | b << 16
 };
 
@@ -24,8 +24,16 @@ bool dropped(vec3 at, uint station) {
         || (inside & clip_groups.w) != 0u;
 }
 
-// The point's third word with the colour of its attribute; unchanged where points are coloured by RGB.
+// Reference implementation, to the byte: viewer.render.edits.dimmed.
+uint dimmed(uint third) {
+    uint grey = (77u * (third & 255u) + 150u * (third >> 8 & 255u) + 29u * (third >> 16 & 255u)) >> 8;
+    uint level = uint(DIMMED_LEAST) + (grey >> DIMMED_SHIFT);
+    return (third & 0xFF000000u) | level * 0x010101u;
+}
+
+// The point's third word with the colour of its attribute; unchanged where points are coloured by RGB and not dimmed.
 uint recoloured(uint second, uint third, vec3 at) {
+    if (mode.z == 1u + (third >> 24)) return dimmed(third);
     if (mode.x == 0u) return third;
     uint row;
     if (mode.x == 3u) row = point_class(second, mode.y != 0u);

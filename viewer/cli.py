@@ -78,6 +78,7 @@ def _demo(options: argparse.Namespace) -> int:
 def _render(options: argparse.Namespace) -> int:
     from viewer.tools.camera_files import read_cameras
     from viewer.tools.export import export_pictures, parse_shard, parse_size
+    from viewer.tools.ghosts import prepared
     from viewer.tools.shot_metadata import describe_shot, differences, read_shot
 
     settings, memory = settings_of(options), memory_of(options)
@@ -93,7 +94,6 @@ def _render(options: argparse.Namespace) -> int:
         part, parts = parse_shard(options.shard)
         cameras = cameras[part::parts]
     _check_weights(settings)
-
     from viewer.grid.open_scene import open_scene
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
@@ -101,6 +101,7 @@ def _render(options: argparse.Namespace) -> int:
     context = create_context()
     scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns)
     if shot:
+        scene = prepared(scene, shot.alterations.ghosts)
         for line in differences(shot, describe_shot(scene, shot.camera, settings, background=background, exposures=exposures,
                                                      **shot.project_fields)):
             print(f"pointglass: {options.like}: {line}; the picture may differ", file=sys.stderr)

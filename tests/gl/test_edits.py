@@ -7,8 +7,9 @@ import pytest
 from clouds import camera_in, room
 
 from viewer.camera import from_fov, look_at
+from viewer.grid.marked_points import MarkedPoints
 from viewer.grid.scene import unpack
-from viewer.render.edits import Edits, ends_of
+from viewer.render.edits import Edits, dimmed, ends_of
 from viewer.render.renderer import Renderer
 from viewer.render.shader import Programs
 from viewer.settings import Settings
@@ -174,3 +175,26 @@ def test_a_classified_scan_is_coloured_by_what_its_file_says(context, tmp_path, 
     recoloured = expected.astype(np.uint32)
     words[:, 2] = (words[:, 2] & 0xFF000000) | recoloured[:, 0] | recoloured[:, 1] << 8 | recoloured[:, 2] << 16
     assert (shown == pictures(context, replace(scene, points=words, checksums=None), camera, raster)[0]).mean() > 0.9999
+
+
+@pytest.mark.parametrize("raster", ["compute", "points"])
+def test_hidden_ghosts_are_not_drawn_and_dimmed_ones_are_grey(context, raster, seed):
+    scene = of_two_stations(room(seed, 30_000), seed)
+    random = np.random.default_rng(seed)
+    numbers = np.flatnonzero(random.random(scene.count) < 0.4)
+    marked = replace(scene, marked=MarkedPoints(numbers, 200))
+    camera = camera_in(scene, seed, (120, 90))
+    gone = np.zeros(scene.count, bool)
+    gone[numbers] = True
+    wanted = pictures(context, without(scene, gone), camera, raster)
+    found = pictures(context, marked, camera, raster, Edits(ghosts="hidden"))
+    assert all(np.array_equal(a, b) for a, b in zip(wanted, found, strict=True))
+    points = np.array(scene.points)
+    red, green, blue = dimmed(unpack(scene, numbers)[1]).astype(np.uint32).T
+    points[numbers, 2] = (points[numbers, 2] & 0xFF000000) | red | green << 8 | blue << 16
+    wanted = pictures(context, replace(scene, points=points), camera, raster)
+    found = pictures(context, marked, camera, raster, Edits(ghosts="dimmed"))
+    assert all(np.array_equal(a, b) for a, b in zip(wanted, found, strict=True))
+    assert not np.array_equal(found[0], pictures(context, scene, camera, raster)[0])
+    plain = pictures(context, scene, camera, raster)
+    assert all(np.array_equal(a, b) for a, b in zip(plain, pictures(context, scene, camera, raster, Edits(ghosts="hidden"))))

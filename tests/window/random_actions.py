@@ -23,8 +23,10 @@ from viewer.settings import Settings
 
 INTERVALS = 10
 OBJECTS = ("Texture", "Buffer", "Framebuffer", "Query", "VertexArray", "Sampler", "Program", "Shader")
-MOST_NAMES = 6000
-"""Names that are looked at: drivers give small ones, and use them again."""
+os.environ["ONEDNN_PRIMITIVE_CACHE_CAPACITY"] = "64"
+"""torch keeps compiled convolutions for 1,024 layers and sizes, 50 MB after 50 sizes of the window: bounded, but not flat."""
+MOST_NAMES = 50_000
+"""Names that are looked at.  Mesa gives every new object the next number, and the interface makes one every frame."""
 
 
 def resident() -> float:

@@ -16,6 +16,7 @@ import numpy as np
 
 from model.common.scanner_positions import station_positions_of
 from model.noise import NoiseModel
+from viewer.grid.marked_points import MarkedPoints
 from viewer.preprocess.point_attributes import AttributeLayout, layout_from
 
 STEPS = 65536
@@ -49,6 +50,8 @@ class Scene:
     boxes: (C, 6) uint8, the sixteenths of each cell that its points lie in (viewer.grid.cell_boxes); None likewise.
     noise: standard deviation of a single point's colour by place and brightness, in file coordinates.  Code that shifts
         coordinates shifts ``noise.origin`` too.  None in a folder of an earlier version, where it is unknown.
+    marked: points that show another station number than ``points`` has, put in by :func:`packed` and by
+        viewer.stream.chunk_source; None: none do.
     """
 
     points: np.ndarray
@@ -66,6 +69,7 @@ class Scene:
     faces: np.ndarray | None = None
     boxes: np.ndarray | None = None
     noise: NoiseModel | None = None
+    marked: MarkedPoints | None = None
 
     @property
     def step(self) -> float:
@@ -110,7 +114,7 @@ class Scene:
         return np.repeat(cells, np.diff(edges))
 
 
-def unpack(scene: Scene, index=slice(None)) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def unpack(scene: Scene, index: Any = slice(None)) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Unpacks points.  index: anything that indexes a one-dimensional array of N points.
 
     Returns xyz (n, 3) float64 file coordinates, rgb (n, 3) uint8, intensity (n,) uint16, scan (n,) uint8.  ``attributes_of``
@@ -143,7 +147,11 @@ def attributes_of(scene: Scene, index: Any = slice(None)) -> PointAttributes:
 
 def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:
     """(n, 3) uint32: the packed points at ``index``, as for ``unpack``."""
-    return np.atleast_2d(np.asarray(scene.points[index]))
+    words = np.atleast_2d(np.asarray(scene.points[index]))
+    if scene.marked is None:
+        return words
+    return scene.marked.marked(words, np.arange(*index.indices(scene.count)) if isinstance(index, slice)
+                               else _places(scene.count, index))
 
 
 def positions(scene: Scene, words: np.ndarray, index: Any = slice(None)) -> np.ndarray:

@@ -1,6 +1,7 @@
-"""Edits: clips, hidden stations and colour modes, which decide which points are drawn and in which colour.
+"""Edits: clips, hidden stations, ghosts and colour modes, which decide which points are drawn and in which colour.
 
-Clips and hidden stations remove points, the look colours them by an attribute.  A picture without edits runs programs compiled
+Clips, hidden stations and hidden ghosts remove points, the look colours them by an attribute, dimmed ghosts are a faint grey.
+A picture without edits runs programs compiled
 without them.  With edits, cells that clips remove completely are not drawn, and the rest is decided point by point
 (shaders/common_edits.glsl).  References: viewer.tools.clip.contains and viewer.tools.look.levels.
 Frame: clips and heights in file coordinates, float64; handed to the GPU in the view frame relative to the camera, float32.
@@ -27,7 +28,9 @@ BLOCK = np.dtype([
     ("ramp", "<f4", 4), ("mode", "<u4", 4), ("table", "<u4", LEVELS),
 ])  # fmt: skip
 """The uniform block Edits of common_edits.glsl (std140)."""
-DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS}
+DIMMED_LEAST, DIMMED_SHIFT = 40, 2
+"""A dimmed point is grey: this level, and its own brightness shifted right by this many bits; chosen by hand."""
+DEFINES = {"EDITED": 1, "MOST_CLIPS": MOST_CLIPS, "DIMMED_LEAST": DIMMED_LEAST, "DIMMED_SHIFT": DIMMED_SHIFT}
 _SAMPLE = 200_000
 """Points whose attributes determine the ends of a colour ramp.  How it was chosen is not recorded."""
 _INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionary()
@@ -36,17 +39,19 @@ _INTENSITIES: "WeakKeyDictionary[Scene, tuple[float, float]]" = WeakKeyDictionar
 @dataclass(frozen=True)
 class Edits:
     """clips: file coordinates.  hidden: numbers of stations that are not drawn.  look: how points are coloured.
-    up: unit vector, file frame, along which heights count."""
+    up: unit vector, file frame, along which heights count.  ghosts: one of viewer.tools.ghosts.GHOSTS; it applies where the
+    scene's ghosts are marked (Scene.marked)."""
 
     clips: tuple[Clip, ...] = ()
     hidden: frozenset[int] = frozenset()
     look: Look = field(default_factory=Look)
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    ghosts: str = "shown"
 
     @property
     def empty(self) -> bool:
         """Whether no edit changes any point."""
-        return not (active(self.clips) or self.hidden or self.recolours)
+        return not (self.drops or self.recolours or self.ghosts == "dimmed")
 
     @property
     def recolours(self) -> bool:
@@ -58,10 +63,15 @@ class Edits:
         plain = self if set(views) <= {"raw", "filtered"} else replace(self, look=replace(self.look, colour_by="rgb"))
         return None if plain.empty else plain
 
+    def hidden_in(self, scene: "Scene") -> frozenset[int]:
+        """Numbers of the stations of ``scene`` that are not drawn, hidden ghosts among them."""
+        ghosts = {scene.marked.station} if scene.marked is not None and self.ghosts == "hidden" else set()
+        return self.hidden | ghosts
+
     @property
     def drops(self) -> bool:
         """Whether some points may not be drawn."""
-        return bool(active(self.clips) or self.hidden)
+        return bool(active(self.clips) or self.hidden or self.ghosts == "hidden")
 
 
 def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
@@ -76,7 +86,7 @@ def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
         data["clip_rows"][3 * number : 3 * number + 3, 3] = rows @ (camera.position - np.array(clip.centre))
         groups[group(clip)] |= np.uint32(1 << number)
     data["clip_groups"] = (len(clips), *groups)
-    for station in edits.hidden:
+    for station in edits.hidden_in(scene):
         if 0 <= station < LEVELS:
             data["hidden"][station // 32] |= np.uint32(1 << station % 32)
     low, high = ends_of(edits, scene, camera)
@@ -86,10 +96,18 @@ def block_of(edits: Edits, scene: "Scene", camera: "Camera") -> bytes:
     layout = scene.attributes
     data["ramp"][2:] = layout.low or 0, layout.step
     data["mode"][1] = layout.has_classes
+    if scene.marked is not None and edits.ghosts == "dimmed":
+        data["mode"][2] = scene.marked.station + 1
     data["mode"][0] = list(COLOUR_BY).index(edits.look.colour_by)
     colours = table_of(edits.look).astype(np.uint32)
     data["table"] = colours[:, 0] | colours[:, 1] << 8 | colours[:, 2] << 16
     return data.tobytes()
+
+
+def dimmed(rgb: np.ndarray) -> np.ndarray:
+    """(n, 3) uint8: colours of points (n, 3) uint8 as dimmed ghosts have them; common_edits.glsl does the same."""
+    grey = rgb.astype(np.uint32) @ np.array([77, 150, 29], np.uint32) >> 8
+    return np.repeat((DIMMED_LEAST + (grey >> DIMMED_SHIFT)).astype(np.uint8)[:, None], 3, axis=1)
 
 
 def ends_of(edits: Edits, scene: "Scene", camera: "Camera | None" = None) -> tuple[float, float]:

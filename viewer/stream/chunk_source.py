@@ -44,6 +44,7 @@ class ChunkSource:
 
     def __init__(self, scene: "Scene", chunk_points: int = CHUNK):
         self.points, self.chunk_points = scene.points, chunk_points
+        self._marked = scene.marked
         self.count = len(scene.points)
         self.chunks = -(-self.count // chunk_points)
         self.chunk_bytes = chunk_points * POINT_BYTES
@@ -63,6 +64,13 @@ class ChunkSource:
 
         Raises ChunkError naming the file where it cannot be read, is truncated or damaged.
         """
+        points = self._read(chunk, into)
+        if self._marked is not None:
+            self._marked.mark_run(points, chunk * self.chunk_points)
+        return points
+
+    def _read(self, chunk: int, into: np.ndarray) -> np.ndarray:
+        """The points as they are stored, checked."""
         first = chunk * self.chunk_points
         points = into[: min(self.chunk_points, self.count - first)]
         if self._file is None:

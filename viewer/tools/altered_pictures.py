@@ -27,7 +27,8 @@ _LETTERS, _MARGIN = 0.028, 0.018
 
 def edits_of(alterations: Alterations) -> Edits:
     """What alterations do to the points that are drawn."""
-    return Edits(alterations.clips, frozenset(alterations.hidden_stations), alterations.look, alterations.up)
+    return Edits(alterations.clips, frozenset(alterations.hidden_stations), alterations.look, alterations.up,
+                 alterations.ghosts)
 
 
 class AlteredPictures:

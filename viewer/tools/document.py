@@ -25,6 +25,8 @@ Matrix = tuple[
     tuple[float, float, float, float],
 ]
 
+GHOSTS = ("shown", "dimmed", "hidden")
+"""What may be done with points that another station saw through."""
 UP_AXES: dict[str, Vector] = {
     "z": (0.0, 0.0, 1.0), "y": (0.0, 1.0, 0.0), "x": (1.0, 0.0, 0.0),
     "-z": (0.0, 0.0, -1.0), "-y": (0.0, -1.0, 0.0), "-x": (-1.0, 0.0, 0.0),
@@ -118,6 +120,11 @@ class Alterations:
     up: Vector = UP_AXES["z"]
     look: Look = field(default_factory=Look)
     lock_measured: bool = False
+    ghosts: str = "shown"
+
+    def __post_init__(self) -> None:
+        if self.ghosts not in GHOSTS:
+            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
 
     @property
     def none(self) -> bool:
@@ -132,6 +139,7 @@ class Document:
     hidden_stations: numbers of the scene's stations (as in Scene.meta["scans"]) that are not drawn.
     up: the direction that is up, unit vector of the file's frame.  view: where the camera stands; None: not opened yet.
     lock_measured: pixels that were measured are shown as measured in the neural view, too.
+    ghosts: what is done with points that another station saw through (viewer.tools.ghosts), one of GHOSTS.
     """
 
     scans: tuple[ScanFile, ...] = ()
@@ -147,17 +155,21 @@ class Document:
     settings: Settings = field(default_factory=Settings)
     background: str = "plain"
     lock_measured: bool = False
+    ghosts: str = "shown"
 
     @property
     def alterations(self) -> Alterations:
         """What changes pictures of the scans."""
-        return Alterations(self.clips, tuple(sorted(self.hidden_stations)), self.up, self.look, self.lock_measured)
+        return Alterations(self.clips, tuple(sorted(self.hidden_stations)), self.up, self.look, self.lock_measured,
+                           self.ghosts)
 
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
             raise InputError(f"up {self.up!r}: expected a unit vector")
         if not all(0 <= number < 256 for number in self.hidden_stations):
             raise InputError(f"hidden stations {list(self.hidden_stations)}: expected numbers from 0 to 255")
+        if self.ghosts not in GHOSTS:
+            raise InputError(f"ghosts {self.ghosts!r}: expected one of {', '.join(GHOSTS)}")
         if self.background not in BACKGROUNDS:
             raise InputError(f"background {self.background!r}: expected one of {', '.join(BACKGROUNDS)}")
 

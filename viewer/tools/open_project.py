@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from viewer.tools.document import Document, ScanFile
+from viewer.tools.ghosts import prepared
 from viewer.tools.project import check_projects, is_project, read_project, scans_of
 from viewer.tools.reference import with_reference
 
@@ -27,6 +28,7 @@ def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
     scene = open_scene(scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
+    scene = prepared(scene, document.ghosts)
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
 
 

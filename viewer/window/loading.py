@@ -27,6 +27,7 @@ class Loaded:
 
     seen: what the start viewpoint needs to know.  paths: the files.  preview: a coarse scene that the complete one follows.
     follows_preview: the complete scene of a preview that is shown: the camera stays.
+    variant: the scene that is shown, with other points marked as ghosts: the camera stays.
     problems: (file, one line) of those that could not be opened.
     """
 
@@ -35,6 +36,7 @@ class Loaded:
     paths: tuple[Path, ...] = ()
     preview: bool = False
     follows_preview: bool = False
+    variant: bool = False
     problems: tuple[tuple[Path, str], ...] = ()
 
 

@@ -85,6 +85,7 @@ class Session:
         self.dragging_handle = False
         self.help, self.interface, self.profiler = False, True, False
         self.recording: FrameTimes | None = None
+        self._variant: Scene | None = None
         self._shown_at: deque[tuple[float, tuple[int, int]]] = deque()  # of pictures whose cost is not known yet
 
     @property
@@ -248,6 +249,9 @@ class Session:
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
         self.view_settings.poll()
+        variant, self._variant = self._variant, None
+        if variant is not None and self.loads.current is None:
+            return self.visit.variant(variant)
         return self.loads.poll()
 
     def accept(self, loaded: loading.Loaded) -> None:
@@ -270,6 +274,10 @@ class Session:
         self.notices.of_scan = visit.notices(document)
         for notice in self.notices.of_scan[:2]:
             self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
+
+    def show_variant(self, scene: "Scene") -> None:
+        """The same points with other marks are to be shown: uploaded at the next poll; the camera stays."""
+        self._variant = scene
 
     def close_scene(self) -> None:
         """Back to the start page.  The viewport must release its renderer before."""

@@ -38,10 +38,17 @@ class Visit:
         It does after a scan's preview, and with other colours; but a person who has not moved yet is let into a scan of
         which the preview showed too little to stand in it.
         """
+        if loaded.variant:
+            return True
         stays = self.scene is not None and (loaded.follows_preview or (bool(loaded.paths) and loaded.paths == self.paths))
         if stays and loaded.follows_preview and self._flight.at_home and not self._inside:
             stays = standing_view(loaded.scene, loaded.seen) is None
         return stays
+
+    def variant(self, scene: "Scene") -> Loaded:
+        """The scene shown with other marks, as something loaded that :meth:`continues_with`."""
+        assert self._seen is not None
+        return Loaded(scene, self._seen, self.paths, variant=True)
 
     def show(self, loaded: Loaded, *, stays: bool) -> None:
         """``loaded`` is shown from now on.  stays: as :meth:`continues_with` had it."""

@@ -11,6 +11,7 @@ from viewer.camera import Camera
 from viewer.errors import InputError
 from viewer.render.edits import Edits
 from viewer.settings import Settings
+from viewer.tools.altered_pictures import edits_of
 from viewer.tools.document import Document, ScanFile, moved
 from viewer.tools.history import History
 from viewer.tools.pick import Picked
@@ -18,7 +19,7 @@ from viewer.tools.project import SUFFIX, check_projects, is_project, read_projec
 from viewer.tools.reference import with_reference
 from viewer.window.photo_layer import ShownPhoto
 
-_DRAWN_ANEW = ("hidden_stations", "clips", "look")
+_DRAWN_ANEW = ("hidden_stations", "clips", "look", "ghosts")
 """Fields of the document that decide what the renderer draws."""
 
 
@@ -61,8 +62,7 @@ class Work:
     @property
     def edits(self) -> Edits:
         """What the document does to the points that are drawn."""
-        document = self.document
-        return Edits(document.clips, frozenset(document.hidden_stations), document.look, document.up)
+        return edits_of(self.document.alterations)
 
     def edit(self, label: str, gesture: object = None, **changes: object) -> bool:
         """Changes fields of the document as one step that can be undone.  Returns whether a new picture is needed.

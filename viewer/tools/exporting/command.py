@@ -10,6 +10,7 @@ from pathlib import Path
 from model.common.atomic_write import passes_through, write_atomic
 from viewer.errors import InputError
 from viewer.text import bytes_text, counted
+from viewer.tools.altered_pictures import edits_of
 from viewer.tools.exporting.point_writers import WRITERS, bytes_needed, writer_for
 from viewer.tools.exporting.selection import Selection, clips_of
 from viewer.tools.open_project import opened
@@ -60,6 +61,6 @@ def run(options: argparse.Namespace) -> int:
     writer_for(options.out)
     boxes = clips_of(options.clip)
     scene, document = opened(options)
-    count = export(Selection(scene, document.clips, boxes, frozenset(document.hidden_stations)), options.out)
+    count = export(Selection(scene, document.clips, boxes, edits_of(document.alterations).hidden_in(scene)), options.out)
     print(f"{counted(count, 'point')} in {options.out}")
     return 0

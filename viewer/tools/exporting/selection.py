@@ -37,7 +37,8 @@ class Block:
 class Selection:
     """The points of a scene that are in sight: not of a hidden station, left by ``clips`` and, separately, by ``within``.
 
-    clips: of the project.  within: of ``--clip``.  hidden: numbers of stations that are left out.
+    clips: of the project.  within: of ``--clip``.  hidden: numbers of stations that are left out, hidden ghosts among them
+    (Edits.hidden_in).
     """
 
     scene: "Scene"
@@ -47,7 +48,7 @@ class Selection:
 
     def blocks(self, label: str) -> Iterator[Block]:
         """Every point once, in the order of the grid (coarse layers first), with a progress bar."""
-        from viewer.grid.scene import attributes_of, unpack
+        from viewer.grid.scene import attributes_of, scan_numbers, unpack
 
         scene = self.scene
         for start, stop in self._runs(label):
@@ -55,6 +56,8 @@ class Selection:
             classes = attributes_of(scene, slice(start, stop)).classification
             classes = np.zeros(len(xyz), np.uint8) if classes is None else classes
             kept = self.keeps(xyz, station) if self.clips or self.within or self.hidden else slice(None)
+            if scene.marked is not None:  # a ghost in sight is a point of its own station
+                station = scan_numbers(scene.points[start:stop])
             if len(xyz[kept]):
                 yield Block(xyz[kept], rgb[kept], intensity[kept], station[kept], classes[kept])
 

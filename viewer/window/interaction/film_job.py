@@ -9,6 +9,7 @@ from viewer.errors import InputError
 from viewer.settings import Settings
 from viewer.tools.document import Alterations
 from viewer.tools.film.command import MP4, film
+from viewer.tools.ghosts import prepared
 from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
@@ -46,9 +47,10 @@ class FilmJob:
             prepare_inference()
         context = create_context()
         try:
-            renderer = Renderer(context, self.scene)
+            scene = prepared(self.scene, self.alterations.ghosts)
+            renderer = Renderer(context, scene)
             try:
-                return film(self.scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
+                return film(scene, renderer, self.cameras, self.fps, self.settings, self.out, panorama=self.panorama,
                             supersample=self.supersample, background=self.background, alterations=self.alterations,
                             resume=self.out.suffix.lower() not in MP4)
             finally:

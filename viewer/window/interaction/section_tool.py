@@ -127,7 +127,7 @@ class SectionTool(Tool):
             context.toast("Click the two ends of the section line first")
             return
         scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
-        selection = Selection(scene, document.clips, hidden=frozenset(document.hidden_stations))
+        selection = Selection(scene, document.clips, hidden=context.session.work.edits.hidden_in(scene))
         out = stamped(f"pointglass-{KINDS[cut.kind]}", self.format, context.folder)
 
         def work() -> "Path":

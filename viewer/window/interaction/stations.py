@@ -12,6 +12,7 @@ import numpy as np
 from viewer.readers.e57_photographs import StationPhoto, read_station_photos
 from viewer.tools.pick import station_name
 from viewer.window.interaction.editing import edit, metres_per_unit
+from viewer.window.interaction.ghosts_panel import GhostsPanel
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
 from viewer.window.navigation import looking
 from viewer.window.photo_layer import ShownPhoto
@@ -43,6 +44,7 @@ class Stations(Tool):
     def __init__(self) -> None:
         self._scene: Scene | None = None
         self._read: Worker | None = None
+        self.ghosts = GhostsPanel()
         self.photos: list[StationPhoto] = []
         self.warnings: list[str] = []
 
@@ -51,6 +53,12 @@ class Stations(Tool):
 
     def left(self, context: ToolContext) -> None:
         context.session.work.photo = None
+
+    def follow(self, context: ToolContext) -> None:
+        self.ghosts.follow(context)
+
+    def close(self) -> None:
+        self.ghosts.close()
 
     def _follow(self, context: ToolContext) -> None:
         """Reads the photographs of the scan shown, once, on a thread of its own."""
@@ -143,6 +151,7 @@ class Stations(Tool):
             if ui.is_item_hovered():
                 ui.set_tooltip(f"{name}: {'inferred from the order of the points' if inferred else 'as the file says'}")
             ui.pop_id()
+        self.ghosts.draw(ui, context)
         self._photographs(ui, context)
 
     def _photographs(self, ui: Any, context: ToolContext) -> None:

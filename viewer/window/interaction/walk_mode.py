@@ -40,14 +40,15 @@ class WalkMode:
             context.toast(f"{_FINDING}…")
 
     def _wanted(self, context: "ToolContext") -> tuple:
-        document = context.document
-        return context.scene, tuple(document.up), metres_per_unit(context), document.clips, document.hidden_stations
+        document, scene = context.document, context.scene
+        hidden = frozenset() if scene is None else context.session.work.edits.hidden_in(scene)
+        return scene, tuple(document.up), metres_per_unit(context), document.clips, hidden
 
     def _start_build(self, context: "ToolContext") -> None:
         scene, _, metres, clips, hidden = self._of = self._wanted(context)
         if self._build is not None:
             self._build.cancel()
-        sight = Selection(scene, clips, hidden=frozenset(hidden))
+        sight = Selection(scene, clips, hidden=hidden)
         work = partial(build_walk_map, sight, context.session.flight.state.upright, 1.0 / (metres or 1.0))
         self._map, self._build = None, Worker(work, "Finding the floor", context.session.loads.wake)
 
