@@ -1,4 +1,4 @@
-"""Passers-by: what one station measured and another one looked through is found, marked, hidden and exported, and nothing else."""
+"""Passers-by: what one station measured and another one looked through is found, hidden and exported, and nothing else."""
 
 from dataclasses import replace
 
@@ -16,9 +16,10 @@ from viewer.tools.exporting.selection import Selection
 from viewer.tools.ghosts import find_ghosts, prepared, with_ghosts
 
 
-def swept(seed: int, *, rays: int = 60_000, radius: float = 0.25, height: float = 1.7, scale: float = 1.0, origin=(0.0, 0.0, 0.0)):
-    """The room from three stations; a cylinder stands in the scan of the first only.  Returns scene, (n,) bool of its points in
-    the order of the scene, and positions of the stations."""
+def swept(seed: int, *, rays: int = 60_000, radius: float = 0.25, height: float = 1.7, scale: float = 1.0,
+          origin=(0.0, 0.0, 0.0)):
+    """The room from three stations; a cylinder stands in the scan of the first only.  Returns the scene and (n,) bool, which of
+    its points are the cylinder's."""
     rng = np.random.default_rng(seed)
     xyz, station, ghost = [], [], []
     for number, place in enumerate(PLACES):
