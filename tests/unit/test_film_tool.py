@@ -11,11 +11,13 @@ from viewer.camera import look_at
 from viewer.tools.camera_files import read_cameras
 from viewer.tools.document import CameraPath, Document, Keyframe, Viewpoint
 from viewer.tools.film.command import read_path
-from viewer.tools.film.keyframes import cameras_along, path_seconds
+from viewer.tools.film.keyframes import cameras_along, passing_seconds, path_seconds
 from viewer.tools.shot_metadata import camera_line
+from viewer.window.interaction.camera_path_editor import fly_to
 from viewer.window.interaction.editing import shared_key
 from viewer.window.interaction.film_tool import Film
 from viewer.window.interaction.section_tool import SectionTool
+from viewer.window.interaction.timeline import column, nearest_marker, seconds_at
 from viewer.window.interaction.tool import KeyEvent, Modifiers, ToolContext
 from viewer.window.navigation import looking
 
@@ -38,7 +40,7 @@ def with_path(context, film, count=3, seed=2):
     places = rng.uniform((1, 1, 1), (7, 5, 2), (count, 3))
     for place in places:
         stand(context, place, rng.normal(size=3) * (1, 1, 0.2))
-        film.add_keyframe(context)
+        film.path.add_keyframe(context)
     return places
 
 
@@ -50,16 +52,16 @@ def test_bookmarks_and_keyframes_are_steps_that_can_be_undone(context):
     film.add_bookmark(context)
     assert [view.name for view in context.document.viewpoints] == ["View", "View 2"]
     stand(context, (5.0, 4.0, 1.0), (-1.0, 0.0, 0.3))
-    film.fly_to(context, context.document.viewpoints[0])
+    fly_to(context, context.document.viewpoints[0])
     assert np.allclose(context.camera.camera_to_world, before, atol=1e-12)
     places = with_path(context, film)
     assert [key.time for key in context.document.path.keyframes] == [0.0, 3.0, 6.0]
-    film.set_length(context, 12.0)
+    film.path.set_length(context, 12.0)
     assert path_seconds(context.document.path) == pytest.approx(12.0)
-    film.show_at(context, 0.0)
+    film.path.show_at(context, 0.0)
     assert np.allclose(context.camera.position, places[0])
-    film.show_at(context, 99.0)
-    assert film.at == pytest.approx(12.0) and np.allclose(context.camera.position, places[-1])
+    film.path.show_at(context, 99.0)
+    assert film.path.at == pytest.approx(12.0) and np.allclose(context.camera.position, places[-1])
     for _ in range(6):
         context.session.work.undo()
     assert context.document.viewpoints == () and context.document.path == CameraPath()
@@ -67,19 +69,74 @@ def test_bookmarks_and_keyframes_are_steps_that_can_be_undone(context):
 
 def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(context, tmp_path):
     film = Film()
-    film.path_file, film.size = str(tmp_path / "path.json"), (320, 180)
+    film.path.file, film.size = str(tmp_path / "path.json"), (320, 180)
     with_path(context, film, 4)
-    film.set_length(context, 2.0)
+    film.path.set_length(context, 2.0)
     path = context.document.path
-    film.write_path(context)
+    film.path.write_path(context, film.size)
     cameras, rate = read_path(tmp_path / "path.json")
     assert rate == path.fps and len(cameras) == 60
     for made, own in zip(cameras, film.job(context).cameras, strict=True):
         assert np.allclose(made.camera_to_world, own.camera_to_world, atol=1e-9) and made.fx == pytest.approx(own.fx)
-    film.read_path(context)
+    film.path.read_path(context)
     for key, before in zip(context.document.path.keyframes, path.keyframes, strict=True):
         assert np.allclose(key.view.camera_to_world, before.view.camera_to_world, atol=1e-12)
     assert len(read_cameras(tmp_path / "path.json")) == 4
+
+
+def test_a_keyframe_is_selected_reordered_given_a_lens_replaced_and_deleted(context):
+    film = Film()
+    places = with_path(context, film, 4)
+    path, editor = context.document.path, film.path
+    editor.select(context, 2)
+    assert np.allclose(context.camera.position, places[2]) and editor.at == passing_seconds(path)[2]
+    editor.show_at(context, editor.at)
+    along = path_seconds(path) * path.fps
+    assert np.linalg.norm(context.camera.position - places[2]) < 2 * np.linalg.norm(np.ptp(places, axis=0)) * 3 / along
+    editor.change_lens(context, 25.0)
+    assert context.camera.vertical_fov == pytest.approx(25.0)
+    assert [round(key.view.vertical_fov) for key in context.document.path.keyframes] == [60, 60, 25, 60]
+    film.add_bookmark(context)
+    assert context.document.viewpoints[-1].vertical_fov == pytest.approx(25.0)
+    editor.show_at(context, 0.0)
+    assert context.camera.vertical_fov == pytest.approx(60.0)  # the preview has the lens of the film
+    fly_to(context, context.document.viewpoints[-1])
+    assert context.camera.vertical_fov == pytest.approx(25.0)
+    editor.shift(context, -2)
+    assert editor.timeline.selected == 0
+    assert [key.view.name for key in context.document.path.keyframes] == ["Key 3", "Key", "Key 2", "Key 4"]
+    assert [key.time for key in context.document.path.keyframes] == [key.time for key in path.keyframes]
+    editor.shift(context, -1)  # the first one stays
+    stand(context, (2.0, 2.0, 1.0), (0.0, 1.0, 0.0))
+    editor.replace_view(context)
+    assert np.allclose(context.document.path.keyframes[0].view.camera(16, 9).position, (2.0, 2.0, 1.0))
+    assert film.key_event(KeyEvent("DELETE", "press"), context) and not film.key_event(KeyEvent("DELETE", "press"), context)
+    assert [key.view.name for key in context.document.path.keyframes] == ["Key", "Key 2", "Key 4"]
+    for _ in range(3):
+        context.session.work.undo()
+    assert [round(key.view.vertical_fov) for key in context.document.path.keyframes] == [60, 60, 25, 60]
+    context.session.flight.go_home()
+    assert context.camera.vertical_fov == pytest.approx(60.0)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_the_film_passes_its_keyframes_when_the_timeline_says(seed, closed):
+    rng = np.random.default_rng(seed)
+    places = enumerate(rng.uniform(0, 9, (5, 3)))
+    keys = tuple(Keyframe(float(n), Viewpoint.of(look_camera(place), str(n))) for n, place in places)
+    path = CameraPath(keys, closed=closed)
+    cameras = cameras_along(keys, 2001, (160, 90), closed=closed)
+    for key, seconds in zip(keys, passing_seconds(path), strict=True):
+        there = cameras[round(seconds / path_seconds(path) * 2000)]
+        assert np.linalg.norm(there.position - key.view.camera(160, 90).position) < 0.05
+    assert passing_seconds(path)[0] == 0.0 and (passing_seconds(path)[-1] < path_seconds(path) - 0.01) == closed
+
+
+def test_columns_of_the_timeline_and_times_are_inverse():
+    for seconds in np.linspace(0.0, 7.0, 9):
+        assert seconds_at(column(seconds, 7.0, 200.0, 8.0), 7.0, 200.0, 8.0) == pytest.approx(seconds)
+    assert seconds_at(-5.0, 7.0, 200.0, 8.0) == 0.0 and seconds_at(999.0, 7.0, 200.0, 8.0) == 7.0
+    assert nearest_marker(12.0, [10.0, 50.0], 5.0) == 0 and nearest_marker(30.0, [10.0, 50.0], 5.0) is None
 
 
 def test_a_closed_path_ends_where_it_began():

@@ -16,7 +16,7 @@ from viewer.window.framing import overview
 from viewer.window.gamepad import STILL
 from viewer.window.glide import Glide
 from viewer.window.navigation import LOOK, FlyState, Motion, changed_speed, looking, step
-from viewer.window.start_viewpoint import Survey
+from viewer.window.start_viewpoint import FIELD_OF_VIEW, Survey
 from viewer.window.walking import Walker
 
 REST = 0.25
@@ -30,7 +30,8 @@ _WAYS = {"forward", "back", "left", "right", "up", "down"}
 class Flight:
     """One camera through one scene after another; before the first there is nowhere to fly.
 
-    state: position, direction, speed.  home: where the visit began.  held: actions of the keys held down.
+    state: position, direction, speed.  field_of_view: vertical, degrees.  home: where the visit began.
+    held: actions of the keys held down.
     looking: whether the mouse turns the camera.  push: what the gamepad asks for.
     walker: the person who walks on the floor, None while flying.
     floor_lost: whether a walk ended because there was no floor any more.
@@ -40,6 +41,7 @@ class Flight:
         self._clock = clock
         self._seen: Survey | None = None
         self.state = self.home = FlyState(np.zeros(3))
+        self.field_of_view = FIELD_OF_VIEW
         self.held: set[str] = set()
         self.looking = self.floor_lost = False
         self.walker: Walker | None = None
@@ -51,7 +53,8 @@ class Flight:
         self._time: float | None = None
 
     def begin(self, state: FlyState, seen: Survey) -> None:
-        """Visits another scene, from ``state`` on."""
+        """Visits another scene, from ``state`` on, with the usual field of view."""
+        self.field_of_view = FIELD_OF_VIEW
         self._seen, self.state, self.home = seen, state, state
         self._glide = self.walker = None
         self._moved = self._clock() - REST
@@ -208,7 +211,8 @@ class Flight:
         return True
 
     def go_home(self) -> None:
-        """Back to where the visit began, at the speed it began with."""
+        """Back to where the visit began, at the speed and with the field of view it began with."""
+        self.field_of_view = FIELD_OF_VIEW
         self.state = self.home
         self.go(self.home)
 

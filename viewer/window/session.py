@@ -30,7 +30,6 @@ from viewer.window.flight import Flight
 from viewer.window.notices import Notices, ScanNotice
 from viewer.window.picture_plan import Picture, Plan
 from viewer.window.screen_state import ScreenState
-from viewer.window.start_viewpoint import FIELD_OF_VIEW
 from viewer.window.view_settings import ViewSettings
 from viewer.window.visit import Visit
 from viewer.window.window_area import WindowArea
@@ -108,7 +107,7 @@ class Session:
     @property
     def camera(self) -> Camera:
         """The camera of the picture, at the framebuffer's size."""
-        return from_fov(*self.area.size, FIELD_OF_VIEW, self.flight.state.camera_to_world)
+        return from_fov(*self.area.size, self.flight.field_of_view, self.flight.state.camera_to_world)
 
     def drew(self, plan: Plan, stats: dict) -> None:
         """A picture was made as planned; ``stats`` as ``Frame.stats``."""

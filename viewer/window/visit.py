@@ -67,6 +67,8 @@ class Visit:
             state = _at(document.view.camera(16, 9), state)
         self._inside = standing_view(self.scene, self._seen) is not None
         self._flight.begin(state, self._seen)
+        if document.view is not None:
+            self._flight.field_of_view = document.view.vertical_fov
 
     def turn_up(self, up: tuple[float, float, float], aspect: float) -> None:
         """Begins again with another direction that is up."""

@@ -28,6 +28,17 @@ def preview_cameras(path: CameraPath) -> list[Camera]:
     return cameras_along(path.keyframes, count, (160, 90), closed=path.closed)
 
 
+@lru_cache(8)
+def passing_seconds(path: CameraPath) -> tuple[float, ...]:
+    """Seconds after which the film passes each keyframe: the camera moves at constant speed."""
+    from viewer.tools.film.path import passing_shares
+
+    cameras = [key.view.camera(160, 90) for key in path.keyframes]
+    if path.closed and len(cameras) > 1:
+        cameras.append(replace(cameras[0], name="again"))
+    return tuple(path_seconds(path) * float(share) for share in passing_shares(cameras))[: len(path.keyframes)]
+
+
 def path_seconds(path: CameraPath) -> float:
     """How long the path takes: to its last keyframe and, closed, on to the first at the same mean pace."""
     if len(path.keyframes) < 2:

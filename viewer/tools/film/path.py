@@ -44,6 +44,13 @@ def interpolate(keys: Sequence[Camera], count: int) -> list[Camera]:
     return [curve.camera(u, number) for number, u in enumerate(curve.even(count))]
 
 
+def passing_shares(keys: Sequence[Camera]) -> np.ndarray:
+    """(K,) share of the film, 0 to 1, after which it passes each of K keyframes."""
+    if len(keys) < 2:
+        return np.zeros(len(keys))
+    return _Curve(keys).passing()
+
+
 class _Curve:
     """The spline through the keyframes over its parameter u from 0 to 1."""
 
@@ -70,6 +77,16 @@ class _Curve:
 
     def even(self, count: int) -> np.ndarray:
         """(count,) parameters at constant speed."""
+        dense, along = self._progress()
+        return np.interp(np.linspace(0.0, 1.0, count), along, dense)
+
+    def passing(self) -> np.ndarray:
+        """(K,) share of the film at each keyframe."""
+        dense, along = self._progress()
+        return np.interp(self._knots, dense, along)
+
+    def _progress(self) -> tuple[np.ndarray, np.ndarray]:
+        """Parameters, and the share of the film at each, strictly increasing; without movement the parameters themselves."""
         dense = np.unique(np.concatenate([np.linspace(a, b, DENSE + 1) for a, b in zip(self._knots, self._knots[1:])]))
         moved = np.linalg.norm(np.diff(self._position(dense), axis=0), axis=1)
         turns = self._turn(dense)
@@ -79,10 +96,10 @@ class _Curve:
         else:
             length = moved if moved.sum() > 0 else turned
         if not length.sum() > 0:
-            return np.linspace(0.0, 1.0, count)
+            return dense, dense
         along = np.concatenate([[0.0], np.cumsum(length)]) / length.sum()
         increasing = np.concatenate([[True], np.diff(along) > 0])
-        return np.interp(np.linspace(0.0, 1.0, count), along[increasing], dense[increasing])
+        return dense[increasing], along[increasing]
 
     def camera(self, u: float, number: int) -> Camera:
         matrix = np.eye(4)

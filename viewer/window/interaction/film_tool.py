@@ -7,18 +7,17 @@ on a thread of its own, so that the window stays usable; it shows what the windo
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from viewer.errors import PointglassError
 from viewer.settings import VIEWS
-from viewer.tools.document import Keyframe, Viewpoint, replaced, unique_name, without
+from viewer.tools.document import Viewpoint, replaced, unique_name, without
 from viewer.tools.film.command import MP4, PANORAMA_SIZE
-from viewer.tools.film.keyframes import cameras_along, path_seconds, preview_cameras
+from viewer.tools.film.keyframes import cameras_along, path_seconds
+from viewer.window.interaction.camera_path_editor import CameraPathEditor, fly_to
 from viewer.window.interaction.editing import edit, end, ended
 from viewer.window.interaction.film_job import FilmJob, film_worker
-from viewer.window.interaction.tool import Tool, ToolContext
-from viewer.window.navigation import looking
+from viewer.window.interaction.tool import KeyEvent, Tool, ToolContext
 from viewer.window.saved_picture import LARGEST
 from viewer.window.worker import Worker
 
@@ -26,12 +25,10 @@ if TYPE_CHECKING:
     from viewer.window.overlay import OverlayCanvas
 
 SIZES = ((1280, 720), (1920, 1080), (3840, 2160), (1080, 1920))
+LENSES = (15.0, 120.0)
+"""Least and greatest vertical field of view that a person chooses, degrees."""
 SHOTS = tuple(range(1, LARGEST + 1))
 RATES = (24.0, 25.0, 30.0, 60.0)
-STEP = 3.0
-"""Seconds from one new keyframe to the next."""
-_CURVE = 96
-"""Places of the path that are drawn over the picture."""
 
 
 class Film(Tool):
@@ -41,15 +38,12 @@ class Film(Tool):
     help = "bookmarks, camera path with preview, video and panorama"
 
     def __init__(self) -> None:
-        self.at = 0.0  # seconds along the path, of the preview
-        self.playing = False
-        self._clock = perf_counter
-        self._before = 0.0
-        self.path_file, self.out = "camera_path.json", "film.mp4"
+        self.path = CameraPathEditor()
+        self.out = "film.mp4"
         self.size, self.view, self.supersample, self.panorama = SIZES[1], "neural", 1, False
         self.worker: Worker | None = None
 
-    # -- bookmarks and keyframes -------------------------------------------------------------------------------------
+    # -- bookmarks ---------------------------------------------------------------------------------------------------
 
     def add_bookmark(self, context: ToolContext) -> None:
         """Keeps the present view under a new name."""
@@ -57,86 +51,17 @@ class Film(Tool):
         name = unique_name("View", (view.name for view in found))
         edit(context, f"Add bookmark {name}", viewpoints=(*found, Viewpoint.of(context.camera, name)))
 
-    def add_keyframe(self, context: ToolContext, view: Viewpoint | None = None) -> None:
-        """Appends the present view, or a bookmark, to the path."""
-        path = context.document.path
-        name = unique_name("Key", (key.view.name for key in path.keyframes))
-        view = Viewpoint.of(context.camera, name) if view is None else replace(view, name=name)
-        time = path.keyframes[-1].time + STEP if path.keyframes else 0.0
-        edit(context, f"Add keyframe {name}", path=replace(path, keyframes=(*path.keyframes, Keyframe(time, view))))
-
-    def set_length(self, context: ToolContext, seconds: float) -> None:
-        """Stretches the times of all keyframes so that the path takes so many seconds."""
-        path = context.document.path
-        factor = seconds / path_seconds(path)
-        keys = tuple(replace(key, time=key.time * factor) for key in path.keyframes)
-        edit(context, "Length of the camera path", "length", path=replace(path, keyframes=keys))
-
-    def fly_to(self, context: ToolContext, view: Viewpoint) -> None:
-        """Puts the camera where a view was taken; the lens stays the window's."""
-        camera = view.camera(16, 9)
-        flight = context.session.flight
-        flight.go(looking(camera.position, camera.forward, flight.state.speed, flight.state.upright))
-        context.renew_picture()
-
-    def read_path(self, context: ToolContext) -> None:
-        """Replaces the keyframes by the cameras of ``path_file``."""
-        from viewer.tools.camera_files import read_cameras
-
-        try:
-            cameras = read_cameras(Path(self.path_file))
-        except PointglassError as error:
-            context.session.notices.say("The camera path cannot be read", str(error))
-            return
-        keys = tuple(Keyframe(STEP * number, Viewpoint.of(camera, camera.name)) for number, camera in enumerate(cameras))
-        edit(context, f"Read {Path(self.path_file).name}", path=replace(context.document.path, keyframes=keys))
-
-    def write_path(self, context: ToolContext) -> None:
-        """Writes the keyframes to ``path_file``, with fps and seconds: `pointglass video --path` makes the same film."""
-        from viewer.tools.camera_files import write_camera_path
-
-        path = context.document.path
-        keys = [*path.keyframes, *(path.keyframes[:1] if path.closed else ())]
-        cameras = [replace(key.view.camera(*self.size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
-        try:
-            write_camera_path(Path(self.path_file), cameras, fps=path.fps, seconds=path_seconds(path) or None)
-        except (PointglassError, OSError) as error:
-            context.session.notices.say("The camera path cannot be written", str(error))
-        else:
-            context.toast(f"Saved {Path(self.path_file).resolve()}")
-
-    # -- preview -----------------------------------------------------------------------------------------------------
-
-    def show_at(self, context: ToolContext, seconds: float) -> None:
-        """Puts the camera where the path is after so many seconds."""
-        path = context.document.path
-        cameras, length = preview_cameras(path), path_seconds(path)
-        self.at = min(max(seconds, 0.0), length)
-        camera = cameras[round(self.at / length * (len(cameras) - 1))] if length > 0 else cameras[0]
-        flight = context.session.flight
-        flight.go(looking(camera.position, camera.forward, flight.state.speed, flight.state.upright))
-        context.renew_picture()
-
     def left(self, context: ToolContext) -> None:
-        self.playing = False
+        self.path.playing = False
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.kind != "press" or event.key not in ("DELETE", "BACKSPACE") or self.path.timeline.selected is None:
+            return False
+        self.path.delete(context)
+        return True
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        keys = context.document.path.keyframes
-        if self.playing and len(keys) > 1:
-            now = self._clock()
-            step, self._before = now - self._before, now
-            self.show_at(context, self.at + step)
-            if self.at >= path_seconds(context.document.path):
-                self.playing = False
-            return
-        self.playing = False
-        if len(keys) > 1:
-            curve = preview_cameras(context.document.path)
-            overlay.polyline([camera.position for camera in curve[:: max(1, len(curve) // _CURVE)]], "accent", 1.5)
-        for key in keys:
-            place = key.view.camera(16, 9).position
-            overlay.marker(place, "accent", 5.0, "square")
-            overlay.label(place, key.view.name)
+        self.path.draw(overlay, context)
 
     # -- the video ---------------------------------------------------------------------------------------------------
 
@@ -178,10 +103,15 @@ class Film(Tool):
         if context.scene is None:
             return
         work = context.session.work
-        work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x the window's size" for n in SHOTS], SHOTS, work.shot_scale)
+        work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x size" for n in SHOTS], SHOTS, work.shot_scale)
+        ui.set_next_item_width(-1)
+        lens = context.session.flight.field_of_view
+        changed, degrees = ui.slider_float("##lens", lens, *LENSES, "field of view %.0f°", ui.SliderFlags_.always_clamp)
+        if changed and LENSES[0] <= degrees <= LENSES[1]:
+            self.path.change_lens(context, float(degrees))
         self._bookmarks(ui, context)
         ui.separator()
-        self._path(ui, context)
+        self.path.panel(ui, context, self.size)
         ui.separator()
         self._video(ui, context)
 
@@ -198,10 +128,10 @@ class Film(Tool):
                 edit(context, "Rename bookmark", ("bookmark", number), viewpoints=renamed)
             ui.same_line()
             if ui.small_button("go"):
-                self.fly_to(context, view)
+                fly_to(context, view)
             ui.same_line()
             if ui.small_button("key"):
-                self.add_keyframe(context, view)
+                self.path.add_keyframe(context, view)
             if ui.is_item_hovered():
                 ui.set_tooltip("append this view to the camera path")
             ui.same_line()
@@ -210,57 +140,6 @@ class Film(Tool):
             if gone:
                 edit(context, f"Delete bookmark {view.name}", viewpoints=without(found, number))
                 return
-
-    def _path(self, ui: Any, context: ToolContext) -> None:
-        path = context.document.path
-        if ui.button("Add keyframe here"):
-            self.add_keyframe(context)
-        for number, key in enumerate(path.keyframes):
-            ui.push_id(500 + number)
-            if ui.selectable(f"{key.time:.1f} s  {key.view.name}", False)[0]:
-                self.fly_to(context, key.view)
-            if ui.begin_popup_context_item("##more"):
-                if ui.selectable("Replace by the present view", False)[0]:
-                    view = Viewpoint.of(context.camera, key.view.name)
-                    keys = replaced(path.keyframes, number, replace(key, view=view))
-                    edit(context, f"Move {key.view.name}", path=replace(path, keyframes=keys))
-                if ui.selectable("Delete", False)[0]:
-                    edit(context, f"Delete {key.view.name}", path=replace(path, keyframes=without(path.keyframes, number)))
-                ui.end_popup()
-            ui.pop_id()
-        if len(path.keyframes) > 1:
-            self._timeline(ui, context)
-        ui.set_next_item_width(-1)
-        _, self.path_file = ui.input_text("##path file", self.path_file)
-        if ui.button("Open path"):
-            self.read_path(context)
-        ui.same_line()
-        ui.begin_disabled(not path.keyframes)
-        if ui.button("Save path"):
-            self.write_path(context)
-        ui.end_disabled()
-
-    def _timeline(self, ui: Any, context: ToolContext) -> None:
-        path = context.document.path
-        length = path_seconds(path)
-        clamp = ui.SliderFlags_.always_clamp
-        if ui.button("Pause" if self.playing else "Play"):
-            self.playing, self._before = not self.playing, self._clock()
-            if self.at >= length:
-                self.at = 0.0
-        ui.same_line()
-        ui.set_next_item_width(-1)
-        moved, at = ui.slider_float("##at", self.at, 0.0, length, "%.1f s", clamp)
-        if moved:
-            self.playing = False
-            self.show_at(context, at)
-        ui.set_next_item_width(-1)
-        changed, seconds = ui.drag_float("##length", length, 0.1, 0.2, 3600.0, "length %.1f s", clamp)
-        if changed:
-            self.set_length(context, seconds)
-        changed, closed = ui.checkbox("back to the first keyframe", path.closed)
-        if changed:
-            edit(context, "Close the camera path", path=replace(path, closed=closed))
 
     def _video(self, ui: Any, context: ToolContext) -> None:
         if self.worker is not None:
