@@ -5,11 +5,14 @@ from pathlib import Path
 from driver import SIZE, Driver
 from imgui_bundle import imgui
 
+from viewer.window.interaction.tool import KeyEvent
+
 
 class Items:
     """Where the items of the panels are: their rectangles by label, recorded while a frame is drawn."""
 
-    KINDS = ("button", "begin_combo", "selectable", "input_text", "slider_float", "checkbox", "radio_button", "small_button")
+    KINDS = ("button", "begin_combo", "selectable", "input_text", "slider_float", "checkbox", "radio_button", "small_button",
+             "invisible_button")
 
     def __init__(self, d: Driver):
         self._driver = d
@@ -80,5 +83,118 @@ def check_a_reference_system_is_chosen_by_its_code_and_by_its_name(d: Driver) ->
         d.session.work.undo()
     assert d.session.document.scans == before.scans and d.session.facts["crs"] is None
     d.app.toolbox.select("scene", d.app.tools)
+    d.resize(*SIZE)
+    d.rest()
+
+
+def check_the_film_panel_makes_a_film_cancels_it_and_goes_on(d: Driver) -> None:
+    """Driven by clicks: keyframes, their lens, the timeline, PNGs that are cancelled and continued, and the same bytes anew."""
+    d.resize(1280, 720)
+    d.rest()
+    d.key("K")
+    items, film, context = Items(d), d.app.toolbox.active, d.app.tools
+    for turn in (0, 90, 90):
+        d.session.flight.look(turn, 0)
+        d.rest()
+        items.click("Add keyframe here")
+    assert [key.time for key in d.session.document.path.keyframes] == [0.0, 3.0, 6.0]
+    (left, top), (right, bottom) = items.find("##timeline")
+    margin = d.app.theme.px(8)
+    d.click((left + right) / 2, top + margin)
+    assert film.path.timeline.selected == 1 and abs(film.path.at - 3.0) < 0.2
+    film.path.change_lens(context, 35.0)
+    d.rest()
+    d.picture("film panel")
+    d.click(left + margin + 0.25 * (right - left - 2 * margin), top + margin)
+    assert abs(film.path.at - 1.5) < 0.1
+    assert 35.0 < d.session.camera.vertical_fov < 60.0, "the lens follows the path"
+    items.click("Play")
+    d.until(lambda: film.path.at > 1.6)
+    items.click("Pause")
+    film.path.set_length(context, 0.4)
+    film.size, film.view, film.supersample, film.out = (160, 90), "filled", 2, "panel frames"
+    film.start(context)
+    d.until(lambda: film.worker is None or film.worker.done >= 2)
+    if film.worker is not None:
+        film.worker.cancel()
+    d.until(lambda: film.worker is None)
+    frames = d.folder / "panel frames"
+    before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in frames.glob("*.png")}
+    film.start(context)
+    d.until(lambda: film.worker is None, 60.0)
+    assert d.session.notices.message is None and len(list(frames.glob("*.png"))) == 12
+    assert all((frames / name).stat().st_mtime_ns == made for name, (_, made) in before.items()), "frames are kept"
+    film.out = "panel again"
+    film.start(context)
+    d.until(lambda: film.worker is None, 60.0)
+    for path in frames.glob("*.png"):
+        assert (d.folder / "panel again" / path.name).read_bytes() == path.read_bytes()
+    d.app.toolbox.key_event(delete := KeyEvent("DELETE", "press"), context)
+    assert delete and len(d.session.document.path.keyframes) == 2
+    for _ in range(6):
+        d.session.work.undo()
+    assert not d.session.document.path.keyframes
+    d.session.flight.go_home()
+    d.key("ESCAPE")
+    d.resize(*SIZE)
+    d.rest()
+
+
+def check_large_pictures_and_panoramas_are_rendered_beside_the_window(d: Driver) -> None:
+    """F12 at twice the size is what ``render --like`` draws; a panorama is what the views along the axes are."""
+    import numpy as np
+    from PIL import Image
+
+    from viewer.tools.altered_pictures import shot_picture
+    from viewer.tools.shot_metadata import read_shot
+
+    d.rest()
+    saves, work = d.app.save_actions, d.session.work
+    work.shot_scale = 2
+    turns = 0
+    path = saves.screenshot()
+    assert path is not None and saves.still is not None
+    assert saves.screenshot() is None, "one at a time"
+    while saves.still is not None:
+        d.session.flight.look(1, 0)
+        d.app.step(wait=False)
+        turns += 1
+    work.shot_scale = 1
+    image = np.asarray(Image.open(path))
+    width, height = d.session.area.size
+    assert turns > 1 and image.shape[:2] == (2 * height, 2 * width)
+    assert np.array_equal(image, shot_picture(d.app.viewport.renderer, read_shot(path)))
+    panorama = saves.panorama((256, 128))
+    d.until(lambda: saves.still is None, 60.0)
+    assert np.asarray(Image.open(panorama)).shape == (128, 256, 3)
+    d.session.flight.go_home()
+    d.session.picture.dirty = True
+    d.rest()
+
+
+def check_passers_by_are_dimmed_hidden_and_shown_again(d: Driver) -> None:
+    d.resize(1280, 720)
+    d.drop(Path("passer1"))
+    d.until(lambda: d.session.loads.current is None and d.session.scene is not None and d.session.visit.title == "passer1")
+    d.rest()
+    d.key("P")
+    items, plain = Items(d), d.session.scene
+    pictures = {"shown": d.bare()}
+    for choice in ("dimmed", "hidden"):
+        items.click("##ghosts")
+        items.click(choice)
+        d.until(lambda: d.session.scene is not plain, 60.0)
+        d.rest()
+        assert d.session.document.ghosts == choice and len(d.session.scene.marked.numbers) > 300
+        pictures[choice] = d.bare()
+        d.picture(f"passers-by {choice}")
+    assert not (pictures["shown"] == pictures["dimmed"]).all() and not (pictures["hidden"] == pictures["dimmed"]).all()
+    for _ in range(2):
+        d.session.work.undo()
+    d.until(lambda: d.session.scene is plain)
+    assert (d.bare() == pictures["shown"]).all()
+    d.key("ESCAPE")
+    d.drop(Path("room7"))
+    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "room7")
     d.resize(*SIZE)
     d.rest()

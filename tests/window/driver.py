@@ -23,6 +23,33 @@ def room(points: int = 50_000, seed: int = 5):
     return scene_from_arrays(xyz, rgb, meta={"metres_per_unit": 1.0, "sources": [f"room{seed}"]})
 
 
+def room_with_passer(seed: int):
+    """The room from two stations, 3 m apart; in the scan of the first one a person stands between them, blue."""
+    from viewer.grid.open_scene import scene_from_arrays
+
+    rng = np.random.default_rng(seed)
+    size, foot, radius = np.array([8.0, 6.0, 3.0]), np.array([4.0, 3.6]), 0.3
+    places = np.array([[2.5, 3.0, 1.5], [5.5, 3.0, 1.5]])
+    xyz, rgb, station = [], [], []
+    for number, place in enumerate(places):
+        ray = rng.normal(size=(60_000, 3))
+        ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+        reach = np.min(np.where(ray > 0, size - place, -place) / ray, axis=1)
+        flat, start = ray[:, :2], place[:2] - foot
+        a, b, c = (flat**2).sum(axis=1), flat @ start, start @ start - radius**2
+        with np.errstate(invalid="ignore"):
+            t = (-b - np.sqrt(b * b - a * c)) / a
+        met = (number == 0) & (t > 0) & (t < reach) & (place[2] + t * ray[:, 2] < 1.8)
+        xyz.append(place + ray * np.where(met, t, reach)[:, None])
+        grey = (110 + 60 * (np.floor(xyz[-1] * 2).sum(axis=1).astype(int) % 2))[:, None]
+        rgb.append(np.where(met[:, None], (40, 60, 220), grey))
+        station.append(np.full(len(ray), number))
+    scans = [{"name": f"tripod {number}", "position": place.tolist()} for number, place in enumerate(places)]
+    return scene_from_arrays(np.concatenate(xyz), np.concatenate(rgb).astype(np.uint8), noise=False,
+                             scan=np.concatenate(station).astype(np.uint8),
+                             meta={"metres_per_unit": 1.0, "sources": [f"passer{seed}"], "scans": scans})
+
+
 def middle(d: "Driver", right: float = 0.0, down: float = 0.0) -> tuple[float, float]:
     """A position of the window: the middle of the picture, moved by shares of its size."""
     (left, top), (width, height) = d.session.area.origin, d.session.area.size
@@ -55,6 +82,8 @@ class Driver:
                 while True:
                     meter.update(1)
                     time.sleep(0.005)
+        if name.startswith("passer"):
+            return room_with_passer(int(name[6:]))
         return room(seed=int(name[4:])) if name.startswith("room") else open_scene(paths, cache=False)
 
     def settle(self, steps: int = 4) -> None:

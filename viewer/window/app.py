@@ -110,6 +110,7 @@ class App:
         self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
         self.tools.folder, self.tools.clipboard = folder or Path.cwd(), SystemClipboard(glfw, self.window)
         self.save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
+        self.tools.save_panorama = self.save_actions.panorama
         self._settle = _SETTLE
         self._awake_until = 0.0
         self._actions = actions(self)
@@ -235,6 +236,7 @@ class App:
         if session.notices.message is not message:
             self.linger()
         self.toolbox.follow(self.tools)
+        self.save_actions.follow()
         if session.advance():
             self.wake()
         if stirring:
@@ -278,6 +280,7 @@ class App:
         if self.session.recording is not None:
             self.save_actions.record()
         self._remember_scan()
+        self.save_actions.close()
         self.toolbox.close()
         self.gamepad.close()
         self.session.close()

@@ -84,7 +84,7 @@ def _look(session: Session, new: Settings, look: Theme) -> Settings:
     chosen = session.view_settings
     neural = "neural" in (new.view, *chosen.sides)
     label("quality", QUALITIES[new.quality], look)
-    quality = combo("##quality", new.quality, QUALITIES, look, disabled=_missing_qualities(new))
+    quality = combo("##quality", new.quality, QUALITIES, look, disabled=missing_qualities(new))
     if quality != new.quality:
         new = replace(new, quality=quality)
     label("detail", _NO_NETWORK if not neural else "From smooth to every measured grain; in the middle, what the scan's noise "
@@ -158,7 +158,7 @@ def _advanced(session: Session, new: Settings, look: Theme) -> Settings:
     return setting(new, "device", "device", look, disabled=_missing_devices())
 
 
-def _missing_qualities(settings: Settings) -> dict[str, str]:
+def missing_qualities(settings: Settings) -> dict[str, str]:
     """Qualities without weights -> the reason."""
     if settings.weights is not None:
         return {}

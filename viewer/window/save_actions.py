@@ -1,4 +1,7 @@
-"""F12 and F9: save the picture, or frame times and their plot, and say where, or why not."""
+"""F12 and F9: save the picture, or frame times and their plot, and say where, or why not.
+
+A picture of the window's size is read from the screen; larger ones and panoramas are rendered beside the window.
+"""
 
 from pathlib import Path
 
@@ -6,26 +9,34 @@ from viewer.errors import PointglassError
 from viewer.text import counted
 from viewer.tools.shot_metadata import KEY
 from viewer.window import capture
-from viewer.window.saved_picture import saved_picture
+from viewer.window.saved_picture import saved_picture, shot_of
 from viewer.window.session import Session
+from viewer.window.still_job import StillJob, still_worker
 from viewer.window.viewport import Viewport
+from viewer.window.worker import Worker
 
+_LAST_WAIT = 5.0
+"""Seconds that a closing window waits for a picture that is being rendered; a network cannot be interrupted there."""
 _RECORDING = "Recording frame times; F9 stops"
 
 
 class SaveActions:
-    """Saves what a session shows into ``folder``."""
+    """Saves what a session shows into ``folder``.  still: the picture that is being rendered beside the window, else None."""
 
     def __init__(self, session: Session, viewport: Viewport, folder: Path):
         self._session, self._painter, self._folder = session, viewport, folder
+        self.still: Worker | None = None
 
     def screenshot(self) -> Path | None:
-        """Saves the picture as PNG and says where."""
+        """Saves the picture as PNG and says where; a larger one is begun.  Returns its path, None where there is none."""
         if self._session.scene is None:
             self._session.notices.toast("Nothing to save yet: drop a scan here first", instead_of="Nothing to ")
             return None
         try:
             path = capture.stamped("pointglass", ".png", self._folder)
+            shot = shot_of(self._session, path.stem)
+            if shot is not None and self._session.work.shot_scale > 1:
+                return self._begin(StillJob(self._session.scene, shot, path))
             made = saved_picture(self._session, self._painter, path.stem)
             if made is None:
                 return None
@@ -37,6 +48,39 @@ class SaveActions:
         again = "" if shot is not None else "; it shows a photograph or the tint, so `render --like` cannot draw it again"
         self._session.notices.toast(f"Saved {path}{again}")
         return path
+
+    def panorama(self, size: tuple[int, int]) -> Path | None:
+        """Begins a 360-degree picture around the camera, ``size`` pixels.  Returns its path, None where there is none."""
+        path = capture.stamped("pointglass-panorama", ".png", self._folder)
+        shot = shot_of(self._session, path.stem)
+        if shot is None or self._session.scene is None:
+            self._session.notices.toast("A panorama shows no tint and no photograph: put them away first")
+            return None
+        return self._begin(StillJob(self._session.scene, shot, path, panorama=size))
+
+    def _begin(self, job: StillJob) -> Path | None:
+        if self.still is not None:
+            self._session.notices.toast("The last picture is still being rendered")
+            return None
+        width, height = job.panorama or (job.shot.camera.width, job.shot.camera.height)
+        self.still = still_worker(job, self._session.loads.wake)
+        self._session.notices.toast(f"Rendering {width} x {height} pixels beside the window…")
+        return job.out
+
+    def follow(self) -> None:
+        """Called in every turn of the loop: says where a picture was saved that is ready, or why not."""
+        if self.still is None or not self.still.finished:
+            return
+        done, self.still = self.still, None
+        if done.error is not None:
+            self._session.notices.say("The picture was not saved", done.error)
+        else:
+            self._session.notices.toast(f"Saved {done.result}")
+
+    def close(self) -> None:
+        """Waits a little for a picture that is being rendered; the file appears whole or not at all."""
+        if self.still is not None:
+            self.still.join(_LAST_WAIT)
 
     def record(self) -> Path | None:
         """Starts recording frame times, or stops and saves them."""

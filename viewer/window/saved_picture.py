@@ -1,11 +1,11 @@
-"""What F12 saves: the picture at one to four times its size, and the description by which ``render --like`` draws it again."""
+"""What F12 saves: the picture of the window, and the description by which ``render --like`` draws it again, also larger."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.tools.altered_pictures import labelled, shot_picture, split_column
+from viewer.tools.altered_pictures import labelled, split_column
 from viewer.tools.shot_metadata import Shot, describe_shot
 from viewer.window.viewport import scaled
 
@@ -33,10 +33,11 @@ def shot_of(session: "Session", name: str) -> Shot | None:
 
 
 def saved_picture(session: "Session", viewport: "Viewport", name: str) -> tuple[np.ndarray, Shot | None] | None:
-    """(H, W, 3) uint8 and its description; None without a scene.  Raises PointglassError where it cannot be made."""
+    """The picture at the window's size, (H, W, 3) uint8, and its description; None without a scene.
+
+    Raises PointglassError where it cannot be made.
+    """
     shot = shot_of(session, name)
-    if shot is not None and session.work.shot_scale > 1 and viewport.renderer is not None:
-        return shot_picture(viewport.renderer, shot), shot
     image = viewport.full_picture()
     if image is None:
         return None

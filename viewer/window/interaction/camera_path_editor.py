@@ -213,8 +213,8 @@ class CameraPathEditor:
         for label, explained, act in (
             ("<", "earlier in the path", lambda: self.shift(context, -1)),
             (">", "later in the path", lambda: self.shift(context, 1)),
-            ("take view", "the keyframe becomes the present view", lambda: self.replace_view(context)),
-            ("delete", "removes the keyframe (Delete)", lambda: self.delete(context)),
+            ("update", "the keyframe becomes the present view", lambda: self.replace_view(context)),
+            ("x", "removes the keyframe (Delete)", lambda: self.delete(context)),
         ):  # fmt: skip
             if label != "<":
                 ui.same_line()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from viewer.errors import PointglassError
-from viewer.settings import VIEWS
+from viewer.settings import QUALITIES, VIEWS
 from viewer.tools.document import Viewpoint, replaced, unique_name, without
 from viewer.tools.film.command import MP4, PANORAMA_SIZE
 from viewer.tools.film.keyframes import cameras_along, path_seconds
@@ -18,6 +18,7 @@ from viewer.window.interaction.camera_path_editor import CameraPathEditor, fly_t
 from viewer.window.interaction.editing import edit, end, ended
 from viewer.window.interaction.film_job import FilmJob, film_worker
 from viewer.window.interaction.tool import KeyEvent, Tool, ToolContext
+from viewer.window.look_panel import missing_qualities
 from viewer.window.saved_picture import LARGEST
 from viewer.window.worker import Worker
 
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from viewer.window.overlay import OverlayCanvas
 
 SIZES = ((1280, 720), (1920, 1080), (3840, 2160), (1080, 1920))
+PANORAMAS = ((2048, 1024), PANORAMA_SIZE, (8192, 4096))
+SMALLEST_SIDE, LARGEST_SIDE = 16, 8192
+"""Sides of a video's pictures that a person types in, pixels; even, as H.264 asks for."""
+SAMPLES = (1, 2, 3, 4)
 LENSES = (15.0, 120.0)
 """Least and greatest vertical field of view that a person chooses, degrees."""
 SHOTS = tuple(range(1, LARGEST + 1))
@@ -40,7 +45,8 @@ class Film(Tool):
     def __init__(self) -> None:
         self.path = CameraPathEditor()
         self.out = "film.mp4"
-        self.size, self.view, self.supersample, self.panorama = SIZES[1], "neural", 1, False
+        self.size, self.view, self.quality, self.supersample = SIZES[1], "neural", "", 1
+        self.panorama, self.panorama_size = False, PANORAMA_SIZE
         self.worker: Worker | None = None
 
     # -- bookmarks ---------------------------------------------------------------------------------------------------
@@ -68,10 +74,11 @@ class Film(Tool):
     def job(self, context: ToolContext) -> FilmJob:
         """The film that the panel describes.  Raises InputError where the path has no keyframe."""
         path = context.document.path
-        size = PANORAMA_SIZE if self.panorama else self.size
+        size = self.panorama_size if self.panorama else self.size
         count = max(1, round(path_seconds(path) * path.fps))
         out = context.folder / self.out
-        settings = replace(context.session.view_settings.shown_settings, view=self.view)
+        shown = context.session.view_settings.shown_settings
+        settings = replace(shown, view=self.view, quality=self.quality or shown.quality)
         return FilmJob(
             context.session.scene, tuple(cameras_along(path.keyframes, count, size, closed=path.closed)), path.fps,
             settings, out, panorama=self.panorama, supersample=self.supersample,
@@ -121,7 +128,7 @@ class Film(Tool):
         found = context.document.viewpoints
         for number, view in enumerate(found):
             ui.push_id(number)
-            ui.set_next_item_width(-92.0)
+            ui.set_next_item_width(-_width(ui, ("go", "key", "x")))
             changed, name = ui.input_text("##name", view.name)
             if changed:
                 renamed = replaced(found, number, replace(view, name=name))
@@ -152,14 +159,30 @@ class Film(Tool):
         path = context.document.path
         rates = [f"{rate:g} frames a second" for rate in RATES]
         self.panorama = ui.checkbox("360-degree panorama", self.panorama)[1]
-        ui.begin_disabled(self.panorama)
-        self.size = _chosen(ui, "##size", [f"{w} x {h}" for w, h in SIZES], SIZES, self.size)
-        ui.end_disabled()
+        if self.panorama:
+            names = [f"{w} x {h}" for w, h in PANORAMAS]
+            self.panorama_size = _chosen(ui, "##panorama size", names, PANORAMAS, self.panorama_size)
+            if ui.button("Save a still from here"):
+                context.save_panorama(self.panorama_size)
+        else:
+            self.size = _chosen(ui, "##size", [f"{w} x {h}" for w, h in SIZES], SIZES, self.size)
+            ui.set_next_item_width(-1)
+            changed, sides = ui.input_int2("##sides", list(self.size))
+            if changed:
+                width, height = (min(max(side, SMALLEST_SIDE), LARGEST_SIDE) // 2 * 2 for side in sides)
+                self.size = width, height
+            if ui.is_item_hovered():
+                ui.set_tooltip("any other size: width and height, pixels")
         rate = _chosen(ui, "##fps", rates, RATES, path.fps)
         if rate != path.fps:
             edit(context, "Frames a second", path=replace(path, fps=rate))
         self.view = _chosen(ui, "##view", list(VIEWS), tuple(VIEWS), self.view)
-        self.supersample = _chosen(ui, "##supersample", ["no supersampling", "2 x 2 samples a pixel"], (1, 2), self.supersample)
+        if self.view == "neural":
+            shown = context.session.view_settings.shown_settings
+            there = [name for name in QUALITIES if name not in missing_qualities(shown)]
+            self.quality = _chosen(ui, "##quality", [f"quality {name}" for name in there], there, self.quality or shown.quality)
+        samples = ["no supersampling", *(f"{n} x {n} samples a pixel" for n in SAMPLES[1:])]
+        self.supersample = _chosen(ui, "##supersample", samples, SAMPLES, self.supersample)
         ui.set_next_item_width(-1)
         _, self.out = ui.input_text("##out", self.out)
         if ui.is_item_hovered():
@@ -168,6 +191,12 @@ class Film(Tool):
         if ui.button("Render video"):
             self.start(context)
         ui.end_disabled()
+
+
+def _width(ui: Any, labels: Sequence[str]) -> float:
+    """Pixels that small buttons take beside an item, with the gaps before each."""
+    style = ui.get_style()
+    return sum(ui.calc_text_size(label).x + 2 * style.frame_padding.x + style.item_spacing.x for label in labels)
 
 
 def _chosen(ui: Any, label: str, names: Sequence[str], values: Sequence[Any], value: Any) -> Any:

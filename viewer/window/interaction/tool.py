@@ -7,6 +7,7 @@ they may lie outside the picture while a button is held.  Distances dragged are 
 the same size on every screen.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -80,12 +81,14 @@ class ToolContext:
 
     session: notices, flight, view settings.  viewport: the renderer and the last Frame (depth, mask), for picking.
     theme: sizes and colours.  clipboard: text copied and pasted.  folder: where tools save what a person asks for.
+    save_panorama: begins a 360-degree picture of so many pixels around the camera.
     """
 
     def __init__(self, session: "Session", viewport: "Viewport", theme: "Theme", *, set_captured: Any = None):
         self.session, self.viewport, self.theme = session, viewport, theme
         self.clipboard = Clipboard()
         self.folder = Path.cwd()
+        self.save_panorama: Callable[[tuple[int, int]], object] = lambda size: None
         self._set_captured = set_captured or (lambda captured: None)
 
     @property
