@@ -181,7 +181,7 @@ def test_a_scan_there_is_no_room_for_leaves_the_one_before(context, monkeypatch)
     """Neither beside it nor in its place: what was shown is made again, and nothing that is shown is gone."""
     from viewer.settings import Memory
 
-    painted = SimpleNamespace(dirty=False)
+    painted = SimpleNamespace(dirty=False, adaptive_lod=SimpleNamespace(target_ms=0.0))
     said: list[tuple] = []
     session = SimpleNamespace(accept=lambda _: None, notices=SimpleNamespace(say=lambda *text: said.append(text)),
                               picture=painted, size=(64, 48), choice=SimpleNamespace(split_at=0.5))
@@ -228,7 +228,8 @@ def test_the_room_of_the_scan_before_is_for_the_next_one(context, monkeypatch):
             held.remove(id(self))
 
     monkeypatch.setattr(module, "PointPages", Limited)
-    session = SimpleNamespace(accept=said.append, notices=SimpleNamespace(say=lambda *text: said.append(text)))
+    session = SimpleNamespace(accept=said.append, notices=SimpleNamespace(say=lambda *text: said.append(text)),
+                              picture=SimpleNamespace(adaptive_lod=SimpleNamespace(target_ms=0.0)))
     painter = Viewport(context, session, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
     try:
         for number in range(1, 4):

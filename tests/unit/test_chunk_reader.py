@@ -5,7 +5,7 @@ import tempfile
 import threading
 import time
 import zlib
-from types import SimpleNamespace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -17,16 +17,25 @@ from viewer.stream.chunk_source import CHUNK, ChunkError, ChunkSource
 pytestmark = pytest.mark.timeout(90)  # a deadlock fails soon
 
 
+@dataclass
+class Stored:
+    """What a chunk source reads of a Scene."""
+
+    points: np.ndarray
+    checksums: np.ndarray | None
+    marked: None = None
+
+
 def random_points(count: int, seed: int = 0) -> np.ndarray:
     return np.random.default_rng(seed).integers(0, 2**32, (count, 3), dtype=np.uint32)
 
 
-def on_disk(folder, points: np.ndarray) -> SimpleNamespace:
+def on_disk(folder, points: np.ndarray) -> Stored:
     """A stand-in for a scene with what a source needs: points in a file, and checksums."""
     np.save(folder / "points.npy", points)
     raw = points.tobytes()
     sums = [zlib.crc32(raw[i : i + CHUNK * 12]) for i in range(0, len(raw), CHUNK * 12)]
-    return SimpleNamespace(points=np.load(folder / "points.npy", mmap_mode="r"), checksums=np.array(sums, np.uint32))
+    return Stored(points=np.load(folder / "points.npy", mmap_mode="r"), checksums=np.array(sums, np.uint32))
 
 
 def in_file(points: np.ndarray) -> np.ndarray:
@@ -59,14 +68,14 @@ def test_every_chunk_arrives_with_the_scenes_points(tmp_path, where, threads):
         case "file":
             scene = on_disk(tmp_path, points)
         case "memory":
-            scene = SimpleNamespace(points=points, checksums=None)
+            scene = Stored(points=points, checksums=None)
         case "nameless file":
-            scene = SimpleNamespace(points=in_file(points), checksums=None)
+            scene = Stored(points=in_file(points), checksums=None)
         case "part of a file":
-            scene = SimpleNamespace(points=on_disk(tmp_path, points).points[1000:], checksums=None)
+            scene = Stored(points=on_disk(tmp_path, points).points[1000:], checksums=None)
         case "private copy":
             np.save(tmp_path / "points.npy", points)
-            scene = SimpleNamespace(points=np.load(tmp_path / "points.npy", mmap_mode="c"), checksums=None)
+            scene = Stored(points=np.load(tmp_path / "points.npy", mmap_mode="c"), checksums=None)
             scene.points[5000:6000] = 7
     reader = ChunkReader(ChunkSource(scene, 512), memory=4 * 512 * 12, threads=threads)
     assert (reader.source.path is not None) == (where == "file")
@@ -86,7 +95,7 @@ def test_every_chunk_arrives_with_the_scenes_points(tmp_path, where, threads):
 @pytest.mark.parametrize("named", [True, False])
 def test_reading_leaves_no_page_of_the_map_in_memory(tmp_path, named):
     points = random_points(600_000)
-    scene = on_disk(tmp_path, points) if named else SimpleNamespace(points=in_file(points), checksums=None)
+    scene = on_disk(tmp_path, points) if named else Stored(points=in_file(points), checksums=None)
     reader = ChunkReader(ChunkSource(scene))
     reader.request(np.arange(reader.source.chunks))
     assert sum(len(got) for _, got in reader.arrivals(wait=True)) == 600_000
@@ -99,7 +108,7 @@ class Gate(ChunkSource):
     """A source that reads one chunk at a time on a signal, and records which."""
 
     def __init__(self, points: np.ndarray, chunk_points: int):
-        super().__init__(SimpleNamespace(points=points, checksums=None), chunk_points)
+        super().__init__(Stored(points=points, checksums=None), chunk_points)
         self.begun: list[int] = []
         self.begins, self.may = threading.Semaphore(0), threading.Semaphore(0)
 
@@ -182,7 +191,7 @@ def test_a_failed_chunk_is_not_read_again_before_its_error_is_raised():
 @pytest.mark.timeout(30)
 def test_buffers_are_bounded_and_reused():
     points = random_points(64 * 64)
-    reader = ChunkReader(ChunkSource(SimpleNamespace(points=points, checksums=None), 64), memory=3 * 64 * 12, threads=2)
+    reader = ChunkReader(ChunkSource(Stored(points=points, checksums=None), 64), memory=3 * 64 * 12, threads=2)
     for turn in range(5):
         reader.request(np.arange(64) ^ turn % 2)
         for _ in reader.arrivals(30, wait=True):
@@ -288,7 +297,7 @@ def test_an_error_that_ends_a_thread_is_raised_where_chunks_are_awaited():
     def wake() -> None:
         raise RuntimeError("no window to wake")
 
-    reader = ChunkReader(ChunkSource(SimpleNamespace(points=random_points(1000), checksums=None), 64), threads=1, wake=wake)
+    reader = ChunkReader(ChunkSource(Stored(points=random_points(1000), checksums=None), 64), threads=1, wake=wake)
     reader.request(np.arange(10))
     with pytest.raises(RuntimeError, match="no window to wake"):
         for _ in reader.arrivals(wait=True):

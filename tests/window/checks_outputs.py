@@ -198,3 +198,26 @@ def check_passers_by_are_dimmed_hidden_and_shown_again(d: Driver) -> None:
     d.until(lambda: d.session.loads.current is None and d.session.visit.title == "room7")
     d.resize(*SIZE)
     d.rest()
+
+
+def check_a_sheet_is_previewed_over_the_picture_and_drawn_anew_when_the_cut_changes(d: Driver) -> None:
+    d.resize(1280, 720)
+    d.rest()
+    d.key("N")
+    items, tool = Items(d), d.app.toolbox.active
+    items.click("Preview")
+    d.until(lambda: tool.preview.image is not None, 60.0)
+    d.picture("sheet preview")
+    plan = tool.preview.image
+    tool.scale = 100
+    d.until(lambda: tool.preview.image is not plan and tool.preview.image is not None, 60.0)
+    assert tool.preview.image.shape != plan.shape
+    tool.kind = "line"
+    tool.ends = []
+    d.settle()
+    items.click("Close preview")
+    assert not tool.preview.shown
+    tool.kind, tool.scale = "plan", 50
+    d.key("ESCAPE")
+    d.resize(*SIZE)
+    d.rest()

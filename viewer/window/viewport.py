@@ -70,6 +70,12 @@ class Viewport:
         self._problem: str | None = None
         self._rate = FrameRate()
 
+    def texture(self, image: np.ndarray) -> "moderngl.Texture":
+        """A texture of (H, W, 3) uint8 in the window's context."""
+        height, width = image.shape[:2]
+        rgba = np.concatenate([image, np.full((height, width, 1), 255, np.uint8)], axis=2)
+        return self._context.texture((width, height), 4, np.ascontiguousarray(rgba).tobytes())
+
     def upload(self, loaded: Loaded) -> bool:
         """Uploads a loaded scene to the GPU.  False where that fails; the previous scene stays and a message says why."""
         try:

@@ -74,6 +74,13 @@ def write_sheet(out: Path, drawing: "Drawing", paper: Paper, scene: "Scene", tit
     return float(width), float(height)
 
 
+def sheet_picture(drawing: "Drawing", paper: Paper, scene: "Scene", title: str) -> np.ndarray:
+    """The sheet as (H, W, 3) uint8, to be looked at."""
+    figure = sheet(drawing, paper, scene, title)
+    figure.canvas.draw()
+    return np.array(figure.canvas.buffer_rgba())[..., :3]  # type: ignore[attr-defined]
+
+
 def check_out(out: Path) -> None:
     """Raises InputError where a sheet cannot be written there."""
     if out.suffix.lower() not in SUFFIXES:

@@ -18,6 +18,7 @@ from viewer.tools.section.cut import KINDS, Cut, along_line, elevation, plan
 from viewer.tools.up_axis import upright_axes
 from viewer.window.capture import stamped
 from viewer.window.interaction.editing import Pointing, edit, end, ended, metres_per_unit, unit_of
+from viewer.window.interaction.sheet_preview import SheetPreview, preview_dpi
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
 from viewer.window.worker import Worker
 
@@ -49,6 +50,7 @@ class SectionTool(Tool):
         self.thickness: float | None = None
         self.scale, self.format = 50, ".pdf"
         self.worker: Worker | None = None
+        self.preview = SheetPreview()
 
     def cut(self, context: ToolContext) -> Cut | None:
         """The cut as it is set; None while a line lacks an end."""
@@ -141,6 +143,7 @@ class SectionTool(Tool):
         self.worker = Worker(work, f"Drawing the {KINDS[cut.kind]}", context.session.loads.wake)
 
     def follow(self, context: ToolContext) -> None:
+        self._follow_preview(context)
         done = ended(self.worker, context, "The sheet was not drawn")
         if done is None:
             return
@@ -148,8 +151,31 @@ class SectionTool(Tool):
         if done.error is None:
             context.toast("Drawing cancelled" if done.cancelled else f"Saved {done.result}")
 
+    def _follow_preview(self, context: ToolContext) -> None:
+        cut, scene, document = (self.cut(context) if self.preview.shown else None), context.scene, context.document
+        if cut is None or scene is None:
+            self.preview.follow(context, None, None)
+            return
+        scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
+        selection = Selection(scene, document.clips, hidden=context.session.work.edits.hidden_in(scene))
+
+        def work() -> np.ndarray:
+            from viewer.tools.section.orthographic import draw
+            from viewer.tools.section.sheet import sheet_picture
+
+            usual = paper_of(scene, scale)
+            longest = float(np.ptp(scene.bounds, axis=0).max())
+            paper = paper_of(scene, scale, preview_dpi(longest, scale, usual.metres))
+            return sheet_picture(draw(selection, cut, paper.pixel), paper, scene, title_of(scene))
+
+        self.preview.follow(context, (cut, scale, document.clips, selection.hidden, context.scene, document.scans), work)
+
+    def left(self, context: ToolContext) -> None:
+        self.preview.shown = False
+
     def close(self) -> None:
         end(self.worker)
+        self.preview.close()
 
     def panel(self, ui: Any, context: ToolContext) -> None:
         if context.scene is None:
@@ -185,6 +211,7 @@ class SectionTool(Tool):
             if ui.button("Clip the view to it"):
                 self.keep_slab(context)
         self._save(ui, context)
+        self.preview.draw(ui, context)
 
     def _save(self, ui: Any, context: ToolContext) -> None:
         ui.separator()
@@ -205,6 +232,9 @@ class SectionTool(Tool):
                 ui.end_combo()
             ui.same_line()
         ui.new_line()
+        if ui.button("Preview"):
+            self.preview.shown = not self.preview.shown
+        ui.same_line()
         if ui.button("Save sheet"):
             try:
                 self.start(context)

@@ -17,6 +17,8 @@ import numpy as np
 from viewer.window.interaction.editing import shared_key
 
 if TYPE_CHECKING:
+    import moderngl
+
     from viewer.camera import Camera
     from viewer.grid.scene import Scene
     from viewer.window.overlay import OverlayCanvas
@@ -119,6 +121,10 @@ class ToolContext:
     def toast(self, text: str) -> None:
         """Shows a line for a few seconds."""
         self.session.notices.toast(text)
+
+    def texture(self, image: np.ndarray) -> "moderngl.Texture":
+        """A texture of (H, W, 3) uint8, for the interface; whoever asks for it releases it."""
+        return self.viewport.texture(image)
 
     def renew_picture(self) -> None:
         """Asks for a new picture: what is drawn of the scan has changed (a clip, a hidden scan)."""
