@@ -98,7 +98,7 @@ def check_the_film_panel_makes_a_film_cancels_it_and_goes_on(d: Driver) -> None:
         d.rest()
         items.click("Add keyframe here")
     assert [key.time for key in d.session.document.path.keyframes] == [0.0, 3.0, 6.0]
-    (left, top), (right, bottom) = items.find("##timeline")
+    (left, top), (right, _) = items.find("##timeline")
     margin = d.app.theme.px(8)
     d.click((left + right) / 2, top + margin)
     assert film.path.timeline.selected == 1 and abs(film.path.at - 3.0) < 0.2
