@@ -28,6 +28,7 @@ assets: setup  ## generate the demo scan and its cameras again (a minute or two)
 
 pictures: setup  ## render the README's picture and animation again (a minute)
 	@PYTHONPATH=. $(PYTHON) .ci/readme_pictures.py
+	@xvfb-run -a $(PYTHON) .ci/tool_pictures.py
 
 wheel: setup  ## build the wheel into dist/
 	@$(PYTHON) -m build --wheel --no-isolation
