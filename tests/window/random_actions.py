@@ -160,12 +160,22 @@ class Monkey:
         context = self.d.app.tools
         if context.scene is None:
             return
-        kind = self._pick(("clip", "exposure", "colour", "up", "hide"))
+        kind = self._pick(("clip", "exposure", "colour", "up", "hide", "ghosts", "keyframe", "preview"))
         if kind == "clip":
             tool = next(tool for tool in self.d.app.toolbox.tools if tool.name == "clip")
             tool.add(context, self._pick(("box", "upright", "level")))
         elif kind == "up":
             edit(context, "up", up=self._pick(((0.0, 0.0, 1.0), (0.0, 1.0, 0.0))))
+        elif kind == "ghosts":  # told in one of the scenes, refused in the others
+            edit(context, "ghosts", ghosts=self._pick(("shown", "dimmed", "hidden")))
+        elif kind == "keyframe":
+            film = next(tool for tool in self.d.app.toolbox.tools if tool.name == "film")
+            film.path.add_keyframe(context)
+            film.path.select(context, int(self.rng.integers(len(context.document.path.keyframes))))
+            film.path.change_lens(context, float(self.rng.uniform(20, 110)))
+        elif kind == "preview":
+            section = next(tool for tool in self.d.app.toolbox.tools if tool.name == "section")
+            section.preview.shown = not section.preview.shown
         elif kind == "hide":
             edit(context, "hide", hidden_stations=self._pick(((), (0,))))
         else:
@@ -178,7 +188,7 @@ class Monkey:
         if self.rng.random() < 0.1:
             self.d.app.act("demo")
         else:
-            self.d.drop(Path(f"room{self._pick((1, 2, 3))}"))
+            self.d.drop(Path(self._pick(("room1", "room2", "room3", "passer1"))))
         if self.rng.random() < 0.7:
             self.d.until(lambda: self.d.session.loads.current is None)
 

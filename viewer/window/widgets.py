@@ -53,6 +53,24 @@ def heading(text: str, look: Theme) -> None:
     imgui.pop_font()
 
 
+COMPACT = 6.0
+"""Design units between the text of a compact button and its sides."""
+
+
+def compact_button(label: str, look: Theme) -> bool:
+    """A button as high as a field and hardly wider than its text, for several in a row.  Returns whether it was pressed."""
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, ImVec2(look.px(COMPACT), imgui.get_style().frame_padding.y))
+    pressed = imgui.button(label)
+    imgui.pop_style_var()
+    return pressed
+
+
+def compact_width(labels: Iterable[str], look: Theme) -> float:
+    """Pixels that compact buttons take beside an item, with the gap before each."""
+    gap = imgui.get_style().item_spacing.x
+    return sum(imgui.calc_text_size(label).x + 2 * look.px(COMPACT) + gap for label in labels)
+
+
 def small(text: str, look: Theme, colour=theme.DIM) -> None:
     """Wrapped small text."""
     imgui.push_font(look.regular, theme.SMALL)

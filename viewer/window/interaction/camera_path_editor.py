@@ -15,6 +15,7 @@ from viewer.window.interaction.editing import edit
 from viewer.window.interaction.timeline import Timeline
 from viewer.window.interaction.tool import ToolContext
 from viewer.window.navigation import looking
+from viewer.window.widgets import compact_button
 
 if TYPE_CHECKING:
     from viewer.window.overlay import OverlayCanvas
@@ -218,7 +219,7 @@ class CameraPathEditor:
         ):  # fmt: skip
             if label != "<":
                 ui.same_line()
-            if ui.small_button(f"{label}##keyframe"):
+            if compact_button(f"{label}##keyframe", context.theme):
                 act()
             if ui.is_item_hovered():
                 ui.set_tooltip(explained)

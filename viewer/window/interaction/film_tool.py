@@ -20,6 +20,7 @@ from viewer.window.interaction.film_job import FilmJob, film_worker
 from viewer.window.interaction.tool import KeyEvent, Tool, ToolContext
 from viewer.window.look_panel import missing_qualities
 from viewer.window.saved_picture import LARGEST
+from viewer.window.widgets import compact_button, compact_width
 from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
@@ -128,21 +129,21 @@ class Film(Tool):
         found = context.document.viewpoints
         for number, view in enumerate(found):
             ui.push_id(number)
-            ui.set_next_item_width(-_width(ui, ("go", "key", "x")))
+            ui.set_next_item_width(-compact_width(("go", "key", "x"), context.theme))
             changed, name = ui.input_text("##name", view.name)
             if changed:
                 renamed = replaced(found, number, replace(view, name=name))
                 edit(context, "Rename bookmark", ("bookmark", number), viewpoints=renamed)
             ui.same_line()
-            if ui.small_button("go"):
+            if compact_button("go", context.theme):
                 fly_to(context, view)
             ui.same_line()
-            if ui.small_button("key"):
+            if compact_button("key", context.theme):
                 self.path.add_keyframe(context, view)
             if ui.is_item_hovered():
                 ui.set_tooltip("append this view to the camera path")
             ui.same_line()
-            gone = ui.small_button("x")
+            gone = compact_button("x", context.theme)
             ui.pop_id()
             if gone:
                 edit(context, f"Delete bookmark {view.name}", viewpoints=without(found, number))
@@ -191,12 +192,6 @@ class Film(Tool):
         if ui.button("Render video"):
             self.start(context)
         ui.end_disabled()
-
-
-def _width(ui: Any, labels: Sequence[str]) -> float:
-    """Pixels that small buttons take beside an item, with the gaps before each."""
-    style = ui.get_style()
-    return sum(ui.calc_text_size(label).x + 2 * style.frame_padding.x + style.item_spacing.x for label in labels)
 
 
 def _chosen(ui: Any, label: str, names: Sequence[str], values: Sequence[Any], value: Any) -> Any:
