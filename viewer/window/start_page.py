@@ -2,11 +2,11 @@
 
 from typing import TYPE_CHECKING
 
-import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from viewer.window import theme
+from viewer.window.image_texture import texture_of
 from viewer.window.open_dialog import dialog_problem
 from viewer.window.recent import RecentScan, load_thumbnail, recent_scans
 from viewer.window.status_bar import count_text
@@ -40,15 +40,12 @@ class StartPage:
     def _load(self) -> list[RecentScan]:
         if self._recent is None:
             self._recent = recent_scans()
-            self._textures = [self._texture(load_thumbnail(scan)) for scan in self._recent]
+            self._textures = [self._thumbnail(scan) for scan in self._recent]
         return self._recent
 
-    def _texture(self, image: np.ndarray | None) -> "moderngl.Texture | None":
-        if image is None:
-            return None
-        height, width = image.shape[:2]
-        rgba = np.dstack([image, np.full((height, width), 255, np.uint8)])
-        return self._context.texture((width, height), 4, np.ascontiguousarray(rgba).tobytes())
+    def _thumbnail(self, scan: RecentScan) -> "moderngl.Texture | None":
+        image = load_thumbnail(scan)
+        return None if image is None else texture_of(self._context, image)
 
     def draw(self, app: "App", look: Theme) -> None:
         """Draws the page, where no scan is shown or being opened."""

@@ -48,14 +48,14 @@ class Viewport:
     """Makes the pictures that a session plans, and reports how they were made and what they cost.
 
     renderer: of the scene shown, None at first.  frame: the last picture, None where there is none; frame_camera: its camera.
-    canvas: what the window shows, None until something was shown.
+    context: the window's.  canvas: what the window shows, None until something was shown.
     memory: what points may take.  wake: called on a thread of the renderer's own when points have come.
     """
 
     def __init__(self, context: "moderngl.Context", session: Session, *, memory: Memory, wake: Callable[[], None]):
         from viewer.render.shader import Programs
 
-        self._context, self._session, self._memory, self._wake = context, session, memory, wake
+        self.context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
         self._views = DevelopedViews(self._programs)
         self._photos = PhotoLayer(context)
@@ -69,12 +69,6 @@ class Viewport:
         self._points_read: np.ndarray | None = None  # depth of the last picture, read when it is first asked for
         self._problem: str | None = None
         self._rate = FrameRate()
-
-    def texture(self, image: np.ndarray) -> "moderngl.Texture":
-        """A texture of (H, W, 3) uint8 in the window's context."""
-        height, width = image.shape[:2]
-        rgba = np.concatenate([image, np.full((height, width, 1), 255, np.uint8)], axis=2)
-        return self._context.texture((width, height), 4, np.ascontiguousarray(rgba).tobytes())
 
     def upload(self, loaded: Loaded) -> bool:
         """Uploads a loaded scene to the GPU.  False where that fails; the previous scene stays and a message says why."""
@@ -116,7 +110,7 @@ class Viewport:
     def _new(self, scene: "Scene") -> "Renderer":
         from viewer.render.renderer import Renderer
 
-        return Renderer(self._context, scene, memory=self._memory, wake=self._wake, kept_sizes=_KEPT_SIZES)
+        return Renderer(self.context, scene, memory=self._memory, wake=self._wake, kept_sizes=_KEPT_SIZES)
 
     def _forget(self, renderer: "Renderer | None") -> None:
         """Uses another renderer, which has made no picture yet."""
@@ -267,7 +261,7 @@ class Viewport:
         if self.canvas is None or self.canvas.size != session.area.window_size:
             if self.canvas is not None:
                 self.canvas.release()
-            self.canvas = Canvas(self._context, self._programs, session.area.window_size)
+            self.canvas = Canvas(self.context, self._programs, session.area.window_size)
         area = (*session.area.origin, *session.area.size)
         sides = [self._developed(view) for view in self._shown] if self.frame is not None else []
         column = split_column(chosen.split_at, session.area.size[0])

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from viewer.window.image_texture import texture_of
 from viewer.window.interaction.editing import shared_key
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ class ToolContext:
 
     def texture(self, image: np.ndarray) -> "moderngl.Texture":
         """A texture of (H, W, 3) uint8, for the interface; whoever asks for it releases it."""
-        return self.viewport.texture(image)
+        return texture_of(self.viewport.context, image)
 
     def renew_picture(self) -> None:
         """Asks for a new picture: what is drawn of the scan has changed (a clip, a hidden scan)."""
