@@ -155,12 +155,15 @@ def look_camera(place):
 
 def test_a_camera_is_copied_and_pasted_as_text(context):
     stand(context, (1.0, 2.0, 1.5), (1.0, 0.5, -0.2))
+    context.session.flight.field_of_view = 33.0
     before = context.camera
     assert shared_key(KeyEvent("C", "press", Modifiers(control=True)), context)
     assert context.clipboard.read() == camera_line(before)
     stand(context, (5.0, 4.0, 1.0), (-1.0, 0.0, 0.3))
+    context.session.flight.field_of_view = 60.0
     assert shared_key(KeyEvent("V", "press", Modifiers(control=True)), context)
     assert np.allclose(context.camera.camera_to_world, before.camera_to_world, atol=1e-12)
+    assert context.camera.vertical_fov == pytest.approx(33.0)
     context.clipboard.write("no camera")
     shared_key(KeyEvent("V", "press", Modifiers(control=True)), context)
     assert np.allclose(context.camera.camera_to_world, before.camera_to_world, atol=1e-12)

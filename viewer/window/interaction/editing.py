@@ -53,13 +53,14 @@ def copy_camera(context: "ToolContext") -> None:
 
 
 def paste_camera(context: "ToolContext") -> None:
-    """Flies to the camera in the clipboard; its lens stays the window's."""
+    """Flies to the camera in the clipboard, with its field of view."""
     try:
         camera = parse_camera_line(context.clipboard.read())
     except PointglassError as error:
         context.toast(str(error))
         return
     flight = context.session.flight
+    flight.field_of_view = camera.vertical_fov
     flight.go(looking(camera.position, camera.forward, flight.state.speed, flight.state.upright))
     context.renew_picture()
 
