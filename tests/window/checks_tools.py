@@ -130,11 +130,11 @@ def check_a_film_is_made_beside_the_window_and_a_cancelled_one_leaves_nothing(d:
     """The film's renderer has an OpenGL context of its own on another thread; the window goes on drawing meanwhile."""
     d.key("K")
     film, context = d.app.toolbox.active, d.app.tools
-    film.add_keyframe(context)
+    film.path.add_keyframe(context)
     d.session.flight.look(60, 0)
     d.rest()
-    film.add_keyframe(context)
-    film.set_length(context, 0.2)
+    film.path.add_keyframe(context)
+    film.path.set_length(context, 0.2)
     film.size, film.view = (96, 64), "filled"
     for out in ("film.mp4", "frames"):
         film.out = out
