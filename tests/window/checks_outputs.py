@@ -200,6 +200,28 @@ def check_passers_by_are_dimmed_hidden_and_shown_again(d: Driver) -> None:
     d.rest()
 
 
+def check_one_of_two_files_is_hidden_and_shown(d: Driver) -> None:
+    """Files without scanner positions are in the list, too."""
+    d.resize(1280, 720)
+    d.drop(Path("pair1"))
+    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "left.laz and 1 more")
+    d.rest()
+    d.key("P")
+    both, items = d.bare(), Items(d)
+    items.click("##visible")  # the last one drawn: the right half
+    d.rest()
+    assert d.session.document.hidden_stations == (1,)
+    d.picture("file hidden")
+    assert (d.bare() != both).any()
+    d.session.work.undo()
+    assert d.session.document.hidden_stations == ()
+    d.key("ESCAPE")
+    d.drop(Path("room7"))
+    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "room7")
+    d.resize(*SIZE)
+    d.rest()
+
+
 def check_a_sheet_is_previewed_over_the_picture_and_drawn_anew_when_the_cut_changes(d: Driver) -> None:
     d.resize(1280, 720)
     d.rest()

@@ -23,6 +23,17 @@ def room(points: int = 50_000, seed: int = 5):
     return scene_from_arrays(xyz, rgb, meta={"metres_per_unit": 1.0, "sources": [f"room{seed}"]})
 
 
+def pair_of_files(seed: int):
+    """The room, its left half from one file and its right half from another, both without scanner positions."""
+    from viewer.grid.open_scene import scene_from_arrays
+    from viewer.grid.scene import unpack
+
+    xyz, rgb, _, _ = unpack(room(seed=seed))
+    scans = [{"name": name, "position": None} for name in ("left", "right")]
+    return scene_from_arrays(xyz, rgb, scan=(xyz[:, 0] > 4).astype(np.uint8),
+                             meta={"metres_per_unit": 1.0, "sources": ["left.laz", "right.laz"], "scans": scans})
+
+
 def room_with_passer(seed: int):
     """The room from two stations, 3 m apart; in the scan of the first one a person stands between them, blue."""
     from viewer.grid.open_scene import scene_from_arrays
@@ -82,6 +93,8 @@ class Driver:
                 while True:
                     meter.update(1)
                     time.sleep(0.005)
+        if name.startswith("pair"):
+            return pair_of_files(int(name[4:]))
         if name.startswith("passer"):
             return room_with_passer(int(name[6:]))
         return room(seed=int(name[4:])) if name.startswith("room") else open_scene(paths, cache=False)

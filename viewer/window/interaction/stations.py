@@ -27,6 +27,10 @@ GRIP = 16.0
 """Logical pixels around a marker that a click takes."""
 
 
+MOST_PARTS = 255
+"""Files and stations that a packed point can number."""
+
+
 def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
     """(number, name, position, inferred) of each station whose place is known."""
     scans = scene.meta.get("scans") or []
@@ -34,8 +38,19 @@ def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
             for number, place in enumerate(scene.station_places) if np.isfinite(place).all()]
 
 
+def parts_of(scene: "Scene") -> list[tuple[int, str]]:
+    """(number, name) of the files and stations that can be hidden: all, where there are two or more or a position is known.
+
+    Ghosts have a list of their own.
+    """
+    ghosts = scene.marked.station if scene.marked is not None else -1
+    count = min(len(scene.meta.get("scans") or []), MOST_PARTS)
+    parts = [(number, station_name(scene, number)) for number in range(count) if number != ghosts]
+    return parts if len(parts) > 1 or places_of(scene) else []
+
+
 class Stations(Tool):
-    """Its panel lists stations and photographs."""
+    """Its panel lists files, stations and photographs."""
 
     name, label, letter, key = "stations", "Stations", "P", "P"
     help = "scanner positions: click one to stand there; photographs in place"
@@ -132,24 +147,29 @@ class Stations(Tool):
         self._follow(context)
         if context.scene is None:
             return
-        found = places_of(context.scene)
-        if not found:
+        known = {number: (place, inferred) for number, _, place, inferred in places_of(context.scene)}
+        if not known:
             ui.text_wrapped("The scanner positions are unknown: neither the file nor the order of its points tells.")
-        for number, name, place, inferred in found:
+        for number, name in parts_of(context.scene):
             ui.push_id(number)
             hidden = context.document.hidden_stations
             changed, on = ui.checkbox("##visible", number not in hidden)
             if ui.is_item_hovered():
-                ui.set_tooltip("show the points of this station")
+                ui.set_tooltip("show these points")
             if changed:
                 kept = tuple(other for other in hidden if other != number)
                 edit(context, f"{'Show' if on else 'Hide'} {name}", hidden_stations=kept if on else (*kept, number))
             ui.same_line()
             room = ui.get_content_region_avail().x
-            if ui.button(fitted(name, room - 2 * ui.get_style().frame_padding.x)):
+            place, inferred = known.get(number, (None, False))
+            if place is None:
+                ui.text_unformatted(fitted(name, room))
+            elif ui.button(fitted(name, room - 2 * ui.get_style().frame_padding.x)):
                 self.stand_at(context, place)
             if ui.is_item_hovered():
-                ui.set_tooltip(f"{name}: {'inferred from the order of the points' if inferred else 'as the file says'}")
+                ui.set_tooltip(f"{name}: position "
+                               + ("unknown" if place is None else "inferred from the order of the points" if inferred
+                                  else "as the file says"))
             ui.pop_id()
         self.ghosts.draw(ui, context)
         self._photographs(ui, context)
