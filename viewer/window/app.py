@@ -7,6 +7,7 @@ framebuffer.
 """
 
 import ctypes
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -27,6 +28,7 @@ from viewer.window.interaction.tool import ToolContext
 from viewer.window.interface import draw_interface
 from viewer.window.loading import Loaded, open_scene, preview_scene
 from viewer.window.open_dialog import OpenDialog
+from viewer.window.preferences import preferences_of, read_preferences, take_preferences, with_preferences, write_preferences
 from viewer.window.recent import RecentScan, remember
 from viewer.window.save_actions import SaveActions
 from viewer.window.session import Session
@@ -57,9 +59,12 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     columns: of text files.  start: the first camera; None: one is chosen (viewer.window.start_viewpoint).
     Raises DeviceError where there is no display or no OpenGL 4.3.
     """
+    kept = read_preferences()
+    settings = with_preferences(settings, kept, sys.argv[1:])
     neural_later = bool(paths) and settings.view == "neural"  # torch would slow the first picture down: import it after that
     first = replace(settings, view="filled") if neural_later else settings
-    app = App(first, cache=cache, match=match, memory=memory, start=start, columns=columns)
+    app = App(first, size=(kept.width, kept.height), cache=cache, match=match, memory=memory, start=start, columns=columns)
+    take_preferences(app.session, kept)
     try:
         if paths:
             app.session.open(paths)
@@ -72,6 +77,8 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
                 if app.session.screen.drawn == ("filled",):  # else another view was chosen meanwhile
                     app.act("view_neural")
     finally:
+        if (now := preferences_of(app.session)) is not None:
+            write_preferences(now)
         app.close()
     return 0
 
