@@ -382,3 +382,10 @@ def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
     monkeypatch.setattr(scratch.shutil, "disk_usage", lambda _: namedtuple("Usage", "free")(1000))
     with pytest.raises(InputError, match=r"no room for .* GB of points \(no space left.*set TMPDIR"):
         build.in_memory(1000)
+
+
+def test_an_error_without_text_is_called_damage():
+    from viewer.readers.e57_nodes import first_line
+
+    assert first_line(RuntimeError()) == "damaged: its content is not readable"
+    assert first_line(RuntimeError("bad CRC\nmore")) == "bad CRC"
