@@ -200,6 +200,47 @@ def check_passers_by_are_dimmed_hidden_and_shown_again(d: Driver) -> None:
     d.rest()
 
 
+def check_a_closed_scan_is_freed(d: Driver) -> None:
+    """Whatever tools were used on it: a scan may take gigabytes."""
+    import gc
+    import weakref
+
+    from driver import middle
+
+    from viewer.window.interaction.editing import edit
+
+    d.resize(1280, 720)
+    d.drop(Path("passer2"))
+    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "passer2")
+    d.rest()
+    section = next(tool for tool in d.app.toolbox.tools if tool.name == "section")
+    for key in ("I", "T", "N", "C", "P", "M", "K", "B"):
+        d.key(key)
+        d.click(*middle(d))
+        if key == "N":
+            section.preview.shown = True
+            d.until(lambda: section.preview.image is not None, 60.0)
+        d.rest()
+    plain = weakref.ref(d.session.scene)
+    edit(d.app.tools, "hide", ghosts="hidden")
+    d.until(lambda: d.session.scene is not plain(), 60.0)
+    d.rest()
+    d.key("ESCAPE")
+    d.key("G")
+    d.until(lambda: "Finding" not in " ".join(toast.text for toast in d.session.notices.toasts), 60.0)
+    marked = weakref.ref(d.session.scene)
+    d.app.act("close_scan")
+    d.settle(6)
+    gc.collect()
+    left = [name for name, scene in (("plain", plain()), ("marked", marked())) if scene is not None]
+    holders = [type(one).__name__ for scene in (plain(), marked()) if scene is not None for one in gc.get_referrers(scene)]
+    assert not left, f"{left} kept by {holders}"
+    d.drop(Path("room7"))
+    d.until(lambda: d.session.loads.current is None and d.session.visit.title == "room7")
+    d.resize(*SIZE)
+    d.rest()
+
+
 def check_one_of_two_files_is_hidden_and_shown(d: Driver) -> None:
     """Files without scanner positions are in the list, too."""
     d.resize(1280, 720)

@@ -9,11 +9,15 @@ from model.common.jit import compiled
 
 
 @compiled(inline="always")
-def _cell(x, y, z, radius, rows, columns):
-    """Row and column of a direction; rows from +z downwards."""
+def _range_and_cell(point, place, rows, columns):
+    """Range of a point from a place, and row and column of its direction, rows from +z downwards; range 0: it has none."""
+    x, y, z = point[0] - place[0], point[1] - place[1], point[2] - place[2]
+    radius = math.sqrt(x * x + y * y + z * z)
+    if radius <= 0.0:
+        return 0.0, 0, 0
     row = int(math.acos(min(max(z / radius, -1.0), 1.0)) / math.pi * rows)
     column = int((math.atan2(y, x) / (2 * math.pi) + 0.5) * columns)
-    return min(row, rows - 1), min(column, columns - 1)
+    return radius, min(row, rows - 1), min(column, columns - 1)
 
 
 @compiled(nogil=True)
@@ -29,11 +33,9 @@ def add_ranges(xyz, station, slot, places, nearest, rays):
         s = slot[station[i]]
         if s < 0:
             continue
-        x, y, z = xyz[i, 0] - places[s, 0], xyz[i, 1] - places[s, 1], xyz[i, 2] - places[s, 2]
-        radius = math.sqrt(x * x + y * y + z * z)
+        radius, row, column = _range_and_cell(xyz[i], places[s], rows, columns)
         if radius <= 0.0:
             continue
-        row, column = _cell(x, y, z, radius, rows, columns)
         if radius < nearest[s, row, column]:
             nearest[s, row, column] = radius
         if rays[s, row, column] < 65535:
@@ -78,11 +80,9 @@ def seen_through(xyz, station, slot, places, near, enough, slack, share, width):
         for s in range(stations):
             if s == own:
                 continue
-            x, y, z = xyz[i, 0] - places[s, 0], xyz[i, 1] - places[s, 1], xyz[i, 2] - places[s, 2]
-            radius = math.sqrt(x * x + y * y + z * z)
+            radius, row, column = _range_and_cell(xyz[i], places[s], rows, columns)
             if radius <= 0.0:
                 continue
-            row, column = _cell(x, y, z, radius, rows, columns)
             behind = near[s, row, column] - radius
             margin = slack + share * radius
             if abs(behind) <= margin:

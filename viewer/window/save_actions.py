@@ -46,6 +46,8 @@ class SaveActions:
             self._session.notices.say("No screenshot was saved", str(error))
             return None
         again = "" if shot is not None else "; it shows a photograph or the tint, so `render --like` cannot draw it again"
+        if shot is None and self._session.work.shot_scale > 1:
+            again += ", and it has the window's size"
         self._session.notices.toast(f"Saved {path}{again}")
         return path
 

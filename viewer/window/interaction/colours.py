@@ -5,6 +5,7 @@ Colours by attribute, point size and eye-dome lighting act where points are show
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -78,7 +79,7 @@ class Colours(Tool):
     help = "colour points by attribute; exposure, white balance, point size, lighting"
 
     def __init__(self) -> None:
-        self._missing: tuple[object, dict[str, str | None]] | None = None
+        self._missing: WeakKeyDictionary[Scene, dict[str, str | None]] = WeakKeyDictionary()
 
     def _change(self, context: ToolContext, gesture: str, **fields: object) -> None:
         label = f"Change {gesture.replace('_', ' ')}"
@@ -88,13 +89,13 @@ class Colours(Tool):
         look, scene = context.document.look, context.scene
         if scene is None:
             return
-        if self._missing is None or self._missing[0] is not scene:
-            self._missing = scene, {name: missing(scene, name) for name in COLOUR_BY}
+        if scene not in self._missing:
+            self._missing[scene] = {name: missing(scene, name) for name in COLOUR_BY}
         ui.text_unformatted("colour by")
         ui.set_next_item_width(-1)
         if ui.begin_combo("##colour by", look.colour_by):
             for name, what in COLOUR_BY.items():
-                why = self._missing[1][name]
+                why = self._missing[scene][name]
                 ui.begin_disabled(why is not None)
                 if ui.selectable(name, name == look.colour_by)[0] and name != look.colour_by:
                     self._change(context, "colour_by", colour_by=name, low=None, high=None)

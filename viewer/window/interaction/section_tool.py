@@ -4,6 +4,7 @@ A click on a measured point sets the height of a plan, or the ends of a section 
 can be made a clip, so that the view shows what the sheet will.  Sheets are drawn on a thread of their own.
 """
 
+import weakref
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -168,7 +169,8 @@ class SectionTool(Tool):
             paper = paper_of(scene, scale, preview_dpi(longest, scale, usual.metres))
             return sheet_picture(draw(selection, cut, paper.pixel), paper, scene, title_of(scene))
 
-        self.preview.follow(context, (cut, scale, document.clips, selection.hidden, context.scene, document.scans), work)
+        self.preview.follow(context, (cut, scale, document.clips, selection.hidden, weakref.ref(context.scene), document.scans),
+                            work)
 
     def left(self, context: ToolContext) -> None:
         self.preview.shown = False

@@ -44,11 +44,17 @@ class SheetPreview:
         if self._worker is not None and self._worker.finished:
             done, self._worker = self._worker, None
             self.problem = done.error or ""
-            self._keep(done.result if done.error is None and not done.cancelled else None)
-        if not self.shown or draw is None or of == self._of:
+            if not done.cancelled:
+                self._keep(done.result if done.error is None else None)
+        if not self.shown:
+            self._of = None
+            self._keep(None)
+            return
+        if draw is None or of == self._of:
             return
         if self._worker is not None:
             self._worker.cancel()
+            self._of = None
             return  # the next turn begins the drawing of now
         self._of, self._worker = of, Worker(draw, "Drawing the preview", context.session.loads.wake)
 

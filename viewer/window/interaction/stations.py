@@ -57,7 +57,7 @@ class Stations(Tool):
     takes_clicks = True
 
     def __init__(self) -> None:
-        self._scene: Scene | None = None
+        self._of: tuple[tuple[Path, ...], bool] | None = None  # the files whose photographs are read; whether as a preview
         self._read: Worker | None = None
         self.ghosts = GhostsPanel()
         self.photos: list[StationPhoto] = []
@@ -77,8 +77,9 @@ class Stations(Tool):
 
     def _follow(self, context: ToolContext) -> None:
         """Reads the photographs of the scan shown, once, on a thread of its own."""
-        if context.scene is not self._scene:
-            self._scene, self.photos, self.warnings, self._read = context.scene, [], [], None
+        visit = context.session.visit
+        if self._of != (visit.paths, visit.preview):
+            self._of, self.photos, self.warnings, self._read = (visit.paths, visit.preview), [], [], None
             context.session.work.photo = None
             files = [Path(path) for path in context.session.visit.paths if Path(path).suffix.lower() == ".e57"]
             if files and not context.session.visit.preview:
