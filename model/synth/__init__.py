@@ -1,4 +1,4 @@
-"""Procedural places and a virtual laser scanner: scans with a known truth, and the demo that ships.
+"""Procedural places and a virtual laser scanner: they make scans with known ground truth, and the demo scan in assets/.
 
-World frame of everything here: metres, z up, right-handed.  Cameras have OpenGL axes (x right, y up, -z forward).
+World frame of this package: metres, z up, right-handed.  Cameras have OpenGL axes (x right, y up, -z forward).
 """

@@ -1,6 +1,6 @@
-"""Collects primitives with their materials: what furniture is built from.
+"""Collects primitives and their materials, from which furniture is built.
 
-Frame: world metres, or the frame set with `Builder.at` (a yaw about z and a shift), in which furniture is described.
+Frame: world metres, or the local frame set with `Builder.at` (a rotation about z and a shift).
 """
 
 from contextlib import contextmanager
@@ -22,8 +22,11 @@ def hex_colour(text: str) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Look:
-    """Material name, sRGB colours as '#rrggbb', shininess 0..1, radiance given off (linear), whether it casts shadows,
-    whether it stands outdoors (lit by the sky alone)."""
+    """Appearance of a primitive.
+
+    material: a name in `textures.NAMES`.  colour, accent: sRGB, '#rrggbb'.  shininess: 0 matt to 1 mirror.  glow: emitted
+    radiance, linear RGB.  casts: whether it casts shadows.  outdoors: lit by the sky only, not by the lights of the rooms.
+    """
 
     material: str = "plain"
     colour: str = "#808080"
@@ -36,7 +39,11 @@ class Look:
 
 @dataclass(frozen=True)
 class Finish:
-    """Looks as arrays over P primitives; see `Look`.  half (P,3): half extents, metres; seed (P,) int64."""
+    """The looks of P primitives as arrays; see `Look`.
+
+    material (P,) index into `textures.NAMES`; colour, accent, glow (P,3) linear; shininess (P,); outdoors (P,) bool; half (P,3)
+    half extents, metres; seed (P,) int64.
+    """
 
     material: np.ndarray
     colour: np.ndarray
@@ -50,7 +57,7 @@ class Finish:
 
 @dataclass
 class Builder:
-    """Grows lists; `finish` makes arrays of them."""
+    """Collects primitives in a list; `finish` turns them into arrays.  yaw: radians; shift (3,): metres."""
 
     seed: int = 0
     yaw: float = 0.0
@@ -59,7 +66,7 @@ class Builder:
 
     @contextmanager
     def at(self, x: float, y: float, z: float = 0.0, yaw: float = 0.0):
-        """Within: coordinates are turned by ``yaw`` (degrees, about z) and moved to x, y, z (nests)."""
+        """A context in which coordinates are rotated by ``yaw`` (degrees, about z), then shifted by x, y, z.  Contexts nest."""
         kept = self.yaw, self.shift
         self.shift = self._world((x, y, z))
         self.yaw += np.radians(yaw)
@@ -76,7 +83,7 @@ class Builder:
         return self._turn() @ np.asarray(point, np.float64) + self.shift
 
     def _add(self, kind, params, centre, axes, look: Look, seed=None) -> None:
-        """axes: (3,3) columns = local axes in the builder's frame."""
+        """axes: (3,3) local to builder frame; its columns are the primitive's local axes."""
         rotation = (self._turn() @ axes).T
         number = self.seed * 1000 + len(self.rows) if seed is None else seed
         self.rows.append((kind, [*params, 0, 0, 0, 0][:4], self._world(centre), rotation, look, number))
@@ -87,21 +94,21 @@ class Builder:
         self._add(BOX, (high - low) / 2, (low + high) / 2, np.eye(3), look, seed)
 
     def turned_box(self, centre, half, look: Look, *, axes: np.ndarray, seed=None) -> None:
-        """A box with half sizes (3,) along the columns of ``axes`` (3,3)."""
+        """A box with half extents (3,) along the columns of ``axes`` (3,3)."""
         self._add(BOX, half, centre, axes, look, seed)
 
     def cushion(self, centre, half, radius: float, look: Look, *, axes: np.ndarray | None = None) -> None:
-        """A box with rounded edges; radius in metres, at most the smallest half size."""
+        """A box with rounded edges.  radius: metres, limited to the smallest half extent."""
         self._add(ROUND, [*half, min(radius, min(half) * 0.999)], centre, np.eye(3) if axes is None else axes, look)
 
     def rod(self, a, b, radius: float, look: Look, *, end: float | None = None, caps: bool = True) -> None:
-        """A cylinder from a to b; ``end``: another radius at b."""
+        """A cylinder from a to b.  end: radius at b if it differs, metres.  caps: whether both ends are closed."""
         a, b = np.asarray(a, float), np.asarray(b, float)
         params = (radius, radius if end is None else end, np.linalg.norm(b - a) / 2, float(caps))
         self._add(CYLINDER, params, (a + b) / 2, frame_along(b - a), look)
 
     def capsule(self, a, b, radius: float, look: Look) -> None:
-        """All within ``radius`` of the segment a-b."""
+        """All points within ``radius`` of the segment from a to b."""
         a, b = np.asarray(a, float), np.asarray(b, float)
         self._add(CAPSULE, (radius, np.linalg.norm(b - a) / 2), (a + b) / 2, frame_along(b - a), look)
 
@@ -115,14 +122,14 @@ class Builder:
         self._add(SPHERE, np.broadcast_to(radii, 3), centre, np.eye(3), look)
 
     def quad(self, centre, right, up, look: Look, *, outline: int = 0, seed=None) -> None:
-        """A flat patch spanned by half sides ``right`` and ``up`` (perpendicular); outline as in `shapes`."""
+        """A flat patch.  right, up: perpendicular vectors (3,) of half its sides; outline: as for QUAD in `shapes`."""
         right, up = np.asarray(right, float), np.asarray(up, float)
         hx, hy = np.linalg.norm(right), np.linalg.norm(up)
         x, y = right / hx, up / hy
         self._add(QUAD, (hx, hy, outline), centre, np.stack([x, y, np.cross(x, y)], 1), look, seed)
 
     def finish(self) -> tuple[Shapes, Finish]:
-        """Everything added so far."""
+        """The shapes and looks of all primitives added so far."""
         kinds, params, centres, rotations, looks, seeds = zip(*self.rows)
         kinds, params = np.array(kinds), np.array(params)
         shapes = make_shapes(kinds, params, centres, rotations, [look.casts for look in looks])

@@ -1,6 +1,6 @@
-"""The scan that ships: two furnished rooms, three stations; `python -m model.synth.demo assets/demo.laz` remakes it.
+"""The demo scan: two furnished rooms from three stations.  `python -m model.synth.demo assets/demo.laz` makes it again.
 
-Beside the scan it writes ``demo_cameras.json``, eight views in nerfstudio's camera path form.  Frame: metres, z up.
+``demo_cameras.json`` beside the scan holds eight views in nerfstudio's camera path format.  Frame: metres, z up.
 """
 
 import json
@@ -20,14 +20,19 @@ from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner
 
 STATIONS = np.array([[2.55, 3.2, 1.5], [5.4, 2.05, 1.6], [7.3, 3.5, 1.5]])
-DEMO_POINTS = 1_350_000  # as many as stay below 8 MB
+"""(3, 3) scanner positions, metres.  Chosen by hand."""
+DEMO_POINTS = 1_350_000
+"""Number of points of assets/demo.laz: measured so that the file stays below 8 MB."""
 LEAST_POINTS, MOST_POINTS = 1000, 100_000_000
-"""Of fewer no room can be seen; of more the pulses of a station no longer fit into memory."""
+"""Limits of the number of points.  With fewer, no room can be recognised; with more, the pulses of one station exceed the
+memory of common machines."""
 SUFFIXES = (".laz", ".las")
-SPREAD = 0.12  # exposures lie within 1 +- this, and their mean is 1
-SCALE = 0.0005  # metres per LAS step
+SPREAD = 0.12
+"""Largest deviation of a station's exposure gain from 1.  Chosen by hand."""
+SCALE = 0.0005
+"""Metres per step of a LAS coordinate: about half the range noise at normal incidence (:class:`.scanner.ScannerModel`)."""
 SIZE, FPS, SECONDS = (960, 720), 24, 24
-# name, camera position, what it looks at, vertical field of view (degrees)
+"""Size, pixels, frame rate and duration of the camera path.  Chosen by hand."""
 VIEWS = [
     ("01-living-room", (4.8, 3.2, 1.55), (1.25, 1.0, 0.92), 64.0),
     ("02-through-the-opening", (3.3, 2.75, 1.5), (7.4, 1.95, 1.0), 58.0),
@@ -38,22 +43,23 @@ VIEWS = [
     ("07-window-and-plant", (2.9, 1.6, 1.45), (4.0, 4.5, 1.25), 58.0),
     ("08-railing", (7.6, 3.2, 1.4), (5.95, 4.0, 0.8), 52.0),
 ]
+"""Name, camera position and target (metres), vertical field of view (degrees).  Chosen by hand."""
 
 
 def exposures(seed: int, count: int = len(STATIONS)) -> np.ndarray:
-    """(count,) camera gains within 1 +- SPREAD whose mean is 1 to the last bit."""
+    """(count,) camera gains within 1 +- SPREAD whose mean is exactly 1."""
     gains = np.random.default_rng([7, seed]).permutation(np.linspace(-1, 1, count)) * SPREAD
-    # Whole 1/1024ths add up without rounding.
+    # Multiples of 1/1024 are added without rounding errors.
     steps = np.trunc(gains * 1024).astype(int)
     steps[-1] -= steps.sum()
     return 1 + steps / 1024
 
 
 def simulate(points: int, seed: int = 1, *, place: Place | None = None, step: Callable[[int], object] | None = None) -> Scan:
-    """The scan of ``place`` (`Place` (seed) if None) from STATIONS, with the noise of ``seed``.
+    """The scan of ``place`` (`Place(seed)` if None) from STATIONS.  seed: of the noise.
 
-    step: called with the number of pulses done since the last call, about 1.1 * ``points`` in all.
-    Returns exactly ``points`` points, or the few fewer that the pulses gave.
+    step: called with the number of pulses traced since the last call, about 1.1 * ``points`` in total.
+    Returns ``points`` points, or slightly fewer if fewer pulses returned.
     """
     place = place or Place(seed)
     scanner = VirtualScanner(partial(place.trace, step=step), ScannerModel(), place.ranges)
@@ -65,14 +71,16 @@ def simulate(points: int, seed: int = 1, *, place: Place | None = None, step: Ca
 
 
 def write_laz(scan: Scan, path: Path) -> None:
-    """LAZ: millimetre halves, 16-bit colour (value * 257), intensity, the station as point source.  ``path`` appears
-    whole or not at all."""
+    """Writes LAZ with an atomic write: a temporary file, then a rename.
+
+    Coordinates in steps of SCALE, 16-bit colour (8-bit value * 257), intensity, and the station as point source ID.
+    """
     import laspy
 
     header = laspy.LasHeader(point_format=2, version="1.2")
     header.scales, header.offsets = np.full(3, SCALE), np.zeros(3)
     header.system_identifier, header.generating_software = "simulated", "pointglass"
-    header.creation_date = None  # the same scan is the same file on every day
+    header.creation_date = None  # so that the same scan always gives the same bytes
     las = laspy.LasData(header)
     las.X, las.Y, las.Z = np.round(scan.xyz / SCALE).astype(np.int32).T
     las.red, las.green, las.blue = scan.rgb.astype(np.uint16).T * 257
@@ -88,7 +96,7 @@ def write_laz(scan: Scan, path: Path) -> None:
 
 
 def looking(position, target) -> np.ndarray:
-    """(4,4) camera_to_world, OpenGL axes, upright."""
+    """(4,4) camera_to_world, OpenGL axes, of an upright camera at ``position`` (3,) that looks at ``target`` (3,)."""
     position, target = np.asarray(position, float), np.asarray(target, float)
     back = (position - target) / np.linalg.norm(position - target)
     right = np.cross([0, 0, 1.0], back)
@@ -99,7 +107,7 @@ def looking(position, target) -> np.ndarray:
 
 
 def camera_path() -> dict:
-    """VIEWS in the form of nerfstudio's camera_path.json."""
+    """VIEWS in the format of nerfstudio's camera_path.json."""
     width, height = SIZE
     return {
         "camera_type": "perspective", "render_width": width, "render_height": height, "fps": FPS, "seconds": SECONDS,
@@ -114,12 +122,12 @@ def camera_path() -> dict:
 
 
 def cameras_of(out: Path) -> Path:
-    """The file of the cameras beside the scan ``out``."""
+    """Path of the camera file beside the scan ``out``."""
     return out.with_name(f"{out.stem}_cameras.json")
 
 
 def check(out: Path, points: int, seed: int) -> None:
-    """Raises DataError naming the first of what `main` is given that it cannot do."""
+    """Raises DataError naming the first invalid argument of `main`."""
     if out.suffix.lower() not in SUFFIXES:
         raise DataError(f"--out {out}: the name must end in {' or '.join(SUFFIXES)}")
     if not LEAST_POINTS <= points <= MOST_POINTS:
@@ -132,10 +140,10 @@ def check(out: Path, points: int, seed: int) -> None:
 
 
 def main(out: Path, points: int = 1_200_000, seed: int = 1, *, step: Callable[[int], object] | None = None) -> int:
-    """Simulates, and writes ``out`` (LAZ or LAS) with the cameras (`cameras_of`) beside it.  Returns how many points.
+    """Simulates a scan and writes ``out`` (LAZ or LAS) and its camera file (`cameras_of`).  Returns the number of points.
 
-    step: as for `simulate`.  Raises DataError for bad options before any work, and where nothing can be written; then
-    nothing is left behind.
+    step: as for `simulate`.  Raises DataError for invalid arguments before any work, and if the files cannot be written; no
+    partial file or new folder is left then.
     """
     out = Path(out)
     check(out, points, seed)
@@ -144,7 +152,7 @@ def main(out: Path, points: int = 1_200_000, seed: int = 1, *, step: Callable[[i
     try:
         with made_folder(out.parent):
             try:
-                # Before the work: what cannot be written is known at once.
+                # First, so that a folder without write permission is reported before the simulation.
                 part.write_text(json.dumps(camera_path(), indent=1) + "\n")
                 scan = simulate(points, seed, step=step)
                 write_laz(scan, out)

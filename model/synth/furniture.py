@@ -1,4 +1,4 @@
-"""Furniture and clutter, each described in its own frame and added to a `Builder`.
+"""Furniture and clutter.  Each function adds one piece to a `Builder`, in the piece's local frame.
 
 Frame: metres, z up from the floor; the front of a piece faces +y unless its docstring says otherwise.
 """
@@ -13,8 +13,8 @@ BLACK = Look("plain", "#34343a", "#34343a", 0.25)
 STEEL = Look("plain", "#a9acb0", "#a9acb0", 0.8)
 WHITE = Look("plain", "#e6e4de", "#e6e4de", 0.2)
 BRASS = Look("plain", "#b08a45", "#b08a45", 0.7)
-# Columns: local axes of a book lying flat, its spine towards +x, its thickness upward.
 LYING = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])
+"""(3, 3) local axes, in columns, of a book that lies flat: its spine faces +x and its thickness is along z."""
 LEAF = Look("leaf", "#5d9450", "#b2cc8a", 0.25)
 
 
@@ -46,7 +46,7 @@ def chair(b: Builder, frame: Look, seat: Look) -> None:
 
 
 def sofa(b: Builder, width: float, cloth: Look, pillows: list[Look]) -> None:
-    """A sofa whose back stands at y = 0; the seat reaches y = 0.9."""
+    """A sofa whose back is at y = 0 and whose seat ends at y = 0.9."""
     w = width / 2
     b.cushion((0, 0.46, 0.24), (w, 0.42, 0.1), 0.04, cloth)
     b.cushion((0, 0.12, 0.52), (w, 0.11, 0.32), 0.07, cloth)
@@ -64,7 +64,7 @@ def sofa(b: Builder, width: float, cloth: Look, pillows: list[Look]) -> None:
 
 
 def bookshelf(b: Builder, width: float, height: float, rng: np.random.Generator, look: Look = WALNUT) -> None:
-    """Shelves of books with their backs at x = 0, facing +x; y runs along the shelf from 0 to ``width``."""
+    """Shelves of books whose backs are at x = 0 and whose fronts face +x; y is 0 to ``width`` along a shelf."""
     depth, board = 0.29, 0.022
     b.box((0, 0, 0), (depth, board, height), look)
     b.box((0, width - board, 0), (depth, width, height), look)
@@ -81,7 +81,10 @@ def bookshelf(b: Builder, width: float, height: float, rng: np.random.Generator,
 
 
 def _fill_shelf(b: Builder, start, stop, z, room, depth, rng, kind: int) -> None:
-    """Standing books from ``start`` along y, the last one leaning; then a pile, a vase or a box where there is room."""
+    """Upright books from ``start`` to ``stop`` along y.
+
+    kind: 0 books only, 1 with a vase, 2 with a pile of books, 3 with a box at the end; for 1 to 3, the last book leans.
+    """
     end = stop - (0.0, 0.22, 0.3, 0.16)[kind]
     y = start
     while y < end - 0.05:
@@ -112,7 +115,7 @@ def _fill_shelf(b: Builder, start, stop, z, room, depth, rng, kind: int) -> None
 
 
 def floor_lamp(b: Builder, shade: Look, bulb: Look) -> np.ndarray:
-    """A standing lamp with a tripod of thin rods; returns the bulb's local position (3,)."""
+    """A floor lamp on three thin rods.  Returns the bulb's local position (3,)."""
     for angle in np.radians([20, 140, 260]):
         foot = (0.24 * np.cos(angle), 0.24 * np.sin(angle), 0)
         b.rod(foot, (0.015 * np.cos(angle), 0.015 * np.sin(angle), 1.3), 0.009, OAK)
@@ -123,7 +126,7 @@ def floor_lamp(b: Builder, shade: Look, bulb: Look) -> np.ndarray:
 
 
 def pendant(b: Builder, ceiling: float, height: float, shade: Look, bulb: Look) -> np.ndarray:
-    """A lamp hanging on a cable from ``ceiling``, its bulb at ``height``; returns the bulb's position (3,)."""
+    """A lamp on a cable from ``ceiling``.  height: of the lamp.  Returns the bulb's local position (3,)."""
     b.rod((0, 0, ceiling - 0.025), (0, 0, ceiling), 0.05, BLACK)
     b.capsule((0, 0, height + 0.2), (0, 0, ceiling - 0.02), 0.0035, BLACK)
     b.rod((0, 0, height + 0.13), (0, 0, height + 0.21), 0.042, BRASS, end=0.02)
@@ -133,7 +136,7 @@ def pendant(b: Builder, ceiling: float, height: float, shade: Look, bulb: Look) 
 
 
 def plant(b: Builder, rng: np.random.Generator, height: float = 1.5, stems: int = 11, pot: str = "#c9c2b4") -> None:
-    """Bent thin stems with pointed leaves, in a pot."""
+    """A potted plant: thin bent stems with pointed leaves."""
     look = Look("plain", pot, pot, 0.3)
     b.rod((0, 0, 0), (0, 0, 0.32), 0.13, look, end=0.18, caps=False)
     b.rod((0, 0, 0.27), (0, 0, 0.29), 0.17, Look("plaster", "#3b2b20", "#3b2b20"))
@@ -158,7 +161,7 @@ def plant(b: Builder, rng: np.random.Generator, height: float = 1.5, stems: int 
 
 
 def railing(b: Builder, length: float, height: float = 0.95, pitch: float = 0.095) -> None:
-    """A balustrade along +x from the origin: round bars of 12 mm, two rails, end posts."""
+    """A balustrade along +x from the origin: round bars, 12 mm in diameter, two rails and two end posts."""
     for x in np.arange(pitch, length - 0.5 * pitch, pitch):
         b.rod((x, 0, 0.08), (x, 0, height - 0.02), 0.006, BLACK, caps=False)
     b.capsule((0, 0, 0.08), (length, 0, 0.08), 0.01, BLACK)
@@ -168,7 +171,7 @@ def railing(b: Builder, length: float, height: float = 0.95, pitch: float = 0.09
 
 
 def radiator(b: Builder, width: float) -> None:
-    """A column radiator along x, centred, standing in y = 0 .. 0.1."""
+    """A column radiator along x, centred at x = 0, from y = 0 to 0.1."""
     for x in np.arange(-width / 2, width / 2 + 1e-6, 0.055):
         b.capsule((x, 0.02, 0.13), (x, 0.02, 0.63), 0.011, WHITE)
         b.capsule((x, 0.08, 0.13), (x, 0.08, 0.63), 0.011, WHITE)
@@ -178,7 +181,7 @@ def radiator(b: Builder, width: float) -> None:
 
 
 def picture(b: Builder, x: float, z: float, width: float, seed: int, frame: Look = BLACK, margin: float = 0.05) -> None:
-    """A framed print on the wall y = 0 centred at (x, z), facing +y; ``width``: of the printed sheet, ratio 0.7."""
+    """A framed print on the wall y = 0 centred at (x, z), facing +y.  width: of the printed sheet; width / height is 0.7."""
     hx, hz, t = width / 2, width / 1.4, 0.014
     b.quad((x, 0.012, z), (-hx, 0, 0), (0, 0, hz), Look("poster", shininess=0.1), seed=seed)
     b.box((x - hx - margin, 0, z - hz - margin), (x + hx + margin, 0.009, z + hz + margin), WHITE)
@@ -189,14 +192,14 @@ def picture(b: Builder, x: float, z: float, width: float, seed: int, frame: Look
 
 
 def carton(b: Builder, x: float, y: float, z: float, size, yaw: float, rng: np.random.Generator) -> None:
-    """A taped cardboard box standing at z; size (3,) metres."""
+    """A taped cardboard box whose bottom is at z.  size: (3,) metres; yaw: degrees."""
     half = np.asarray(size) / 2
     b.turned_box((x, y, z + half[2]), half, Look("carton", "#b48a5a", "#d9b98c"), axes=tilt("z", yaw),
                  seed=int(rng.integers(1 << 20)))
 
 
 def tableware(b: Builder, rng: np.random.Generator, z: float) -> None:
-    """Bowl of fruit, mugs, plates, a jug with twigs, a magazine: on a table top at height z, around the origin."""
+    """A bowl of fruit, mugs, plates, a jug with twigs and a magazine, around the origin on a table top at height z."""
     bowl = Look("plain", "#3f6470", "#3f6470", 0.4)
     b.rod((0.1, 0.02, z), (0.1, 0.02, z + 0.08), 0.06, bowl, end=0.14, caps=False)
     for k, colour in enumerate(("#c8412c", "#d98a2b", "#8fa63a", "#d9b23c")):
@@ -229,6 +232,6 @@ def tableware(b: Builder, rng: np.random.Generator, z: float) -> None:
 
 
 def magazine(b: Builder, x: float, y: float, z: float, yaw: float, seed: int) -> None:
-    """A magazine lying at height z."""
+    """A magazine that lies at height z.  yaw: degrees."""
     axes = tilt("z", yaw)
     b.turned_box((x, y, z + 0.003), (0.105, 0.14, 0.003), Look("page", shininess=0.3), axes=axes, seed=seed)

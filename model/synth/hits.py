@@ -1,18 +1,21 @@
-"""Where a ray first meets one primitive, in the primitive's own axes: what model.synth.shapes traces places with.
+"""First intersection of a ray with one primitive, in the primitive's local frame; used by :mod:`model.synth.shapes`.
 
-Origins o, unit directions d, in metres; t along the ray.
+Rays have origin o, metres, and direction d, of unit length; t is the distance along the ray, metres.
 """
 
 import numpy as np
 
 from model.common.jit import compiled
 
-EPSILON = 1e-6  # metres: hits nearer than this are the surface that the ray leaves
+EPSILON = 1e-6
+"""Metres.  Nearer hits are ignored as the surface from which the ray starts.  Chosen by hand, far above the rounding errors of
+float64 within a room."""
 
 
 @compiled(nogil=True)
 def box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz):
-    """Where a ray enters and leaves the box |x| <= hx, ...: (near, far), near > far where it misses."""
+    """(near, far) distances at which a ray enters and leaves the box |x| <= hx, |y| <= hy, |z| <= hz; near > far if it
+    misses."""
     near, far = -np.inf, np.inf
     for axis in range(3):
         o, d, h = (ox, dx, hx) if axis == 0 else ((oy, dy, hy) if axis == 1 else (oz, dz, hz))
@@ -27,7 +30,7 @@ def box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz):
 
 @compiled(nogil=True)
 def hit_tube(ox, oy, oz, dx, dy, dz, r0, r1, h, caps):
-    """First t > EPSILON on the side of a cone frustum, and on its end discs where ``caps``; inf for none."""
+    """First t > EPSILON on the side of a cone frustum and, if ``caps`` > 0, on its end discs; inf if it misses."""
     best = np.inf
     m, k = 0.5 * (r0 + r1), 0.5 * (r1 - r0) / h
     w, g = m + k * oz, k * dz
@@ -52,7 +55,7 @@ def hit_tube(ox, oy, oz, dx, dy, dz, r0, r1, h, caps):
 
 @compiled(nogil=True)
 def hit_ellipsoid(ox, oy, oz, dx, dy, dz, rx, ry, rz):
-    """First t > EPSILON on an ellipsoid; inf for none."""
+    """First t > EPSILON on an ellipsoid; inf if it misses."""
     ox, oy, oz, dx, dy, dz = ox / rx, oy / ry, oz / rz, dx / rx, dy / ry, dz / rz
     a, b, c = dx * dx + dy * dy + dz * dz, ox * dx + oy * dy + oz * dz, ox * ox + oy * oy + oz * oz - 1.0
     disc = b * b - a * c
@@ -66,7 +69,7 @@ def hit_ellipsoid(ox, oy, oz, dx, dy, dz, rx, ry, rz):
 
 @compiled(nogil=True)
 def hit_round(ox, oy, oz, dx, dy, dz, hx, hy, hz, r):
-    """First t on a rounded box, by sphere tracing between the plain box's two faces; inf for none."""
+    """First t on a rounded box, by sphere tracing within the box without rounding; inf if it misses."""
     near, far = box_span(ox, oy, oz, dx, dy, dz, hx, hy, hz)
     t = max(near, EPSILON)
     for _ in range(96):
@@ -84,7 +87,7 @@ def hit_round(ox, oy, oz, dx, dy, dz, hx, hy, hz, r):
 
 @compiled(nogil=True)
 def hit_quad(ox, oy, oz, dx, dy, dz, hx, hy, outline):
-    """t where the ray passes through the outline in z = 0; inf for none."""
+    """t where the ray passes the plane z = 0 within the outline (see :mod:`model.synth.shapes`); inf if it misses."""
     if dz == 0.0 or -oz / dz <= EPSILON:
         return np.inf
     t = -oz / dz

@@ -1,4 +1,4 @@
-"""Light in a place: windows, sun and lamps with soft shadows, and a grid of probes for what bounces.
+"""Lighting of a place: direct light of windows, sun and lamps with soft shadows; indirect light from a grid of probes.
 
 Frame: world metres.  Radiometry is in arbitrary linear units, three channels; a surface's radiance is its albedo times
 the irradiance / pi that `Lighting.irradiance` returns.
@@ -14,16 +14,19 @@ from model.common.processors import in_slices
 from .shapes import Shapes, nearest, one_hit
 
 WINDOW, LAMP, SUN = range(3)
-AMBIENT_REACH = 0.45  # metres: occluders nearer than this darken the bounced light
+AMBIENT_REACH = 0.45
+"""Radius, metres, of the ambient occlusion: nearer surfaces darken the indirect light.  Chosen by hand."""
 _CUBE = np.vstack([np.eye(3), -np.eye(3)])
+"""(6, 3) directions of a probe's values: +x, +y, +z, -x, -y, -z."""
 
 
 @dataclass(frozen=True)
 class Lights:
     """L lights.
 
-    kind (L,); position (L,3): a window's or lamp's centre, or the direction towards the sun; side_u, side_v (L,3): a
-    window's half sides; radius (L,): a lamp's, or the sun's spread (radians); power (L,3); samples (L,) int64.
+    kind (L,): WINDOW, LAMP or SUN.  position (L,3): centre, metres; of the sun the unit direction towards it.  side_u, side_v
+    (L,3): vectors of half a window's sides, metres.  radius (L,): of a lamp, metres; of the sun, radians.  power (L,3): linear
+    RGB.  samples (L,) int64: shadow rays per point.
     """
 
     kind: np.ndarray
@@ -40,7 +43,7 @@ class Lights:
 
 @compiled(nogil=True)
 def _random(state):
-    """One step of a 64-bit mixer: (new state, uniform in [0, 1))."""
+    """One step of SplitMix64: (new state, uniform number in [0, 1))."""
     state = state + np.uint64(0x9E3779B97F4A7C15)
     x = state
     x = (x ^ (x >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -54,13 +57,13 @@ def light_points(
     points, normals, lit, ambient_samples, kind, position, side_u, side_v, radius, power, samples,
     s_kind, s_params, s_centre, s_rotation, s_casts, s_lows, s_highs, s_links,
 ):
-    """Direct irradiance / pi (N,3) and the share (N,) of the near hemisphere that is open, at N surface points.
+    """Direct irradiance / pi (N,3) and ambient visibility (N,), 0 occluded to 1 open, at N surface points.
 
-    The jitter of a point's samples is a hash of its position: the same point gets the same light in every picture.
+    The jitter of a point's samples is a hash of its position, so that a point has the same light in every picture.
     """
     n = len(points)
     direct, openness = np.zeros((n, 3)), np.ones(n)
-    shaded = np.full(len(kind), -1)  # of each light the primitive that last stood before it
+    shaded = np.full(len(kind), -1)  # for each light, the last primitive that occluded it
     for j in range(n):
         if not lit[j]:
             continue
@@ -84,7 +87,7 @@ def light_points(
                     dx = position[light, 0] + r * np.cos(phi)
                     dy = position[light, 1]
                     dz = position[light, 2] + r * np.sin(phi)
-                    gain, reach = 1.0, 7.0  # what stands farther off is the view out of the window
+                    gain, reach = 1.0, 7.0  # metres; farther objects are the view out of the window
                 elif kind[light] == LAMP:
                     cz, phi = 2.0 * a - 1.0, 6.283185307179586 * b
                     rho = radius[light] * np.sqrt(max(0.0, 1.0 - cz * cz))
@@ -108,7 +111,7 @@ def light_points(
                 facing = dx * nx + dy * ny + dz * nz
                 if facing <= 0.0 or gain * facing < 2e-4:
                     continue
-                # What stood between the last point and this light mostly stands there again.
+                # The occluder of the last point is likely to occlude this one too.
                 before = shaded[light]
                 if before >= 0 and one_hit(before, x, y, z, dx, dy, dz, s_kind, s_params, s_centre, s_rotation) < reach:
                     continue
@@ -124,7 +127,7 @@ def light_points(
                 direct[j, c] += power[light, c] * total / count
         if ambient_samples == 0:
             continue
-        # A frame around the normal, for cosine-weighted directions.
+        # Tangent frame for cosine-weighted directions.
         if abs(nz) < 0.9:
             tx, ty, tz = -ny, nx, 0.0
         else:
@@ -149,9 +152,9 @@ def light_points(
 
 @dataclass
 class ProbeGrid:
-    """Bounced light in one room: irradiance / pi towards +x, +y, +z, -x, -y, -z at the nodes of a grid.
+    """Indirect light in one room: irradiance / pi of surfaces that face +x, +y, +z, -x, -y, -z, at the nodes of a grid.
 
-    low, high (3,): first and last node, metres; cube (A,B,C,6,3).
+    low, high (3,): first and last node, metres; cube (A,B,C,6,3): values for A x B x C nodes, 6 directions, RGB.
     """
 
     low: np.ndarray
@@ -164,7 +167,7 @@ class ProbeGrid:
         return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
     def __call__(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(N,3) irradiance / pi at points (N,3) that face normals (N,3); trilinear, clamped to the grid."""
+        """(N,3) irradiance / pi at points (N,3) with normals (N,3); interpolated trilinearly, clamped to the grid."""
         shape = np.array(self.cube.shape[:3])
         where = np.clip((points - self.low) / (self.high - self.low), 0, 1) * (shape - 1)
         base = np.minimum(where.astype(np.int64), shape - 2)
@@ -181,7 +184,10 @@ class ProbeGrid:
 
 
 class Lighting:
-    """Lights, the shapes that shade them, and one probe grid per room (rooms lie along x, parted at ``parting``)."""
+    """Lights, the shapes that occlude them, and one probe grid for each of two rooms.
+
+    rooms: (low, high) corners, (3,) metres each.  parting: x of the wall between the rooms, metres.
+    """
 
     def __init__(self, shapes: Shapes, lights: Lights, rooms: list[tuple[np.ndarray, np.ndarray]], parting: float):
         self.shapes, self.lights, self.parting = shapes, lights, parting
@@ -192,7 +198,10 @@ class Lighting:
             self.grids.append(ProbeGrid(low, high, np.zeros((*counts, 6, 3))))
 
     def bake(self, surface, rays: int, bounces: int = 3, seed: int = 0) -> None:
-        """Fills the probes.  surface: callable (t, primitive, uv, points) -> albedo (N,3), emission (N,3), lit (N,)."""
+        """Computes the probes' values.
+
+        surface: callable (t, primitive, uv, points) -> albedo (N,3), emission (N,3), lit (N,) bool.  rays: per probe.
+        """
         rng = np.random.default_rng(seed)
         k = np.arange(rays) + 0.5
         z, phi = 1 - 2 * k / rays, np.pi * (3 - np.sqrt(5)) * k
@@ -207,7 +216,7 @@ class Lighting:
             points = origins + np.where(np.isfinite(t), t, 0)[:, None] * directions.reshape(-1, 3)
             albedo, emission, lit = surface(t, primitive, uv, points)
             direct, _ = self._direct(points, normal, lit, 0)
-            # A probe inside furniture sees only what is a hand away: it must not darken its neighbours.
+            # A probe inside furniture is dark; it is excluded, as interpolation would darken its surroundings.
             distances = np.where(np.isfinite(t), t, 9.0).reshape(len(nodes), rays)
             valid = np.quantile(distances, 0.8, axis=1) > 0.3
             weights = np.maximum(directions @ _CUBE.T, 0)
@@ -226,7 +235,7 @@ class Lighting:
                 job[0].cube = cube
 
     def indirect(self, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-        """(N,3) bounced irradiance / pi."""
+        """(N,3) indirect irradiance / pi at points (N,3) with normals (N,3)."""
         share = np.clip((points[:, 0] - self.parting) / 0.3 + 0.5, 0, 1)[:, None]
         return (1 - share) * self.grids[0](points, normals) + share * self.grids[1](points, normals)
 

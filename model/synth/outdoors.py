@@ -1,7 +1,7 @@
-"""Procedural places under an open sky: streets with facades, trees and posts, and single objects in a void.
+"""Procedural places under an open sky: streets with facades, trees and posts, and single objects without surroundings.
 
-A place is what a `VirtualScanner` can scan (``trace``, ``ranges``) and what truth is made of (``picture``).  The sky gives no
-return; the light is one sun with hard shadows and a sky that lights from above, so nothing has to be baked.
+A `VirtualScanner` scans a place with ``trace`` and ``ranges``; ``picture`` renders the true picture.  Pulses into the sky do
+not return.  The light is a sun with hard shadows and skylight from above, so that no light has to be precomputed.
 Frame: world metres, z up, the street along x, its floor at z = 0.
 """
 
@@ -15,12 +15,13 @@ from .place import SKY, Hits, pixel_rays, tone
 from .textures import Patch, albedo
 
 _CHUNK = 1 << 18
+"""Rays traced at a time, which limits the memory."""
 _STONE = ("#b9a58c", "#a8745c", "#c7bda9", "#8f9aa0", "#d2c3a5", "#9c8f86")
 _PAINT = ("#7a2e2a", "#2f4d66", "#c9b26a", "#3f5d45", "#e2ddd2", "#565a60")
 
 
 class OpenPlace:
-    """Shapes under a sun.  sun (3,): direction towards it, unit."""
+    """Shapes in sunlight.  sun (3,): direction towards it, normalised here; strength: irradiance / pi, linear."""
 
     def __init__(self, builder: Builder, sun: np.ndarray, strength: float = 1.1):
         self.shapes, self.finish = builder.finish()
@@ -28,11 +29,11 @@ class OpenPlace:
         self.strength = strength
 
     def ranges(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(N,) metres along each ray, inf for nothing."""
+        """(N,) metres along each ray, inf where nothing is hit."""
         return self.shapes.trace(origins, directions)[0]
 
     def trace(self, origins: np.ndarray, directions: np.ndarray) -> Hits:
-        """What N rays meet.  origins, directions: (N,3), directions of unit length."""
+        """First hits of N rays.  origins, directions: (N,3), directions of unit length."""
         origins, directions = np.asarray(origins, np.float64), np.asarray(directions, np.float64)
         parts = [self._trace(origins[i : i + _CHUNK], directions[i : i + _CHUNK])
                  for i in range(0, max(len(origins), 1), _CHUNK)]
@@ -60,10 +61,12 @@ class OpenPlace:
         return Hits(t, tone(radiance / 1.5), normal, shininess, np.where(missed, 1, 1 - luminance), primitive)
 
     def picture(self, camera_to_world: np.ndarray, fl: float, width: int, height: int, samples: int = 2):
-        """The truth from a camera (OpenGL axes, principal point in the middle).
+        """The true picture from a camera.
 
-        samples: rays per pixel side.  Returns rgb (H,W,3) uint8, the mean in linear light over what covers the pixel;
-        depth (H,W) float32 along the view axis at pixel centres, inf in the sky; coverage (H,W) float32.
+        camera_to_world: (4,4), OpenGL axes; fl: focal length, pixels; the principal point is the picture's centre; samples:
+        rays along each side of a pixel.  Returns rgb (H,W,3) uint8, the mean in linear light of the rays that hit a surface;
+        depth (H,W) float32, view-space metres at pixel centres, inf in the sky; coverage (H,W) float32, the share of rays that
+        hit.
         """
         light, hits = np.zeros((height * width, 3)), np.zeros(height * width)
         lens = (fl, fl, width / 2, height / 2, width, height)
@@ -85,7 +88,7 @@ def _outdoors(material: str, colour: str, accent: str = "#404040", shininess: fl
 
 
 def street(seed: int) -> OpenPlace:
-    """Two rows of houses along x, pavements, trees, posts, wires, parked vans and bins; open to the sky and at both ends."""
+    """A street between two rows of houses along x, with pavements, trees, posts, wires and parked vans; open at both ends."""
     rng = np.random.default_rng([31, seed])
     b = Builder(seed=seed)
     half, length = rng.uniform(4.0, 7.5), 44.0
@@ -115,7 +118,7 @@ def street(seed: int) -> OpenPlace:
 
 
 def _openings(b: Builder, rng: np.random.Generator, x: float, width: float, top: float, side: int, y: float) -> None:
-    """Windows with frames and sills, and a door, on a wall that faces the street at |y|."""
+    """Windows with frames and sills, and a door, on a wall at |y| that faces the street."""
     face = side * (y - 0.03)
     frame, pane = _outdoors("plain", str(rng.choice(_PAINT))), _outdoors("plain", "#39424a", shininess=0.7)
     count = max(1, int(width / rng.uniform(1.9, 2.8)))
@@ -133,7 +136,7 @@ def _openings(b: Builder, rng: np.random.Generator, x: float, width: float, top:
 
 
 def _tree(b: Builder, rng: np.random.Generator, x: float, y: float) -> None:
-    """A trunk, some boughs and clumps of leaves that let the sky through."""
+    """A trunk, branches, and clumps of leaves with gaps between them."""
     height, bark = rng.uniform(3.5, 6.5), _outdoors("wood", "#6a5642", "#46382b")
     b.rod((x, y, 0), (x, y, 0.55 * height), 0.13, bark, end=0.08)
     greens = [_outdoors("foliage", colour, "#1f2f1a") for colour in ("#4b6b3a", "#57793f", "#6b7d3c")]
@@ -145,7 +148,7 @@ def _tree(b: Builder, rng: np.random.Generator, x: float, y: float) -> None:
 
 
 def _van(b: Builder, rng: np.random.Generator, x: float, y: float) -> None:
-    """A parked van: body, cabin, wheels."""
+    """A parked van: body, cabin and wheels."""
     paint, dark = _outdoors("plain", str(rng.choice(_PAINT)), shininess=0.5), _outdoors("plain", "#23262a", shininess=0.5)
     long, high = rng.uniform(3.6, 5.2), rng.uniform(1.3, 2.2)
     b.cushion((x, y, 0.35 + high / 2), (long / 2, 0.85, high / 2), 0.15, paint)
@@ -157,7 +160,8 @@ def _van(b: Builder, rng: np.random.Generator, x: float, y: float) -> None:
 
 
 def thing(seed: int) -> OpenPlace:
-    """One object in a void, up to two metres across: furniture, a plant, pipework, a heap of solids; nothing beneath it."""
+    """One object up to two metres in size, without ground or surroundings: furniture, a plant, pipework, or a heap of
+    solids."""
     rng = np.random.default_rng([37, seed])
     b = Builder(seed=seed)
     kind = seed % 5
@@ -181,7 +185,7 @@ def thing(seed: int) -> OpenPlace:
 
 
 def _pipework(b: Builder, rng: np.random.Generator, look: Look) -> None:
-    """A pump's worth of pipes, flanges and a motor."""
+    """A motor on a base, with pipes and flanges."""
     metal = Look("plain", str(rng.choice(_PAINT)), "#404040", 0.4)
     b.rod((-0.5, 0, 0.4), (0.3, 0, 0.4), rng.uniform(0.14, 0.24), metal)
     b.box((-0.6, -0.25, 0.0), (0.6, 0.25, 0.12), look)

@@ -1,11 +1,11 @@
-"""An RGB-D panorama as something a `VirtualScanner` can scan: six cube faces of colour and depth around one station.
+"""An RGB-D panorama as a scene for `VirtualScanner`: six cube faces of colour and depth around one station.
 
-A pulse returns from the pixel it meets, along that pixel's own centre: the depth of a face is exact there and nowhere
-else.  So the scanner's angular grid chooses pixels, and `snap` turns its directions into theirs.  Normals come from
-neighbouring depths; darkness from the colour; what shines is not in the pictures and counts as matt.
+The depth of a face is exact at pixel centres only.  `snap` therefore replaces the directions of the scanner's angular grid by
+those of the pixel centres.  Normals are computed from neighbouring depths and darkness from the colour.  The pictures do not
+show shininess; every surface counts as matt.
 
-Frame: the faces' world, metres; ``up`` says which of its axes points up, and `VirtualScanner` is given and gives z-up
-coordinates: `to_z_up` and `from_z_up` go there and back.
+Frame: world of the faces, metres; its axis ``up`` points up.  `VirtualScanner` works with z up: `to_z_up` and `from_z_up`
+convert.
 """
 
 from dataclasses import dataclass
@@ -13,12 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 
 FACES = 6
+"""Faces of a cube."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """t (N,) metres along the ray, +inf where nothing returned; rgb (N,3) sRGB 0..1; normal (N,3) unit, towards the
-    scanner; shininess, darkness (N,) 0..1."""
+    """Hits of N rays, as `place.Hits`.
+
+    t (N,) metres along the ray, +inf without a return; rgb (N,3) sRGB 0..1; normal (N,3) unit, towards the scanner; shininess,
+    darkness (N,) 0..1.
+    """
 
     t: np.ndarray
     rgb: np.ndarray
@@ -28,7 +32,7 @@ class Seen:
 
 
 def to_z_up(vectors: np.ndarray, up: str) -> np.ndarray:
-    """(..., 3) vectors of a world whose axis ``up`` ("y" or "z") points up, in one where z does."""
+    """(..., 3) vectors from a frame whose axis ``up`` ("y" or "z") points up, converted to z up."""
     return vectors if up == "z" else np.stack([vectors[..., 0], -vectors[..., 2], vectors[..., 1]], -1)
 
 
@@ -40,8 +44,8 @@ def from_z_up(vectors: np.ndarray, up: str) -> np.ndarray:
 class Panorama:
     """Six faces of one station.
 
-    rotations: (6,3,3) camera_to_world (OpenGL axes: x right, y up, -z forward) of the faces; fl: pixels;
-    depth: (6,H,W) z-depth, +inf where nothing returned; rgb: (6,H,W,3) uint8.  All in a z-up world.
+    rotations: (6,3,3) camera_to_world (OpenGL axes: x right, y up, -z forward), world with z up; fl: focal length, pixels;
+    depth: (6,H,W) view-space metres, +inf without a return; rgb: (6,H,W,3) uint8.
     """
 
     def __init__(self, rotations: np.ndarray, fl: float, depth: np.ndarray, rgb: np.ndarray):
@@ -53,18 +57,18 @@ class Panorama:
         self._rays = np.einsum("fab,hwb->fhwa", rotations, local / length[..., None]).reshape(-1, 3)
         self._t = (depth * length).reshape(-1)
         self._rgb = rgb.reshape(-1, 3)
-        points = np.where(np.isfinite(depth), depth, np.nan)[..., None] * local  # in each face's own frame
+        points = np.where(np.isfinite(depth), depth, np.nan)[..., None] * local  # in each face's camera frame
         across, down = np.gradient(points, axis=2), np.gradient(points, axis=1)
         normal = np.cross(down, across)
         normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
         facing = -(local / length[..., None])
-        # at an edge to nothing: as if met squarely
+        # Next to a pixel without depth there is no normal; the surface is assumed to face the scanner.
         normal = np.where(np.isfinite(normal).all(-1, keepdims=True), normal, facing)
         self._normal = np.einsum("fab,fhwb->fhwa", rotations, normal).reshape(-1, 3)
 
     def pixels(self, rays: np.ndarray) -> np.ndarray:
-        """(N,) int64: the pixel, of all faces, that each unit direction (N,3) meets."""
-        face = np.argmin(np.einsum("nb,fb->nf", rays, self.rotations[:, :, 2]), 1)  # least along +z is most forward
+        """(N,) int64: index, over all faces, of the pixel hit by each unit direction (N,3)."""
+        face = np.argmin(np.einsum("nb,fb->nf", rays, self.rotations[:, :, 2]), 1)  # a camera looks along -z
         local = np.einsum("nb,nba->na", rays, self.rotations[face])
         ahead = np.maximum(-local[:, 2], 1e-9)
         column = np.clip((local[:, 0] / ahead * self.fl + self.width / 2).astype(int), 0, self.width - 1)
@@ -72,13 +76,14 @@ class Panorama:
         return (face * self.height + row) * self.width + column
 
     def snap(self, rays: np.ndarray) -> np.ndarray:
-        """(M,3) the centre rays of the pixels that ``rays`` (N,3) meet, each pixel once, in the order first met."""
+        """(M,3) directions of the centres of the pixels hit by ``rays`` (N,3), each pixel once, in the order of the first
+        hit."""
         pixel = self.pixels(rays)
         _, first = np.unique(pixel, return_index=True)
         return self._rays[pixel[np.sort(first)]]
 
     def trace(self, origins: np.ndarray, rays: np.ndarray) -> Seen:
-        """What rays (N,3) from the station meet; origins are the station's own and not looked at."""
+        """Hits of rays (N,3) from the station; ``origins`` are ignored, as all are the scanner position."""
         del origins
         pixel = self.pixels(rays)
         rgb = self._rgb[pixel] / 255.0
@@ -87,7 +92,10 @@ class Panorama:
 
 @dataclass(frozen=True)
 class Passer:
-    """Somebody who walks by while one station scans: an upright cylinder.  foot (3,) on the floor, z up; metres."""
+    """A person who passes while one station scans: an upright cylinder.
+
+    foot (3,): centre of its base, z up; height, radius: all in metres.  colour (3,): sRGB 0..1.
+    """
 
     foot: np.ndarray
     height: float
@@ -96,7 +104,7 @@ class Passer:
 
 
 def with_passers(trace, passers: list[Passer]):
-    """A trace that meets ``passers`` where they stand nearer than what ``trace`` sees."""
+    """``trace`` with ``passers`` added to the scene; the nearer hit counts."""
 
     def meet(origins: np.ndarray, rays: np.ndarray) -> Seen:
         seen = trace(origins, rays)
@@ -112,7 +120,7 @@ def with_passers(trace, passers: list[Passer]):
 
 
 def _cylinder(origins: np.ndarray, rays: np.ndarray, passer: Passer) -> tuple[np.ndarray, np.ndarray]:
-    """t (N,), +inf where missed, and normals (N,3) of rays against an upright cylinder."""
+    """Intersection of rays with an upright cylinder without caps: t (N,), +inf where missed, and normals (N,3)."""
     o, d = origins[:, :2] - passer.foot[:2], rays[:, :2]
     a, b, c = (d * d).sum(1), (o * d).sum(1), (o * o).sum(1) - passer.radius**2
     with np.errstate(divide="ignore", invalid="ignore"):

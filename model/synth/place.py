@@ -1,6 +1,6 @@
-"""A furnished place: what a ray hits and what colour is there, and pictures of it, the truth for what a scan shows.
+"""A furnished place: ray hits with colours, and rendered pictures, which are the ground truth for pictures of a scan.
 
-Frame: world metres, z up.  Colours leave as sRGB 0..1, after one fixed exposure and a soft shoulder.
+Frame: world metres, z up.  Colours are returned as sRGB 0..1, after a fixed exposure and a tone curve.
 """
 
 from collections.abc import Callable
@@ -15,18 +15,22 @@ from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
 from .textures import Patch, albedo
 
 EXPOSURE = 1.5
+"""Gain of the camera, linear light.  Chosen by hand, as the colours below."""
 SKY = np.array([0.95, 1.0, 1.08])
-STREET_LIGHT = np.array([0.92, 0.97, 1.05]) * 1.15  # irradiance / pi on what stands outdoors
+"""Radiance of the sky at the horizon, linear RGB."""
+STREET_LIGHT = np.array([0.92, 0.97, 1.05]) * 1.15
+"""Irradiance / pi of outdoor surfaces, linear RGB."""
 _CHUNK = 1 << 18
+"""Rays traced at a time, which limits the memory."""
 
 
 @dataclass(frozen=True)
 class Hits:
-    """What N rays met.
+    """First hits of N rays.
 
-    t (N,): metres along the ray, inf where there is nothing.  rgb (N,3): sRGB 0..1.  normal (N,3): unit, towards the
-    ray's origin, 0 where nothing.  shininess (N,): 0 matt .. 1 mirror.  darkness (N,): 1 - albedo's luminance.
-    primitive (N,) int64: what was hit, -1 for nothing.
+    t (N,): metres along the ray, inf without a hit.  rgb (N,3): sRGB 0..1.  normal (N,3): unit, towards the ray's origin, 0
+    without a hit.  shininess (N,): 0 matt .. 1 mirror.  darkness (N,): 1 - luminance of the albedo.  primitive (N,) int64:
+    index of the primitive, -1 without a hit.
     """
 
     t: np.ndarray
@@ -38,7 +42,8 @@ class Hits:
 
 
 def tone(radiance: np.ndarray) -> np.ndarray:
-    """Linear radiance to sRGB 0..1: exposure, then a shoulder above 0.6, so that windows do not clip at once."""
+    """Linear radiance to sRGB 0..1: exposure, then a tone curve that compresses values above 0.6, so that windows rarely
+    clip."""
     x = np.maximum(radiance * EXPOSURE, 0)
     knee = 0.6
     over = np.maximum(x - knee, 0)
@@ -46,9 +51,9 @@ def tone(radiance: np.ndarray) -> np.ndarray:
 
 
 class Place:
-    """Two furnished rooms made from a seed: same seed, same place to the last bit.
+    """Two furnished rooms.  The same ``seed`` gives exactly the same place.
 
-    probe_rays: rays per probe of the bounced light (about 3 s); 0 leaves it out, for geometry alone.
+    probe_rays: rays per probe of the indirect light, which takes about 3 s; 0 omits it, if only geometry is needed.
     """
 
     def __init__(self, seed: int = 1, *, probe_rays: int = 48):
@@ -61,11 +66,11 @@ class Place:
             self.lighting.bake(self._surface, probe_rays, seed=seed)
 
     def ranges(self, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-        """(N,) metres along each ray, inf for nothing: `trace` without the colours."""
+        """(N,) metres along each ray, inf without a hit: `trace` without colours."""
         return self.shapes.trace(origins, directions)[0]
 
     def trace(self, origins: np.ndarray, directions: np.ndarray, step: Callable[[int], object] | None = None) -> Hits:
-        """What N rays meet.  origins, directions: (N,3) float64 world, directions of unit length.
+        """First hits of N rays.  origins, directions: (N,3) float64 world, directions of unit length.
 
         step: called after every chunk with the number of its rays.
         """
@@ -91,7 +96,7 @@ class Place:
         return Hits(t, tone(radiance), normal, shininess, np.where(missed, 1, 1 - luminance), primitive)
 
     def _surface(self, t, primitive, uv, points):
-        """Albedo (N,3), radiance given off (N,3) and whether the lights of the rooms reach (N,) at hits."""
+        """Albedo (N,3), emitted radiance (N,3), and whether the lights of the rooms illuminate it (N,) bool, at N hits."""
         hit = primitive >= 0
         which = np.where(hit, primitive, 0)
         offset = points - self.shapes.centre[which]
@@ -103,11 +108,11 @@ class Place:
         return colour, glow, hit & ~look.outdoors[which]
 
     def render(self, camera_to_world, fx, fy, cx, cy, width: int, height: int, *, samples: int = 2):
-        """The truth from a pinhole camera.
+        """The true picture from a pinhole camera.
 
-        camera_to_world: (4,4) OpenGL axes; fx, fy, cx, cy: pixels, pixel centres at +0.5; samples: rays per pixel side
-        for the colours, whose mean is taken in linear light.  Returns rgb (H,W,3) uint8 and depth (H,W) float32: metres along
-        the view axis at the pixel's centre, inf for nothing.
+        camera_to_world: (4,4) OpenGL axes; fx, fy, cx, cy: pixels, pixel centres at +0.5; samples: rays along each side of a
+        pixel for the colour, averaged in linear light.  Returns rgb (H,W,3) uint8 and depth (H,W) float32, view-space metres at
+        pixel centres, inf without a hit.
         """
         total = np.zeros((height * width, 3))
         for i in range(samples):

@@ -1,6 +1,6 @@
-"""Printed matter: posters, book spines and magazine covers drawn with Pillow, as small linear-light images.
+"""Posters, book spines and magazine pages, drawn with Pillow.
 
-An image is (H,W,3) float32, linear 0..1, row 0 at the top.  `sample` looks one up, bilinearly.
+An image is (H,W,3) float32, linear 0..1, row 0 at the top.  `sample` interpolates it bilinearly.
 """
 
 from functools import lru_cache
@@ -37,14 +37,14 @@ def _font(size: float):
 
 
 def _fitted(draw: ImageDraw.ImageDraw, text: str, width: float, size: float):
-    """The default font at ``size`` pixels or as much smaller as ``text`` needs to fit ``width``."""
+    """The default font at ``size`` pixels, reduced if ``text`` would exceed ``width`` pixels."""
     font = _font(size)
     length = draw.textlength(text, font=font)
     return font if length <= width else _font(size * width / length)
 
 
 def _lines(draw, rng, x, y, width, rows, size, colour) -> None:
-    """A block of made-up running text."""
+    """Draws a paragraph of random words in ``rows`` lines.  x, y, width, size: pixels."""
     font = _font(size)
     for row in range(rows):
         words = " ".join(rng.choice(WORDS, 12))
@@ -106,7 +106,7 @@ def _type_poster(draw, w, h, rng, colours) -> None:
 
 @lru_cache(maxsize=64)
 def poster(seed: int, aspect: float = 0.7) -> np.ndarray:
-    """A framed poster's sheet, 512 px wide.  aspect: width over height."""
+    """The sheet of a framed poster, 512 pixels wide.  aspect: width / height."""
     rng = np.random.default_rng([71, seed])
     w, h = 512, int(512 / aspect)
     colours = PALETTES[rng.integers(len(PALETTES))]
@@ -121,7 +121,7 @@ def poster(seed: int, aspect: float = 0.7) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def page(seed: int) -> np.ndarray:
-    """A magazine or sheet of notes, 256 x 340 px: headline, a picture, columns of text."""
+    """A page of a magazine, 256 x 340 pixels: a headline, a picture and text."""
     rng = np.random.default_rng([72, seed])
     w, h = 256, 340
     image = Image.new("RGB", (w, h), "#f4f1ea")
@@ -138,7 +138,7 @@ def page(seed: int) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def spine(seed: int) -> np.ndarray:
-    """A book's spine, 320 px tall and 48 wide: cloth colour, bands, a title running down."""
+    """A book's spine, 48 x 320 pixels: cloth colour, bands, and a title from top to bottom."""
     rng = np.random.default_rng([73, seed])
     cloth = CLOTHS[rng.integers(len(CLOTHS))]
     ink = "#f4ecd8" if sum(int(cloth[i : i + 2], 16) for i in (1, 3, 5)) < 420 else "#2a2622"
@@ -153,7 +153,7 @@ def spine(seed: int) -> np.ndarray:
 
 
 def sample(image: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """(N,3) float64 colours at u (0 left .. 1 right), v (0 top .. 1 bottom), bilinear, clamped to the edge."""
+    """(N,3) float64 colours at u (N,), 0 left to 1 right, and v (N,), 0 top to 1 bottom; bilinear, clamped at the edges."""
     h, w = image.shape[:2]
     x, y = np.clip(u * w - 0.5, 0, w - 1), np.clip(v * h - 0.5, 0, h - 1)
     i, j = np.minimum(x.astype(np.int64), w - 2), np.minimum(y.astype(np.int64), h - 2)

@@ -1,7 +1,7 @@
 """The two furnished rooms: a living room (x 0 .. 5.2) and a dining room (x 5.35 .. 9.4), joined by an opening.
 
-Frame: metres, z up, floor at z = 0, both rooms y 0 .. 4.6 and 2.7 high; the windows are in the wall y = 4.6.  A seed
-changes the palette, what hangs, stands and lies where, the books and the prints; the plan stays.
+Frame: metres, z up, floor at z = 0, both rooms y 0 .. 4.6 and 2.7 high; the windows are in the wall y = 4.6.  The
+seed changes the palette, the placement of small objects, the books and the prints.  The floor plan is always the same.
 """
 
 from itertools import pairwise
@@ -13,26 +13,34 @@ from .builder import Builder, Look, tilt
 from .light import LAMP, SUN, WINDOW, Lights
 
 WIDTH, DEPTH, HEIGHT = 9.4, 4.6, 2.7
-PARTING = (5.2, 5.35)  # the wall between the rooms, x
-OPENING = (1.45, 3.15, 2.2)  # y from, y to, height
-WINDOWS = ((1.2, 3.5, 0.85, 2.3), (6.7, 8.3, 0.85, 2.3))  # x from, x to, z from, z to
+"""Size of both rooms together along x, y and z, metres.  This and all sizes below were chosen by hand."""
+PARTING = (5.2, 5.35)
+"""x of both sides of the wall between the rooms, metres."""
+OPENING = (1.45, 3.15, 2.2)
+"""The opening in that wall: lowest y, highest y, height, metres."""
+WINDOWS = ((1.2, 3.5, 0.85, 2.3), (6.7, 8.3, 0.85, 2.3))
+"""Lowest x, highest x, lowest z, highest z of each window, metres."""
 SUN_DIRECTION = np.array([0.42, 0.68, 0.6])
 SUN_DIRECTION /= np.linalg.norm(SUN_DIRECTION)
-LANTERN = (2.55, 2.3, 2.28)  # centre of the paper lantern in the living room
-SHELL = 0.25  # metres, thickness of the outer walls
+"""(3,) unit vector towards the sun."""
+LANTERN = (2.55, 2.3, 2.28)
+"""Centre of the paper lantern in the living room, metres."""
+SHELL = 0.25
+"""Thickness of the outer walls, metres."""
 
-_PALETTES = [  # living-room wall, accent wall, sofa, cushions, rug
+_PALETTES = [
     ("#e9e2d4", "#5f7a78", "#4f6472", ("#c9772f", "#d8c9a8", "#7d8f69"), ("#8f2f28", "#27405c")),
     ("#e6e4df", "#b5694a", "#8a8578", ("#35506b", "#d9b45a", "#b5694a"), ("#27505a", "#b5552f")),
     ("#ebe5d8", "#7d8a6a", "#7a4f42", ("#d8c9a8", "#44624f", "#c98f3c"), ("#3a4a6b", "#a8433a")),
 ]
+"""Colours of the living room's wall, accent wall, sofa, cushions and rug."""
 
 
 def furnish(seed: int) -> tuple[Builder, Lights]:
-    """Everything in the place, and its lights."""
+    """The primitives of the place, and its lights."""
     rng = np.random.default_rng([2024, seed])
     b = Builder(seed=seed)
-    # Seed 1 is the demo: it gets the first palette.
+    # Seed 1, that of the demo scan, has the first palette.
     wall, accent, sofa, cushions, rug = _PALETTES[(seed - 1) % len(_PALETTES)]
     _shell(b, wall, accent)
     _outside(b)
@@ -42,7 +50,7 @@ def furnish(seed: int) -> tuple[Builder, Lights]:
 
 
 def _shell(b: Builder, wall: str, accent: str) -> None:
-    """Floors, ceiling, walls with their openings, skirting boards, window and opening frames."""
+    """Floors, ceiling, walls with openings, skirting boards, and the frames of windows and opening."""
     x0, x1 = PARTING
     paint, white = Look("plaster", wall, wall), Look("plaster", "#efece5", "#efece5")
     b.box((-SHELL, -SHELL, -0.2), (x0 + 0.075, DEPTH + SHELL, 0), Look("planks", "#b58a5c", "#855b38", 0.2))
@@ -77,7 +85,7 @@ def _shell(b: Builder, wall: str, accent: str) -> None:
 
 
 def _window(b: Builder, x0: float, x1: float, z0: float, z1: float) -> None:
-    """Frame, mullions, sill, handle, and gathered curtains on a rod."""
+    """Frame, mullions, sill, handle, and open curtains on a rod."""
     y, w = DEPTH + 0.13, 0.055
     for low, high in (((x0, z0), (x1, z0 + w)), ((x0, z1 - w), (x1, z1)),
                       ((x0, z0), (x0 + w, z1)), ((x1 - w, z0), (x1, z1)),
@@ -96,7 +104,7 @@ def _window(b: Builder, x0: float, x1: float, z0: float, z1: float) -> None:
 
 
 def _outside(b: Builder) -> None:
-    """What the windows look out on: a house across the street, a hedge, paving."""
+    """The view out of the windows: a house across the street, a hedge and paving."""
     y = DEPTH + 7.0
     look = Look("facade", "#a8745c", "#b9b2a6", outdoors=True)
     b.quad((5, y, 3.5), (-13, 0, 0), (0, 0, 5.5), look)
@@ -109,7 +117,7 @@ def _outside(b: Builder) -> None:
 
 
 def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug) -> np.ndarray:
-    """Sofa, rug, low table, bookshelf, floor lamp, plant, prints, radiator; returns the lamp's bulb (3,)."""
+    """Sofa, rug, low table, bookshelf, floor lamp, plant, prints, radiator.  Returns the position of the lamp's bulb (3,)."""
     b.cushion((2.55, 2.05, 0.006), (1.3, 0.9, 0.006), 0.004, Look("rug", rug[0], rug[1]))
     with b.at(2.5, 0.06):
         f.sofa(b, 2.25, Look("weave", sofa, "#9aa7ad"), [
@@ -141,11 +149,11 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
         f.picture(b, 0, 1.55, 0.62, _print(b, 2, 3), f.OAK)
     with b.at(2.35, DEPTH - 0.13):
         f.radiator(b, 1.4)
-    with b.at(3.95, 4.15, yaw=200):  # an armchair of a chair, by the window
+    with b.at(3.95, 4.15, yaw=200):  # by the window
         f.chair(b, f.BLACK, Look("weave", cushions[0], "#e9dfc7"))
     b.capsule((*LANTERN[:2], LANTERN[2] + 0.2), (*LANTERN[:2], HEIGHT), 0.0035, f.BLACK)
     b.ball(LANTERN, (0.21, 0.21, 0.185), Look("paper", "#f6ead2", "#c9b48c", glow=(1.1, 0.86, 0.56), casts=False))
-    # A string of small lamps along the ceiling, and its cable down to a socket.
+    # A string of small lamps below the ceiling.
     anchors = [(0.05, 4.45, 2.55), (1.6, 4.3, 2.6), (3.3, 4.3, 2.6), (5.1, 4.4, 2.55)]
     for start, end in pairwise(anchors):
         line = _sag(start, end, 0.16, 12)
@@ -154,14 +162,15 @@ def _living_room(b: Builder, rng: np.random.Generator, sofa: str, cushions, rug)
             b.ball(p - (0, 0, 0.022), (0.014, 0.014, 0.019), Look("plain", "#ffdca0", "#ffdca0", 0.3, (1.6, 1.1, 0.5)))
     f.carton(b, 4.85, 0.3, 0.0, (0.42, 0.36, 0.3), 8, rng)
     f.carton(b, 4.87, 0.29, 0.3, (0.32, 0.28, 0.22), -11, rng)
-    b.rod((3.95, 0.35, 0), (3.95, 0.35, 0.46), 0.2, Look("weave", "#b99a6b", "#7c5f3a"), end=0.22)  # basket, side table
+    b.rod((3.95, 0.35, 0), (3.95, 0.35, 0.46), 0.2, Look("weave", "#b99a6b", "#7c5f3a"), end=0.22)  # basket and side table
     b.rod((3.95, 0.35, 0.46), (3.95, 0.35, 0.48), 0.23, f.OAK)
     b.ball((3.93, 0.33, 0.56), (0.075, 0.075, 0.085), Look("plain", "#3f6470", "#3f6470", 0.5))
     return bulb
 
 
 def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
-    """Table with four chairs under a lamp, sideboard, railing, shelf, prints, cartons; returns the lamp's bulb (3,)."""
+    """Table with four chairs under a lamp, sideboard, railing, shelf, prints, cartons.  Returns the position of the bulb
+    (3,)."""
     cx, cy = 7.45, 2.05
     with b.at(cx, cy):
         f.table(b, 1.6, 0.88)
@@ -171,7 +180,7 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
                 f.chair(b, f.OAK if x < 0 else f.BLACK, Look("weave", "#cdbf9f", "#8d7f63"))
         shade = Look("plain", "#2f4a4f", "#2f4a4f", 0.3)
         bulb = f.pendant(b, HEIGHT, 1.62, shade, _bulb()) + (cx, cy, 0)
-    # Sideboard along the brick wall, with things on it.
+    # Sideboard along the brick wall, with objects on it.
     with b.at(WIDTH, 1.0, yaw=90):
         b.box((0.0, 0.02, 0.16), (1.7, 0.44, 0.78), f.WALNUT)
         for k in range(3):
@@ -194,7 +203,7 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
         f.picture(b, 0.85, 1.72, 0.56, _print(b, 0, 4), f.BLACK)
     for k, (x, w) in enumerate(((6.3, 0.5), (7.1, 0.5))):
         f.picture(b, x, 1.6, w, _print(b, (3, 1)[k], 5 + k), f.OAK)
-    # A wall shelf with jars, hooks and hanging utensils on y = 0.
+    # A shelf on the wall y = 0 with jars, and a rail with utensils below it.
     b.box((7.75, 0, 1.62), (9.1, 0.2, 1.645), f.OAK)
     for k in range(8):
         x = 7.85 + 0.16 * k
@@ -216,7 +225,7 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
     f.carton(b, 9.12, 3.2, 0.0, (0.36, 0.42, 0.36), 4, rng)
     with b.at(7.5, DEPTH - 0.13):
         f.radiator(b, 1.1)
-    # Cables hanging from the ceiling, one with a bare socket, and a broom against the wall.
+    # A cable below the ceiling and down the wall, and a broom that leans on the wall.
     b.cable(_sag((7.45, 2.05, 2.69), (5.4, 0.6, 2.6), 0.22, 14), 0.004, f.BLACK)
     b.cable(_sag((5.4, 0.6, 2.6), (5.37, 0.6, 0.3), 0.0, 5), 0.004, f.BLACK)
     b.capsule((8.85, 4.45, 0.05), (9.3, 4.52, 1.45), 0.011, f.OAK)
@@ -225,7 +234,7 @@ def _dining_room(b: Builder, rng: np.random.Generator) -> np.ndarray:
 
 
 def _print(b: Builder, kind: int, number: int) -> int:
-    """A poster's seed: its kind (0 shapes, 1 landscape, 2 lettering, 3 chart), its number in the place."""
+    """Seed of a poster.  kind: 0 shapes, 1 landscape, 2 lettering, 3 chart; number: unique within the place."""
     return kind + 4 * (10 * b.seed + number)
 
 
@@ -234,7 +243,7 @@ def _bulb() -> Look:
 
 
 def _sag(start, end, depth: float, parts: int) -> np.ndarray:
-    """(parts + 1, 3): a cable from start to end that hangs ``depth`` metres below the chord."""
+    """(parts + 1, 3) points of a cable whose middle hangs ``depth`` metres below the line from start to end."""
     s = np.linspace(0, 1, parts + 1)[:, None]
     line = (1 - s) * np.asarray(start, float) + s * np.asarray(end, float)
     line[:, 2] -= depth * 4 * (s * (1 - s))[:, 0]
@@ -242,7 +251,7 @@ def _sag(start, end, depth: float, parts: int) -> np.ndarray:
 
 
 def _lights(lamp_a: np.ndarray, lamp_b: np.ndarray) -> Lights:
-    """Windows full of sky, the sun, two warm lamps and a paper lantern."""
+    """Skylight from the windows, the sun, two lamps and a paper lantern."""
     rows = []
     for x0, x1, z0, z1 in WINDOWS:
         centre, u, v = ((x0 + x1) / 2, DEPTH + 0.45, (z0 + z1) / 2), ((x1 - x0) / 1.7, 0, 0), (0, 0, (z1 - z0) / 1.7)

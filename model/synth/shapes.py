@@ -1,14 +1,14 @@
-"""Rays against boxes, cylinders, capsules, ellipsoids and quads: the numba kernels below every synthetic place.
+"""Ray tracing of boxes, cylinders, capsules, ellipsoids and quads: the numba kernels of all synthetic places.
 
-A place is a struct of arrays, `Shapes`: each primitive has a local frame (world -> local rotation and a centre) in
-which it is axis-aligned, a kind and four numbers.  A bounding volume hierarchy, one primitive per leaf, lies over them.
+`Shapes` is a struct of arrays: each primitive has a kind, four parameters, and a local frame (a rotation from world to local,
+and a centre) in which it is axis-aligned.  A bounding volume hierarchy with one primitive per leaf accelerates the tracing.
 Frame: world metres.  Ray directions are unit vectors, so that t is metres; float64 throughout.
 
 kind      params                             local shape
 BOX       hx, hy, hz                         |x| <= hx, |y| <= hy, |z| <= hz
 ROUND     hx, hy, hz, r                      the same box with edges rounded by r (sphere traced)
-CYLINDER  r0, r1, h, caps                    radius r0 at z = -h to r1 at z = h; with end discs where caps > 0
-CAPSULE   r, h                               all within r of the segment z = -h .. h
+CYLINDER  r0, r1, h, caps                    radius r0 at z = -h to r1 at z = h; with end discs if caps > 0
+CAPSULE   r, h                               points within r of the segment z = -h .. h
 SPHERE    rx, ry, rz                         ellipsoid
 QUAD      hx, hy, outline                    in z = 0; outline 0 rectangle, 1 ellipse, 2 leaf (pointed at x = -hx, hx)
 """
@@ -23,14 +23,16 @@ from model.synth.hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_rou
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)
 _STACK = 64
+"""Stack entries of the traversal.  The tree is balanced: its depth is about log2 of the number of primitives."""
 
 
 @dataclass(frozen=True)
 class Shapes:
     """P primitives and their hierarchy.
 
-    kind (P,) int64; params (P,4); centre (P,3); rotation (P,3,3) world -> local; casts (P,) bool: stops light;
-    lows, highs (M,3): boxes of the M nodes; links (M,2) int64: the two children, or (-1 - primitive, 0) at a leaf.
+    kind (P,) int64; params (P,4); centre (P,3); rotation (P,3,3) world -> local; casts (P,) bool: casts
+    shadows; lows, highs (M,3): bounding boxes of the M nodes; links (M,2) int64: the two children, or (-1 - primitive, 0) at a
+    leaf.
     """
 
     kind: np.ndarray
@@ -43,7 +45,7 @@ class Shapes:
     links: np.ndarray
 
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """What every kernel takes, in order."""
+        """The arguments of the kernels, in order."""
         return (self.kind, self.params, self.centre, self.rotation, self.casts, self.lows, self.highs, self.links)
 
     def trace(self, origins: np.ndarray, directions: np.ndarray):
@@ -59,7 +61,7 @@ class Shapes:
 
 
 def half_extents(kind: np.ndarray, params: np.ndarray) -> np.ndarray:
-    """(P,3): half the size of each primitive along its local axes, metres."""
+    """(P,3) half extents of each primitive along its local axes, metres."""
     p = np.asarray(params, np.float64)
     radius = np.maximum(p[:, 0], p[:, 1])
     out = p[:, :3].copy()
@@ -70,7 +72,10 @@ def half_extents(kind: np.ndarray, params: np.ndarray) -> np.ndarray:
 
 
 def make_shapes(kind, params, centre, rotation, casts=None) -> Shapes:
-    """Checks nothing, copies all; builds the hierarchy by median splits along the longest side of the centres."""
+    """Copies the arrays and builds the hierarchy, by median splits along the longest side of the centres' bounding box.
+
+    The arguments are those of `Shapes` and are not checked.  casts: all True if None.
+    """
     kind = np.asarray(kind, np.int64)
     params, centre = np.array(params, np.float64), np.array(centre, np.float64)
     rotation = np.array(rotation, np.float64)
@@ -97,7 +102,7 @@ def make_shapes(kind, params, centre, rotation, casts=None) -> Shapes:
 
 @compiled(nogil=True)
 def one_hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
-    """t of a world ray on primitive i; inf for none."""
+    """t at which a world ray hits primitive i; inf if it misses."""
     px, py, pz = px - centre[i, 0], py - centre[i, 1], pz - centre[i, 2]
     ox = rotation[i, 0, 0] * px + rotation[i, 0, 1] * py + rotation[i, 0, 2] * pz
     oy = rotation[i, 1, 0] * px + rotation[i, 1, 1] * py + rotation[i, 1, 2] * pz
@@ -122,7 +127,7 @@ def one_hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
         return hit_round(ox, oy, oz, dx, dy, dz, p0, p1, p2, p3)
     best = hit_tube(ox, oy, oz, dx, dy, dz, p0, p0, p1, 0.0)
     for end in (-p1, p1):
-        # Both roots: from inside the tube, the first meets the end's sphere within it.
+        # Both roots count: from inside the tube, the first one lies on the sphere's half within the tube.
         z = oz - end
         b, c = ox * dx + oy * dy + z * dz, ox * ox + oy * oy + z * z - p0 * p0
         root = np.sqrt(max(b * b - c, 0.0))
@@ -134,9 +139,9 @@ def one_hit(i, px, py, pz, vx, vy, vz, kind, params, centre, rotation):
 
 @compiled(nogil=True)
 def nearest(ox, oy, oz, dx, dy, dz, limit, shadow, kind, params, centre, rotation, casts, lows, highs, links):
-    """(t, primitive) of the nearest hit before ``limit``, (limit, -1) for none.
+    """(t, primitive) of the nearest hit before ``limit``; (limit, -1) without one.
 
-    With ``shadow`` it returns the first hit found on a primitive that casts shadows, whichever it is.
+    shadow: returns any hit on a primitive that casts shadows, not necessarily the nearest.
     """
     stack = np.empty(_STACK, np.int64)
     stack[0] = 0
@@ -173,7 +178,7 @@ def nearest(ox, oy, oz, dx, dy, dz, limit, shadow, kind, params, centre, rotatio
 def _surface(k, x, y, z, p0, p1, p2, p3):
     """Outward local normal and uv (metres) at a local surface point.
 
-    A flat face has the two other coordinates, in order, as uv; a round one arc length around z, and z.
+    uv of a flat face are the two coordinates in its plane, in order; uv of a round one are the arc length around z, and z.
     """
     if k == QUAD:
         return 0.0, 0.0, 1.0, x, y

@@ -1,7 +1,6 @@
-"""Materials: procedural albedo at hit points, vectorised.
+"""Materials: procedural albedo at hit points.
 
-A material is a function of `Patch`, the hits on the primitives that have it: it returns albedo (N,3), linear 0..1.
-uv is in metres on the face hit; ``local`` is the hit in the primitive's frame, metres from its centre.
+A material is a function of a `Patch`, the hits on the primitives of that material.  It returns the albedo (N,3), linear 0..1.
 """
 
 from dataclasses import dataclass
@@ -15,7 +14,11 @@ from . import prints
 
 @dataclass(frozen=True)
 class Patch:
-    """N hits.  uv (N,2), local (N,3), half (N,3) half extents, all metres; colour, accent (N,3) linear; seed (N,)."""
+    """N hits.
+
+    uv (N,2): on the face hit; local (N,3): in the primitive's local frame, from its centre; half (N,3): half extents; all in
+    metres.  colour, accent (N,3): linear.  seed (N,) int64.
+    """
 
     uv: np.ndarray
     local: np.ndarray
@@ -26,7 +29,7 @@ class Patch:
 
 
 def _hash(*values: np.ndarray) -> np.ndarray:
-    """Uniform [0, 1) from whole numbers, elementwise."""
+    """Hash of integers, elementwise, as a uniform number in [0, 1)."""
     state = np.zeros(np.broadcast(*values).shape, np.uint64)
     for value in values:
         state = (state ^ np.asarray(value).astype(np.int64).astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
@@ -37,7 +40,7 @@ def _hash(*values: np.ndarray) -> np.ndarray:
 
 
 def noise(x: np.ndarray, y: np.ndarray, seed: np.ndarray) -> np.ndarray:
-    """Smooth value noise, 0..1, one lattice cell per unit."""
+    """(N,) smooth value noise, 0..1, with lattice cells of side 1."""
     i, j = np.floor(x), np.floor(y)
     fx, fy = x - i, y - j
     fx, fy = fx * fx * (3 - 2 * fx), fy * fy * (3 - 2 * fy)
@@ -47,7 +50,7 @@ def noise(x: np.ndarray, y: np.ndarray, seed: np.ndarray) -> np.ndarray:
 
 
 def fractal(x: np.ndarray, y: np.ndarray, seed: np.ndarray, octaves: int = 3) -> np.ndarray:
-    """Noise summed over octaves, about -1..1 with mean 0."""
+    """(N,) sum of `noise` over octaves, about -1..1, mean 0."""
     total = np.zeros(np.shape(x))
     for k in range(octaves):
         total += (noise(x * 2**k, y * 2**k, seed + 17 * k) - 0.5) * 2 * 0.5**k
@@ -59,24 +62,24 @@ def _mix(a: np.ndarray, b: np.ndarray, share: np.ndarray) -> np.ndarray:
 
 
 def _edge(distance: np.ndarray, width: float) -> np.ndarray:
-    """1 inside (distance < 0), 0 outside, with a ramp of ``width`` metres between."""
+    """1 inside (distance < 0), 0 outside, with a linear ramp ``width`` metres wide around 0."""
     return np.clip(0.5 - distance / width, 0, 1)
 
 
 def plain(p: Patch) -> np.ndarray:
-    """Paint, plastic, metal: one colour with hardly a variation."""
+    """Paint, plastic, metal: one colour with little variation."""
     return p.colour * (1 + 0.03 * fractal(p.uv[:, 0] * 9, p.uv[:, 1] * 9, p.seed, 2))[:, None]
 
 
 def plaster(p: Patch) -> np.ndarray:
-    """Painted plaster: broad tone changes, roller grain, a few scuffs near the floor."""
+    """Painted plaster: slow variation in brightness, and the grain of a paint roller."""
     u, v = p.uv.T
     tone = 1 + 0.035 * fractal(u * 1.3, v * 1.3, p.seed) + 0.014 * fractal(u * 45, v * 45, p.seed + 5, 2)
     return p.colour * tone[:, None]
 
 
 def wood(p: Patch) -> np.ndarray:
-    """Furniture wood, its grain along the piece's longest side."""
+    """Furniture wood with its grain along the longest side of the primitive."""
     rows = np.arange(len(p.uv))
     axis = p.half.argmax(1)
     along = p.local[rows, axis]
@@ -88,7 +91,7 @@ def wood(p: Patch) -> np.ndarray:
 
 
 def planks(p: Patch) -> np.ndarray:
-    """Floor boards 14 cm wide and 1.4 m long along u, each with its own tone and grain."""
+    """Floor boards, 14 cm wide and 1.4 m long along u, with different brightness and grain."""
     u, v = p.uv.T
     row = np.floor(v / 0.14)
     shifted = u / 1.4 + _hash(row, p.seed)
@@ -104,7 +107,7 @@ def planks(p: Patch) -> np.ndarray:
 
 
 def brick(p: Patch) -> np.ndarray:
-    """Running bond, 24 x 7.5 cm with 1 cm mortar; accent is the mortar."""
+    """Bricks in running bond, 24 x 7.5 cm with 1 cm of mortar, which has the accent colour."""
     u, v = p.uv.T
     row = np.floor(v / 0.075)
     x = u / 0.24 + 0.5 * (row % 2)
@@ -120,7 +123,7 @@ def brick(p: Patch) -> np.ndarray:
 
 
 def tiles(p: Patch) -> np.ndarray:
-    """Cement tiles, 20 cm, with quarter arcs and a diamond in the accent colour; grey grout."""
+    """Cement tiles, 20 cm, with quarter arcs and a diamond in the accent colour, and grey grout."""
     u, v = p.uv.T
     a, b = (u / 0.2) % 1 - 0.5, (v / 0.2) % 1 - 0.5
     ring = np.hypot(np.abs(a) - 0.5, np.abs(b) - 0.5)
@@ -134,7 +137,7 @@ def tiles(p: Patch) -> np.ndarray:
 
 
 def weave(p: Patch) -> np.ndarray:
-    """Upholstery: a coarse two-thread weave of 1.6 cm with slubs."""
+    """Upholstery: a coarse weave with a period of 1.6 cm and irregular threads."""
     u, v = p.uv.T
     check = np.sin(u * 390) * np.sin(v * 390)
     slub = fractal(u * 25, v * 160, p.seed, 2) + fractal(u * 160, v * 25, p.seed + 1, 2)
@@ -142,7 +145,7 @@ def weave(p: Patch) -> np.ndarray:
 
 
 def stripes(p: Patch) -> np.ndarray:
-    """Striped cloth for cushions: bands of 5 cm with a thin line between."""
+    """Striped cloth for cushions: bands of 5 cm with a thin line between them."""
     v = p.uv[:, 1] + 0.002 * fractal(p.uv[:, 0] * 20, p.uv[:, 1] * 20, p.seed, 2)
     band = np.abs((v / 0.1) % 1 - 0.5)
     share = np.maximum(_edge(0.25 - band, 0.02), 0.8 * _edge(np.abs(band - 0.12) - 0.02, 0.01))
@@ -150,7 +153,7 @@ def stripes(p: Patch) -> np.ndarray:
 
 
 def rug(p: Patch) -> np.ndarray:
-    """A patterned rug: border bands, a field of stepped diamonds, a checker of lozenges; third colour is cream."""
+    """A patterned rug: stepped diamonds within a chequered border; the third colour is cream."""
     x, y = p.local[:, 0], p.local[:, 1]
     hx, hy = p.half[:, 0], p.half[:, 1]
     q = 0.015
@@ -171,20 +174,20 @@ def rug(p: Patch) -> np.ndarray:
 
 
 def foliage(p: Patch) -> np.ndarray:
-    """A clipped hedge: clumps of leaves, dark between them."""
+    """A clipped hedge: clumps of leaves with dark gaps."""
     u, v = p.local[:, 0] + 0.6 * p.local[:, 1], p.local[:, 2] + 0.3 * p.local[:, 1]
     clump = 0.55 + 0.5 * fractal(u * 14, v * 14, p.seed) + 0.35 * fractal(u * 45, v * 45, p.seed + 9, 2)
     return _mix(p.accent, p.colour * 1.25, clump)
 
 
 def paper(p: Patch) -> np.ndarray:
-    """A paper lantern: thin ribs around z every 3 cm."""
+    """A paper lantern: thin ribs around z, 3 cm apart."""
     rib = _edge(np.abs((p.local[:, 2] / 0.03) % 1 - 0.5) - 0.06, 0.06)
     return _mix(p.colour, p.accent, rib)
 
 
 def leaf(p: Patch) -> np.ndarray:
-    """A leaf: lighter midrib along x, veins, tone per leaf."""
+    """A leaf: a lighter midrib along x, veins, and different brightness for each leaf."""
     x, y = p.local[:, 0], p.local[:, 1]
     tone = 0.75 + 0.5 * _hash(p.seed, p.seed + 1)
     side = _edge(np.abs(((x - np.abs(y)) / 0.022) % 1 - 0.5) - 0.06, 0.06)
@@ -193,7 +196,7 @@ def leaf(p: Patch) -> np.ndarray:
 
 
 def _printed(p: Patch, draw, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Looks every hit up in the image ``draw(seed)`` of its own primitive."""
+    """(N,3) colours of the image ``draw(seed)`` of each hit's primitive, at u, v (N,)."""
     out = np.empty((len(u), 3))
     order = np.argsort(p.seed, kind="stable")
     starts = np.flatnonzero(np.diff(p.seed[order], prepend=-1))
@@ -204,17 +207,17 @@ def _printed(p: Patch, draw, u: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def poster(p: Patch) -> np.ndarray:
-    """A printed sheet on a quad: local x to the right, y up."""
+    """A poster on a quad: local x to the right, y up."""
     return _printed(p, prints.poster, p.local[:, 0] / p.half[:, 0] / 2 + 0.5, 0.5 - p.local[:, 1] / p.half[:, 1] / 2)
 
 
 def page(p: Patch) -> np.ndarray:
-    """A magazine on a box's top, or any quad: local x to the right, y up."""
+    """A magazine page on the top of a box or on a quad: local x to the right, y up."""
     return _printed(p, prints.page, p.local[:, 0] / p.half[:, 0] / 2 + 0.5, 0.5 - p.local[:, 1] / p.half[:, 1] / 2)
 
 
 def book(p: Patch) -> np.ndarray:
-    """A book standing along z with its spine at +x: printed spine, cloth boards, cream pages on the other sides."""
+    """A book upright along z with its spine at +x: printed spine, cloth boards, and cream pages on the other sides."""
     x, y, z = p.local.T
     spine = p.half[:, 0] - x < 1e-3
     board = p.half[:, 1] - np.abs(y) < 1e-3
@@ -226,7 +229,7 @@ def book(p: Patch) -> np.ndarray:
 
 
 def carton(p: Patch) -> np.ndarray:
-    """A cardboard box: corrugation, a strip of tape over the top, a printed label on one side."""
+    """A cardboard box: corrugation, a strip of tape over the top, and printed labels on the sides +y and -y."""
     x, y, z = p.local.T
     base = p.colour * (1 + 0.06 * fractal(p.uv[:, 0] * 8, p.uv[:, 1] * 30, p.seed))[:, None]
     tape = (np.abs(y) < 0.03) & ((p.half[:, 2] - np.abs(z) < 1e-3) | (z > p.half[:, 2] - 0.08))
@@ -237,7 +240,7 @@ def carton(p: Patch) -> np.ndarray:
 
 
 def facade(p: Patch) -> np.ndarray:
-    """The house across the street: brick with rows of windows in pale surrounds."""
+    """A house: brick with rows of windows in pale surrounds."""
     u, v = p.uv.T
     a, b = np.abs((u / 2.2) % 1 - 0.5) * 2.2, np.abs(((v + 0.2) / 2.8) % 1 - 0.5) * 2.8
     wall = brick(p)
@@ -257,6 +260,7 @@ MATERIALS = {
     )
 }
 NAMES = list(MATERIALS)
+"""Names of the materials; a material's number is its index here."""
 
 
 def albedo(material: np.ndarray, patch: Patch) -> np.ndarray:
