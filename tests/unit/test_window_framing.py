@@ -43,3 +43,27 @@ def test_a_room_is_entered_and_a_wall_is_not():
     assert enclosure(seen, np.array([3.0, 1.5, 1.6])) < 0.5
     pixels, depth = start_camera(scene, 640, 400).project(wall)
     assert (depth > 0).all() and np.ptp(pixels, axis=0).min() > 100, "seen from its front"
+
+
+@pytest.mark.parametrize("seed_of_room", range(3))
+def test_a_visit_begins_facing_the_room_not_the_street_behind_its_window(seed_of_room):
+    """A brick front 12 m beyond a wide window, seen from the scanner near that window, has more detail and distance than the
+    room: it must not win."""
+    rng = np.random.default_rng([seed_of_room, 5])
+    size = np.array([6.0, 5.0, 2.7])
+    xyz = rng.random((60_000, 3)) * size
+    side = rng.integers(0, 6, len(xyz))
+    xyz[np.arange(len(xyz)), side % 3] = np.where(side < 3, 0.0, size[side % 3])
+    rgb = np.full((len(xyz), 3), 190, np.uint8)
+    window = (xyz[:, 1] == size[1]) & (np.abs(xyz[:, 0] - 3) < 2.4) & (xyz[:, 2] > 0.8) & (xyz[:, 2] < 2.4)
+    bars = np.abs(xyz[:, 0] - 3) < 0.05
+    xyz, rgb = xyz[~window | bars], rgb[~window | bars]
+    front = np.stack([rng.uniform(-9, 15, 40_000), np.full(40_000, 17.0), rng.uniform(-5, 9, 40_000)], axis=1)
+    bricks = np.repeat(((front[:, 0] // 1.5 + front[:, 2] // 1.5) % 2 * 150 + 50).astype(np.uint8)[:, None], 3, axis=1)
+    shelf = np.stack([rng.uniform(0.5, 5.5, 8_000), np.full(8_000, 0.3), rng.uniform(0, 2, 8_000)], axis=1)
+    books = np.repeat(((shelf[:, 0] // 0.3 + shelf[:, 2] // 0.4) % 2 * 150 + 50).astype(np.uint8)[:, None], 3, axis=1)
+    scans = [{"name": "one", "position": [3.0, 4.1, 1.55], "count": 108_000}]
+    scene = scene_from_arrays(np.concatenate([xyz, front, shelf]), np.concatenate([rgb, bricks, books]),
+                              meta={"metres_per_unit": 1.0, "scans": scans})
+    camera = start_camera(scene, 640, 480)
+    assert np.allclose(camera.position, scans[0]["position"], atol=0.01) and camera.forward[1] < 0.3

@@ -34,17 +34,31 @@ ENCLOSURE_POWER = 2.0
 """Exponent of the enclosure in what a place to stand is worth: the far view down a street is worth less than the room.  Chosen
 on the demo, whose street would win without, and checked on studio.laz, plant_room.laz and seven rendered rooms."""
 AZIMUTHS, ROWS = 72, 24
-"""Directions around a place that are told apart."""
+"""Directions around a place that are distinguished."""
+FAR_ENOUGH = 2.0
+"""Distance, in medians of the distances around a place, beyond which a surface counts no more: without it the view out of a
+window wins over the room.  This and the three below were chosen by eye on the demo, two real rooms and seven rendered ones."""
+DETAIL_WORTH = 1.0
+"""Worth of a direction full of detail on top of 1 for a bare surface: without it a view of an empty wall may win."""
+LEVEL_EDGE = 0.15
+"""Difference in brightness (0 to 1) of neighbouring directions that counts as full detail."""
+DEPTH_EDGE = 0.3
+"""Difference of the logarithm of distance that counts as full detail."""
+BODY = (-1.2, 0.1)
+"""Metres from the eye: heights between which points are in a person's way."""
+WAY = 2
+"""Azimuths to either side of a direction in which nothing may be in the way: with AZIMUTHS, 12 degrees each."""
 
 
 class Sampled(Protocol):
-    """points: (n, 3) float64.  lit: (n,) bool, False for black points, which have no colour.  low, high: (3,) float64, the
-    range of 98 % of the points along each axis.  spacing: of the scan's points.  metre: file units in a metre."""
+    """points: (n, 3) float64.  level: (n,) float32 brightness, 0 to 1, 0 for black points, which have no colour.  low, high:
+    (3,) float64, the range of 98 % of the points along each axis.  spacing: of the scan's points.  metre: file units in a
+    metre."""
 
     @property
     def points(self) -> np.ndarray: ...
     @property
-    def lit(self) -> np.ndarray: ...
+    def level(self) -> np.ndarray: ...
     @property
     def low(self) -> np.ndarray: ...
     @property
@@ -61,7 +75,7 @@ class SceneSample:
     level of the points that are not black, 0 to 1."""
 
     points: np.ndarray
-    lit: np.ndarray
+    level: np.ndarray
     low: np.ndarray
     high: np.ndarray
     spacing: float
@@ -81,10 +95,10 @@ def sample_scene(scene: "Scene") -> SceneSample:
     metres = scene.meta.get("metres_per_unit")
     diagonal = max(float(np.linalg.norm(high - low)), 10 * scene.step)
     spacing = min(max(float(scene.spacing), scene.step), diagonal)
-    level = rgb.max(axis=1)
-    lit = level > _BLACK
-    brightness = float(np.median(level[lit])) / 255 if lit.any() else 0.0
-    return SceneSample(points, lit, low, high, spacing, 1.0 / metres if metres else 1.0, diagonal, brightness)
+    brightest = rgb.max(axis=1)
+    level = np.where(brightest > _BLACK, brightest, 0).astype(np.float32) / 255
+    brightness = float(np.median(level[level > 0])) if level.any() else 0.0
+    return SceneSample(points, level, low, high, spacing, 1.0 / metres if metres else 1.0, diagonal, brightness)
 
 
 def standing_view(scene: "Scene", seen: Sampled, upright: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray] | None:
@@ -175,37 +189,79 @@ def standing_place(seen: Sampled) -> np.ndarray | None:
     return None
 
 
-def around(seen: Sampled, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """By direction (AZIMUTHS, from -pi to pi, times ROWS of height): horizontal distance of the nearest point, 0 where there is
-    none, and the share of points that are not black."""
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What is around a place, by direction (AZIMUTHS from -pi to pi, ROWS of height), each (AZIMUTHS, ROWS) float64.
+
+    nearest: horizontal distance of the nearest point, 0 where there is none.  lit: share of points that are not black.
+    level: mean brightness, 0 to 1.  free: (AZIMUTHS,) distance that one can walk in a direction, inf where nothing is in the
+    way.
+    """
+
+    nearest: np.ndarray
+    lit: np.ndarray
+    level: np.ndarray
+    free: np.ndarray
+
+
+def surroundings(seen: Sampled, position: np.ndarray) -> Surroundings:
+    """What lies within 31 degrees of the horizon around ``position`` (3,)."""
     some = slice(None, None, max(1, len(seen.points) // 50_000))
-    away = seen.points[some] - position
+    away, level = seen.points[some] - position, seen.level[some]
     flat = np.hypot(away[:, 0], away[:, 1])
     slope = away[:, 2] / np.maximum(flat, 1e-9)
+    azimuth = ((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5) * AZIMUTHS).astype(int) % AZIMUTHS
+    body = (flat > 0.3 * seen.metre) & (away[:, 2] > BODY[0] * seen.metre) & (away[:, 2] < BODY[1] * seen.metre)
+    obstacles = np.full(AZIMUTHS, np.inf)
+    np.minimum.at(obstacles, azimuth[body], flat[body])
+    free = np.min([np.roll(obstacles, k) for k in range(-WAY, WAY + 1)], axis=0)
     use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
-    at = ((np.arctan2(away[use, 1], away[use, 0]) / (2 * np.pi) + 0.5) * AZIMUTHS).astype(int) % AZIMUTHS
+    at = azimuth[use]
     height = np.clip(((slope[use] + 0.6) / 1.2 * ROWS).astype(int), 0, ROWS - 1)
     bins = at * ROWS + height
-    held = np.bincount(bins, minlength=AZIMUTHS * ROWS)
-    lit = np.bincount(bins, seen.lit[some][use], AZIMUTHS * ROWS) / np.maximum(held, 1)
+    held = np.maximum(np.bincount(bins, minlength=AZIMUTHS * ROWS), 1)
     nearest = np.full(AZIMUTHS * ROWS, np.inf)
     np.minimum.at(nearest, bins, flat[use])
-    return np.where(held > 0, nearest, 0.0), lit
+    nearest[np.isinf(nearest)] = 0.0
+    lit, mean = (np.bincount(bins, values, AZIMUTHS * ROWS) / held for values in (level[use] > 0, level[use]))
+    nearest, lit, mean = (plane.reshape(AZIMUTHS, ROWS) for plane in (nearest, lit, mean))
+    return Surroundings(nearest, lit, mean, free)
 
 
 def enclosure(seen: Sampled, position: np.ndarray) -> float:
     """Share of the directions within 31 degrees of the horizon, around ``position`` (3,), in which there are points."""
-    nearest, _ = around(seen, position)
-    return float((nearest > 0).mean())
+    return float((surroundings(seen, position).nearest > 0).mean())
+
+
+def detail(near: Surroundings) -> np.ndarray:
+    """(AZIMUTHS, ROWS) 0 to 1: how much brightness or distance differ between neighbouring directions that both hold points."""
+    held, depth = near.nearest > 0, np.log(np.where(near.nearest > 0, near.nearest, 1.0))
+    edges = np.zeros((AZIMUTHS, ROWS))
+    for axis in (0, 1):
+        both = held & np.roll(held, -1, axis)
+        change = np.maximum(np.abs(np.roll(near.level, -1, axis) - near.level) / LEVEL_EDGE,
+                            np.abs(np.roll(depth, -1, axis) - depth) / DEPTH_EDGE)
+        edges = np.maximum(edges, np.where(both, np.minimum(change, 1.0), 0.0))
+    edges[:, -1] = 0.0  # its neighbour above is the lowest row
+    return edges
 
 
 def view_worth(seen: Sampled, position: np.ndarray) -> np.ndarray:
     """(AZIMUTHS,) how much is visible from ``position`` (3,) along azimuths from -pi to pi: the covered share of the picture,
-    where far surfaces count more than near ones.  Black points occlude and count nothing."""
-    nearest, lit = around(seen, position)
-    worth = np.where(nearest > 0, lit * np.log1p(nearest / seen.metre), 0.0).reshape(AZIMUTHS, ROWS).sum(axis=1)
+    where distant surfaces count more than near ones, up to FAR_ENOUGH, and detail more than bare walls.  Black points occlude
+    and count nothing.  A direction in which the way is blocked earlier than in most counts less, so that the window at which
+    one stands does not win over the room."""
+    near = surroundings(seen, position)
+    held = near.nearest > 0
+    far = FAR_ENOUGH * float(np.median(near.nearest[held])) if held.any() else 1.0
+    worth = near.lit * np.log1p(np.minimum(near.nearest, far) / seen.metre) * (1.0 + DETAIL_WORTH * detail(near))
+    worth = np.where(held, worth, 0.0).sum(axis=1)
     spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])  # +-35 degrees, the middle counting most
-    return sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(AZIMUTHS))
+    seen_there = sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(AZIMUTHS))
+    usual = float(np.median(near.free))  # inf in the open
+    if not np.isfinite(usual):
+        usual = 2.0 * float(np.max(near.free, where=np.isfinite(near.free), initial=seen.metre))
+    return seen_there * np.minimum(near.free / usual, 1.0)
 
 
 def best_direction(seen: Sampled, position: np.ndarray) -> np.ndarray:

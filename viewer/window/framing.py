@@ -68,7 +68,7 @@ def _visible(seen: Sampled, state: FlyState, aspect: float) -> float:
     """How good a view from outside is: the share of the points that are lit and in front, times the root of the share of the
     picture that they cover."""
     some = slice(None, None, max(1, len(seen.points) // _FEW))
-    points, lit = seen.points[some], seen.lit[some]
+    points, lit = seen.points[some], (seen.level > 0)[some]
     view = (points - state.position) @ state.camera_to_world[:3, :3]
     depth, tall = -view[:, 2], np.tan(np.radians(FIELD_OF_VIEW) / 2)
     rows, columns = 45, round(45 * aspect)
