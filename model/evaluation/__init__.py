@@ -1,10 +1,16 @@
-"""How good the pictures are: rooms with registered truth, at several densities, by every way of making a picture.
+"""Evaluation of picture quality: reconstruction methods compared on rooms with ground truth, at several point densities.
 
-``room_scores`` runs it; ``methods`` are the ways, ``outside`` and ``open3d_points`` other people's; ``figures`` judges one
-picture against its truth, ``flip`` is one of its judges; ``worse`` counts the views in which a network's picture is worse
-than the filled one; ``heldout`` judges any scan by points withheld from it; ``flicker`` judges neighbouring pictures of a
-camera move, ``precision`` the networks in half precision; ``report`` writes it all down; ``command`` is the command line's
-part. Importing this loads nothing heavy: names come when used.
+- ``room_scores``: runs the evaluation of a room.
+- ``methods``: the compared methods; ``outside`` and ``open3d_points``: those of others.
+- ``figures``: metrics of one picture against the truth; ``metrics`` and ``flip`` compute some of them.
+- ``worse``: counts the views in which a network's picture is worse than the filled picture.
+- ``heldout``: evaluates any scan at points withheld from it.
+- ``flicker``: compares neighbouring pictures along a camera path.
+- ``precision``: the networks in half precision.
+- ``paper_table``: the table of the paper.
+- ``report``: writes the results; ``command``: the command line.
+
+Importing this package loads no heavy module; each name is imported on first use.
 """
 
 from importlib import import_module

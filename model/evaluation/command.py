@@ -1,4 +1,4 @@
-"""The command line's part: what ``pointglass evaluate`` takes, and doing it.  Importing this loads nothing heavy."""
+"""The options of ``pointglass evaluate``, and the command itself.  Importing this loads no heavy module."""
 
 import argparse
 import sys
@@ -8,45 +8,48 @@ from pathlib import Path
 from model.common.signals import importing
 
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
+"""Value of ``--exposures`` -> exposures that are evaluated."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the options :func:`run` reads."""
+    """Adds the options of :func:`run`."""
     parser.add_argument("data", nargs="+", type=Path, metavar="FOLDER|SCAN",
-                        help="scene folders (scene.json, stations, views), judged one by one, the worst printed first; or one "
-                             "scan, as the viewer opens it, judged by a tenth of its points that pictures are made without")
+                        help="scene folders (scene.json, stations, views), each evaluated separately, the worst first; or "
+                             "one scan, as for the viewer, evaluated at a tenth of its points, withheld from the pictures")
     parser.add_argument("--weights", nargs="*", type=Path, default=[], metavar="F",
-                        help="default: all shipped; of a scan: balanced")
+                        help="weights files (default: all shipped; for a scan: balanced)")
     parser.add_argument("--densities", nargs="*", type=float, default=[1.0, 0.1], metavar="D",
                         help="shares of the points (default 1 0.1)")
-    parser.add_argument("--views", type=int, metavar="N", help="how many, evenly chosen (default: all; of a scan: 8)")
+    parser.add_argument("--views", type=int, metavar="N", help="number of views, evenly spaced (default: all; for a scan: 8)")
     parser.add_argument("--perceptual", type=Path, metavar="DIR", help="weights of the SqueezeNet distance")
     parser.add_argument("--exposures", choices=list(CHOICES), default="both",
-                        help="colours as the stations took them, matched between stations, or both (default both)")
+                        help="colours as recorded, with exposure compensation (matched), or both (default both)")
     parser.add_argument("--outside", action="append", default=[], metavar="NAME=FOLDER",
-                        help="another method's PNGs, named after the views; may be repeated")
+                        help="pictures of another method: PNG files named after the views; may be repeated")
     parser.add_argument("--flicker", action=argparse.BooleanOptionalAction, default=True,
-                        help="along the scene's path, where it has one (default: yes)")
-    parser.add_argument("--frames", type=int, default=20, metavar="N", help="of the path, from its middle (0: all; default 20)")
-    parser.add_argument("--precision", action="store_true", help="also fp16 and bf16 against fp32")
+                        help="measure flicker along the scene's path, if it has one (default: yes)")
+    parser.add_argument("--frames", type=int, default=20, metavar="N",
+                        help="number of frames from the middle of the path (0: all; default 20)")
+    parser.add_argument("--precision", action="store_true", help="also compare fp16 and bf16 with fp32")
     parser.add_argument("--paper-table", action="store_true",
-                        help="the paper's table instead, for a ScanNet++ or any other data folder: two sizes, 100 %% and 10 %%")
+                        help="print the paper's table instead, for a folder of ScanNet++ or other data: two sizes, 100 %% and "
+                             "10 %% of the points")
     parser.add_argument("--split", default="val", metavar="NAME",
-                        help="of ScanNet++ (--paper-table): train, val, test or a file in splits/ (default val)")
+                        help="split of ScanNet++ (--paper-table): train, val, test or a file in splits/ (default val)")
     parser.add_argument("--camera", choices=["dslr", "iphone"], default="dslr",
-                        help="of ScanNet++ (--paper-table; default dslr)")
+                        help="camera of ScanNet++ (--paper-table; default dslr)")
     parser.add_argument("--fast", action="store_true",
-                        help="filled and the networks only: no other baselines, Open3D, durations or flicker")
+                        help="only the filled picture and the networks: no other baselines, Open3D, durations or flicker")
     parser.add_argument("--worst", type=Path, metavar="F.png",
-                        help="the view in which a network is worst beside the filled picture: filled, neural, truth")
-    parser.add_argument("--json", type=Path, metavar="F", help="every figure")
+                        help="write the view in which a network is worst relative to the filled picture: filled, neural, truth")
+    parser.add_argument("--json", type=Path, metavar="F", help="write all figures")
     parser.add_argument("--plot", type=Path, metavar="F",
-                        help="PSNR and distance against ms (.png, .svg, .pdf); of a scan, a sheet (.png): filled, neural, and "
-                             "which of them is nearer to the withheld points")
+                        help="plot PSNR and distance against ms (.png, .svg, .pdf); for a scan, pictures (.png): filled, "
+                             "neural, and which of them is closer to the withheld points")
 
 
 def names_of(files: Sequence[Path]) -> dict[str, Path]:
-    """A name for each weights file: its stem, with its folder where several share one.  Raises DataError for the same twice."""
+    """Unique name -> weights file: its stem, after the folder's name if stems repeat.  Raises DataError if two are equal."""
     from model.data.dataset import DataError
 
     stems = [path.stem for path in files]
@@ -60,9 +63,9 @@ def names_of(files: Sequence[Path]) -> dict[str, Path]:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Evaluates, prints the tables, writes what was asked for.  Returns 0.  Raises DataError and WeightsError.
+    """Evaluates, prints the tables and writes the requested files.  Returns 0.  Raises DataError and WeightsError.
 
-    JSON of one scene: what :func:`model.evaluation.evaluate` returns; of several: a list of that, ``scenes``, worst first.
+    JSON of one scene: the result of :func:`model.evaluation.evaluate`; of several: ``scenes``, a list of results, worst first.
     """
     with importing():
         from model.data.dataset import DataError
@@ -78,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
             check_output(path, suffixes)
     for name in ("plot", "outside", "paper_table"):
         if getattr(options, name) and len(options.data) > 1:
-            raise DataError(f"--{name.replace('_', '-')}: for one folder, {len(options.data)} are given; leave it out")
+            raise DataError(f"--{name.replace('_', '-')}: for one folder, but {len(options.data)} are given; omit it")
     files = options.weights or sorted(weights_dir().glob("*.safetensors"))
     if options.paper_table:
         return _paper_table(options, names_of(files))
@@ -106,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
 
 _NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposures": "both", "flicker": True, "frames": 20,
                        "fast": False, "worst": None}
-"""Options that the paper's table has no use for, as they are where nobody gives them."""
+"""Options that ``--paper-table`` ignores, with their defaults."""
 
 
 def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
@@ -116,8 +119,8 @@ def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
     from model.evaluation.report import save
 
     folder = options.data[0]
-    if ignored := [f"--{name}" for name, usual in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != usual]:
-        print(f"pointglass: --paper-table has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
+    if ignored := [f"--{name}" for name, default in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != default]:
+        print(f"pointglass: --paper-table ignores {', '.join(ignored)}", file=sys.stderr)
     if (folder / "splits").is_dir():
         names = scenes(folder, options.split)
         places = [load_scannetpp(folder, name, options.camera) for name in names]

@@ -1,4 +1,4 @@
-"""One picture against its truth.  What depends on the truth alone is computed once for all methods."""
+"""Metrics of one picture against the truth.  Features of the truth are computed once for all methods."""
 
 import math
 from dataclasses import dataclass
@@ -13,9 +13,10 @@ from model.perceptual import SqueezeDistance
 
 @dataclass(frozen=True)
 class Figures:
-    """psnr, psnr_gain (after one global gain): dB.  distance: perceptual; flip: mean FLIP; NaN without one.  invented: share of
-    the picture that is; invented_psnr, invented_error (mean absolute, 0..1), invented_distance: over those pixels only, NaN
-    where none is.
+    """Metrics of one picture; NaN where a metric is not available.
+
+    psnr, psnr_gain (after one global gain): dB.  distance: perceptual.  flip: mean FLIP.  invented: share of the pixels without
+    a measured colour; invented_psnr (dB), invented_error (mean absolute, 0..1), invented_distance: over those pixels only.
     """
 
     psnr: float
@@ -30,9 +31,11 @@ class Figures:
 
 
 class Truth:
-    """A true picture to judge by.  rgb: (3, H, W) in 0..1.  distance: of :func:`model.perceptual.perceptual`, or None.  flip:
-    of
-    :func:`model.evaluation.flip.flip_judge`, or None."""
+    """A true picture with its precomputed features.
+
+    rgb: (3, H, W) in 0..1.  distance: of :func:`model.perceptual.perceptual`, or None.  flip: of
+    :func:`model.evaluation.flip.flip_metric`, or None.
+    """
 
     def __init__(self, rgb: Tensor, distance: nn.Module | None, flip: FlipTo | None = None):
         self.rgb, self.distance, self.flip = rgb, distance, flip
@@ -44,7 +47,7 @@ class Truth:
 
     @torch.inference_mode()
     def gap(self, made: Tensor) -> float:
-        """Perceptual distance of (3, H, W) to the truth; NaN without one."""
+        """Perceptual distance of a picture (3, H, W) to the truth; NaN if not available."""
         if self.distance is None:
             return math.nan
         if self.features is None:
@@ -57,9 +60,10 @@ class Truth:
         return total
 
     def figures(self, made: Tensor, invented: Tensor, *, invented_distance: bool = True) -> Figures:
-        """made: (3, H, W).  invented: (H, W) bool, the same set for all methods that are to be compared.
+        """made: (3, H, W) in 0..1.  invented: (H, W) bool, pixels without a measured colour, the same for all compared methods.
 
-        For the perceptual distance of invented pixels they are set into the true picture; invented_distance: whether to.
+        invented_distance: whether to compute the perceptual distance of those pixels, for which they replace the true ones in
+        the true picture.
         """
         some = invented_distance and bool(invented.any())
         return Figures(

@@ -1,8 +1,8 @@
-"""Flicker: how much neighbouring pictures of a slow camera move differ, where the truth says that they show the same.
+"""Flicker: difference of successive pictures along a slow camera path, at pixels that show the same surface.
 
-Frame t + 1 is drawn back into frame t by the true depth of t and both poses; what is left of a difference is flicker, and
-the truth's own (highlights that move, noise of the path tracer, the resampling) is what it is measured in.  A blurred film
-flickers less: its gradient energy, in the truth's, stands beside it.
+Frame t + 1 is warped to frame t by the true depth of t and both poses.  The remaining difference, divided by that of the true
+pictures (moving highlights, noise of the path tracer, resampling), is the flicker.  As blurred pictures flicker less, the
+gradient energy relative to the truth is reported too.
 """
 
 from collections.abc import Callable, Iterable
@@ -16,30 +16,40 @@ from torch import Tensor
 from model.data.dataset import TruePicture
 from model.evaluation.metrics import gradient_energy
 
-ROUNDING = 1e-6  # pixels beyond the outermost centres
-AGREE = 0.01  # of depth: farther from it, frame t + 1 shows something else
+ROUNDING = 1e-6
+"""Pixels beyond the outermost pixel centres that still count as inside.  Chosen by hand, above the rounding errors."""
+AGREE = 0.01
+"""Largest relative difference of depth at which both frames show the same surface.  Chosen by hand."""
 TRUTH = "truth"
+"""Method name of the true pictures."""
 
 
 @dataclass(frozen=True)
 class Reprojection:
-    """Where the pixels of one frame lie in the next.  grid: (H, W, 2) for ``grid_sample``.  valid: (H, W) bool."""
+    """Positions of the pixels of one frame in the next.
+
+    grid: (H, W, 2) for ``grid_sample``.  valid: (H, W) bool, whether the next frame shows the same surface.
+    """
 
     grid: Tensor
     valid: Tensor
 
     def warp(self, after: Tensor) -> Tensor:
-        """(C, H', W') of the next frame, drawn in this one, bilinear: (C, H, W).  Only ``valid`` pixels mean anything."""
+        """(C, H, W) the next frame ``after`` (C, H', W') warped to this frame, bilinear; meaningful at ``valid`` pixels
+        only."""
         return F.grid_sample(after[None].to(self.grid), self.grid[None], align_corners=False, padding_mode="border")[0]
 
     def change(self, before: Tensor, after: Tensor) -> float:
-        """Mean |before - warp(after)| over valid pixels and channels; NaN where none is."""
+        """Mean |before - warp(after)| over valid pixels and channels; NaN without valid pixels."""
         return float((before - self.warp(after))[:, self.valid].abs().mean())
 
 
 def reprojection(before: TruePicture, after: TruePicture) -> Reprojection:
-    """Between two frames with true depth.  Valid is what the next frame sees too: its depth, interpolated in 1 / z (in which
-    planes are affine), agrees within 1 %.  Raises ValueError where a frame has no depth."""
+    """Reprojection between two frames with true depth.
+
+    A pixel is valid if its depth agrees within AGREE with the next frame's, interpolated in 1 / z, in which planes are affine.
+    Raises ValueError if a frame has no depth.
+    """
     depth, depth_after = before.depth(), after.depth()
     if depth is None or depth_after is None:
         raise ValueError("flicker needs frames with true depth")
@@ -64,7 +74,7 @@ def reprojection(before: TruePicture, after: TruePicture) -> Reprojection:
 
 
 def middle_stretch(frames: list, count: int | None) -> list:
-    """``count`` consecutive frames from the middle; None: all."""
+    """``count`` consecutive frames from the middle of ``frames``; None: all."""
     count = len(frames) if count is None else min(count, len(frames))
     first = (len(frames) - count) // 2
     return frames[first : first + count]
@@ -78,10 +88,11 @@ def measure_flicker(
     frames: Iterable[TruePicture], draw: Callable[[TruePicture], dict[Key, Tensor]],
     on_frame: Callable[[], object] = lambda: None,
 ) -> list[dict]:
-    """Flicker of every method at every density along frames in order.
+    """Flicker of each method and density along successive frames.
 
-    draw: the pictures (3, H, W) of a frame; the keys must be the same for all.  Returns rows: method, density, change (mean
-    absolute, 0..1), flicker (that over the truth's), gradient (energy over the truth's), valid (share of pixels compared).
+    draw: returns the pictures (3, H, W) of a frame, with the same keys for all frames.  Returns rows: method, density, change
+    (mean absolute, 0..1), flicker (change relative to the truth's), gradient (energy relative to the truth's), valid (share of
+    the pixels that are compared).
     """
     changes: dict[Key, list[float]] = {}
     energies: dict[Key, list[float]] = {}

@@ -1,15 +1,15 @@
-"""Pictures judged by withheld points (:mod:`model.data.heldout`): any scan is judged, without photographs.
+"""Evaluation of pictures at withheld points (:mod:`model.data.heldout`), for any scan, without photographs.
 
-Three figures of each picture, at the withheld points that are visible:
+Three metrics of each picture, at the visible withheld points:
 
-* PSNR, over their channels; a view counts once, however many points it has.
-* the same in gaps: at pixels where the picture had nothing measured that the filter keeps.
-* slope of true on shown differences: both colours less their Gaussian mean over the withheld points around, the true ones
-  regressed on the shown ones.  1: contrast is right; below: the picture shows more than there is (its input's noise); above: it
-  has washed some out.  The noise of the withheld points does not bias it, for the picture knows nothing of that noise.
+* PSNR over points and channels; the mean over views has equal weights.
+* The same in gaps: at pixels without a point that the depth filter keeps.
+* Slope: the regression of true on shown local contrast, that is colour minus the Gaussian mean of the withheld points around
+it.
+  1: contrast is right; below: the picture has too much of it (noise of its input); above: the picture is blurred.  The noise of
+  the withheld points does not bias the slope, as it is independent of the picture.
 
-That noise bounds PSNR: a perfect picture of a noisy scan reaches no more than its noise.  So figures compare pictures of one
-scan, and not scans.
+That noise limits PSNR: even a perfect picture does not exceed it.  Compare pictures of one scan with these metrics, not scans.
 """
 
 import math
@@ -29,30 +29,35 @@ from model.noise import NoiseModel
 from model.unet import LUMA
 
 HIGH_PASS = 4.0
-"""Pixels, standard deviation of the mean that is taken off for the slope: texture and noise remain, shading goes."""
+"""Standard deviation, pixels, of the Gaussian mean subtracted for the slope: it removes shading and keeps texture and noise.
+Chosen by hand."""
 MOST_JUDGED = 200_000
-"""Withheld points of a view that are judged; more change no figure's second decimal."""
+"""Largest number of withheld points per view; more do not change the second decimal of any metric (measured)."""
 LEAST_IN_GAPS = 100
-"""Withheld points in gaps below which a view says nothing of gaps."""
+"""Least number of withheld points in gaps for a view to count in the metrics of gaps.  Chosen by hand."""
 NOISE_LEVELS = 3
-"""Parts of equal size that the withheld points are split into by the noise level around them."""
+"""Number of equal parts into which the withheld points are split by noise level.  Chosen by hand."""
 
 
 def high_pass(values: np.ndarray, index: np.ndarray, shape: tuple[int, int], sigma: float = HIGH_PASS) -> np.ndarray:
-    """(K, C) values less the Gaussian mean of all values around, each at its pixel.  index: (K,) row-major.  sigma: pixels."""
+    """(K, C) values minus their Gaussian mean around each pixel.  index: (K,) row-major pixels of the values.  sigma:
+    pixels."""
 
     def blurred(weights: np.ndarray | None) -> np.ndarray:
         sums = np.bincount(index, weights, shape[0] * shape[1]).reshape(shape)
         return gaussian_filter(sums.astype(np.float32), sigma, mode="constant", truncate=3.0).ravel()[index]
 
-    count = np.maximum(blurred(None), 1e-12)  # every value counts itself: above 0 but for rounding
+    count = np.maximum(blurred(None), 1e-12)  # above 0 except for rounding, as each value counts itself
     return values - np.stack([blurred(values[:, c]) / count for c in range(values.shape[1])], 1)
 
 
 @dataclass(frozen=True)
 class PointErrors:
-    """One picture at the withheld points of one view, (K,) each.  square: squared error, mean over channels.  product, power:
-    of true and shown differences, of shown ones with themselves, summed over channels.  gap: bool.  noise: None if unknown."""
+    """Errors of one picture at the K withheld points of one view, (K,) each.
+
+    square: squared error, mean over channels.  product: of true and shown local contrast, power: square of the shown one, both
+    summed over channels.  gap: bool.  noise: standard deviation, None if unknown.
+    """
 
     square: np.ndarray
     product: np.ndarray
@@ -61,13 +66,13 @@ class PointErrors:
     noise: np.ndarray | None = None
 
     def chosen(self, keep: np.ndarray) -> "PointErrors":
-        """The points of ``keep`` (K,) bool."""
+        """The errors at the points ``keep`` (K,) bool."""
         noise = None if self.noise is None else self.noise[keep]
         return PointErrors(self.square[keep], self.product[keep], self.power[keep], self.gap[keep], noise)
 
 
 def point_errors(picture: Tensor, wanted: Targets, gap: Tensor, noise: np.ndarray | None = None) -> PointErrors:
-    """picture: (3, H, W) in 0..1.  gap: (H, W) bool, where nothing was measured."""
+    """Errors of a picture (3, H, W) in 0..1.  gap: (H, W) bool, pixels without a measured colour.  noise: (K,) or None."""
     index, shape = wanted.index.numpy(), (picture.shape[1], picture.shape[2])
     shown = picture.reshape(3, -1)[:, wanted.index].T.numpy().astype(np.float64)
     true = wanted.rgb.numpy() / 255.0
@@ -77,21 +82,24 @@ def point_errors(picture: Tensor, wanted: Targets, gap: Tensor, noise: np.ndarra
 
 
 def _psnr(errors: Sequence[PointErrors]) -> float:
-    """Mean over views, dB; NaN where there are none."""
+    """Mean over views, dB; NaN without views."""
     values = [-10.0 * math.log10(max(float(e.square.mean()), 1e-12)) for e in errors if len(e.square)]
     return float(np.mean(values)) if values else math.nan
 
 
 def _slope(errors: Sequence[PointErrors]) -> float:
-    """Over views, each of the same weight; NaN where the picture is even."""
+    """Slope over views of equal weight; NaN if the picture has no local contrast."""
     means = [(float(e.product.mean()), float(e.power.mean())) for e in errors if len(e.square)]
     power = sum(p for _, p in means)
     return sum(p for p, _ in means) / power if power > 0 else math.nan
 
 
 def figures(errors: Sequence[PointErrors]) -> dict:
-    """JSON-able figures of one method over views: psnr, psnr_gaps, slope, gaps (share of the points), points, and, where the
-    noise is known, ``noise``: (sigma, psnr, slope) from the quietest part of the points to the noisiest."""
+    """Metrics of one method over views, for JSON.
+
+    psnr, psnr_gaps: dB; slope; gaps: share of the points; points: number; noise: sigma, psnr and slope of each part of the
+    points, the lowest noise first, or None if the noise is unknown.
+    """
     inside = [e.chosen(e.gap) for e in errors if e.gap.sum() >= LEAST_IN_GAPS]
     count = sum(len(e.square) for e in errors)
     found = {"psnr": _psnr(errors), "psnr_gaps": _psnr(inside), "slope": _slope(errors), "points": count,
@@ -110,7 +118,7 @@ def figures(errors: Sequence[PointErrors]) -> dict:
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """A camera to judge from.  station: the scanner that is left out for it, None: points are withheld at random."""
+    """A camera for the evaluation.  station: index of the station that is withheld; None: points are withheld at random."""
 
     name: str
     picture: TruePicture
@@ -119,10 +127,11 @@ class Viewpoint:
 
 @dataclass
 class Withheld:
-    """Judges methods on a scan, view by view.
+    """Evaluates methods on a scan, view by view.
 
-    spacing: of the whole scan, its units.  unlit: black points have no colour.  noise: of the scan, as the network is told it,
-    None if not known.  share: of the points, withheld at random.
+    spacing: point spacing of the whole scan, file units.  unlit: black points count as points without colour.  noise: noise
+    model of the scan, an input of the network; None if unknown.  share: of the points, withheld at random.
+    found: errors by (withheld points, method, density), one entry per view.
     """
 
     scan: Scan
@@ -136,9 +145,9 @@ class Withheld:
     found: dict[tuple[str, str, float], list[PointErrors]] = field(default_factory=dict)
 
     def judge(self, viewpoint: Viewpoint) -> tuple[Targets, dict[str, Tensor]]:
-        """Adds a viewpoint's figures to ``found``, by (what is withheld, method, density).
+        """Adds the errors of one viewpoint to ``found``.
 
-        Returns its withheld points and the pictures (3, H, W) of the first density by method, to be looked at.
+        Returns its withheld points, and by method the pictures (3, H, W) of the first density.
         """
         seen = project_scan(self.scan, viewpoint.picture, self.seed)
         if viewpoint.station is None:
@@ -162,9 +171,9 @@ class Withheld:
         return wanted, shown
 
     def _sight(self, seen: Projected, held: Tensor, left: float, density: float, *, random: bool) -> Sight:
-        """What the methods see: a share ``density`` of the points that are not withheld, which are a share ``left`` of all.
+        """Input of the methods: a share ``density`` of the points that are not withheld, which are a share ``left`` of all.
 
-        random: whether the rank of a point tells that it is withheld.
+        random: whether points are withheld by their rank.
         """
         most = density * left if random else density
         return sight(seen.chosen(~held & (seen.rank < most)), None, self.spacing / (left * density) ** 0.5, unlit=self.unlit,
@@ -177,16 +186,17 @@ class Withheld:
         return np.asarray(self.noise.at(self.scan.xyz[wanted.point.numpy()], luma), np.float64)
 
     def rows(self) -> list[dict]:
-        """A row a method, density and what is withheld: ``method``, ``density``, ``withheld``, ``views`` and the figures."""
+        """A row for each method, density and kind of withheld points: ``method``, ``density``, ``withheld``, ``views``,
+        metrics."""
         return [{"method": method, "density": density, "withheld": what, "views": len(errors), **figures(errors)}
                 for (what, method, density), errors in self.found.items()]
 
 
 def nearer(filled: Tensor, neural: Tensor, wanted: Targets, sigma: float = HIGH_PASS) -> np.ndarray:
-    """(H, W, 3) uint8: blue where the neural picture is nearer to the withheld points, orange where the filled one is, the
-    stronger the more, over a grey filled picture; grey alone where no withheld point is visible.
+    """(H, W, 3) uint8: a map of which picture is closer to the withheld points, over the filled picture in grey.
 
-    Squared errors are averaged over the points around (sigma: pixels): a single point's own noise says little.
+    Blue: the neural picture; orange: the filled one; a stronger colour is a larger difference.  Grey: no withheld point is
+    visible.  Squared errors are averaged with a Gaussian (sigma: pixels), as single points are noisy.
     """
     shape = (filled.shape[1], filled.shape[2])
     index, true = wanted.index.numpy(), wanted.rgb.numpy() / 255.0

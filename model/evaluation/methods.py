@@ -1,8 +1,8 @@
-"""The ways of making a picture that are compared: no learning, the networks, all behind the same projected points.
+"""The compared reconstruction methods, with and without a network, from the same projected points.
 
-A :class:`Sight` is what a method may look at: one view's points at one density in their pixels, averaged as published and, as
-the viewer does, by which stations looked the way the eye looks (model/station_weights.py).  Masks and filled inputs are made
-when first asked for, and shared by the methods that use them.
+A :class:`Sight` is the input of the methods: the points of one view at one density, averaged per pixel with equal weights, as
+published, and with view-dependent blending, as in the viewer (model/station_weights.py).  Masks and filled inputs are computed
+on first use and shared by all methods.
 """
 
 import statistics
@@ -30,14 +30,18 @@ PRESETS = {
 }
 """Name of a mask in tables -> preset of :func:`model.depth_filter.keep_mask`."""
 TRUE, OURS = "true visibility", "our filter"
-WEIGHED = f"pull-push, {OURS}, stations weighed"
-TIMES = 3  # a duration is the median of this many, after one to warm up
+"""Names of the masks from the true depth and of the viewer's depth filter."""
+WEIGHTED = f"pull-push, {OURS}, view-dependent blending"
+"""Name of the method whose picture is the input of the viewer's networks."""
+TIMES = 3
+"""Runs per duration, whose median is taken, after one run to warm up.  Chosen by hand."""
 
 
 def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
-    """(visible, hidden) masks of projected points against a true depth picture; pixels too close to call are in neither.
+    """(visible, hidden) masks (H, W) bool of projected points by a true depth picture; undecided pixels are in neither.
 
-    A point is visible up to 1 % + 1 cm behind the farthest true depth of its 3x3 neighbourhood, hidden beyond 2 % + 3 cm.
+    depth, truth: (H, W) metres.  A point is visible up to 1 % + 1 cm behind the farthest true depth of its 3x3 neighbourhood,
+    hidden beyond 2 % + 3 cm.
     """
     known = torch.where(torch.isfinite(truth), truth, torch.full_like(truth, 1e4))[None, None]
     farthest = F.max_pool2d(F.pad(known, (1, 1, 1, 1), mode="replicate"), 3, 1)[0, 0]
@@ -47,11 +51,14 @@ def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 
 @dataclass(frozen=True)
 class Sight:
-    """A view's points at one density.  seen: the points left; raster: the same in their pixels, plainly averaged; true_depth:
-    (H, W) float32, None where it is not known; unlit: black points have no colour (:class:`model.projection.SoftZ`); noise: of
-    the scan, as the network is told it, None where it is not known.
+    """The points of a view at one density.
 
-    Masks depend on depth alone, so that sights that differ in colour only may share them.
+    seen: the points; raster: their averages per pixel, with equal weights; true_depth: (H, W) float32, None if unknown;
+    spacing: of the thinned scan, file units; unlit: black points count as points without colour
+    (:class:`model.projection.SoftZ`); noise: noise model of the scan, an input of the network, None if unknown.  masks, inputs,
+    rasters: caches.
+
+    Masks depend on depth only; sights that differ only in colour may share them.
     """
 
     seen: Projected
@@ -65,16 +72,16 @@ class Sight:
     noise: NoiseModel | None = None
 
     @property
-    def weighed(self) -> Raster:
-        """The raster by the weights of the stations; the plain one where the scan does not say where they stood."""
+    def weighted(self) -> Raster:
+        """The raster with view-dependent blending; ``raster`` if the scanner positions are unknown."""
         if self.seen.weight is None:
             return self.raster
-        if "weighed" not in self.rasters:
-            self.rasters["weighed"] = self.seen.raster(soft_z(self.spacing, unlit=self.unlit))
-        return self.rasters["weighed"]
+        if "weighted" not in self.rasters:
+            self.rasters["weighted"] = self.seen.raster(soft_z(self.spacing, unlit=self.unlit))
+        return self.rasters["weighted"]
 
     def mask(self, name: str) -> Tensor:
-        """(H, W) bool: a key of PRESETS, or TRUE, which needs the true depth."""
+        """(H, W) bool: mask of a name in PRESETS, or TRUE, which requires the true depth."""
         if name not in self.masks:
             depth = self.raster.depth
             if name == TRUE:
@@ -85,27 +92,27 @@ class Sight:
                 self.masks[name] = kept & (self.raster.count > 0) if self.unlit else kept
         return self.masks[name]
 
-    def input(self, mask: str, *, weighed: bool = False) -> Tensor:
-        """(6, H, W) network input behind the named mask; its first three channels are the pull-push picture."""
-        if (mask, weighed) not in self.inputs:
-            raster = self.weighed if weighed else self.raster
+    def input(self, mask: str, *, weighted: bool = False) -> Tensor:
+        """(6, H, W) network input of the pixels of the named mask; its first three channels are the pull-push picture."""
+        if (mask, weighted) not in self.inputs:
+            raster = self.weighted if weighted else self.raster
             noise = seen_noise(self.noise, raster, self.seen)
-            self.inputs[mask, weighed] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise)
-        return self.inputs[mask, weighed]
+            self.inputs[mask, weighted] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise)
+        return self.inputs[mask, weighted]
 
     def fresh(self) -> "Sight":
-        """The same with nothing made yet, to be timed."""
+        """A copy with empty caches, for timing."""
         return replace(self, masks={}, inputs={}, rasters={})
 
 
 def soft_z(spacing: float, *, unlit: bool = False) -> SoftZ:
-    """The renderer's own.  spacing: file units."""
+    """The renderer's soft z-buffer.  spacing: file units."""
     return SoftZ.preset("auto", spacing, 1.0, unlit=unlit)
 
 
 def sight(seen: Projected, true_depth: Tensor | None, spacing: float, masks: dict[str, Tensor] | None = None, *,
           unlit: bool = False, noise: NoiseModel | None = None) -> Sight:
-    """The points ``seen``, already thinned, through our soft z-buffer.  spacing: of the thinned scan, file units."""
+    """The sight of points ``seen``, already thinned, through the soft z-buffer.  spacing: of the thinned scan, file units."""
     raster = replace(seen, weight=None).raster(soft_z(spacing, unlit=unlit))
     return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks, unlit=unlit, noise=noise)
 
@@ -117,11 +124,11 @@ def thinned(seen: Projected, density: float) -> Projected:
 
 @dataclass(frozen=True)
 class Method:
-    """A way of making a picture.
+    """A reconstruction method.
 
-    prepare: a sight -> what ``network`` takes, or the picture itself where there is no network.  network: (6, H, W) ->
-    (3, H, W).  mask: the name of the one it uses, None where it has none.  mac: multiply-accumulates a pixel.  weighed: whether
-    its points have the weights of their stations.
+    prepare: a sight -> the input (6, H, W) of ``network``, or the picture (3, H, W) without a network.  network: (6, H, W) ->
+    (3, H, W).  mask: name of its mask, None without one.  mac: multiply-accumulate operations per pixel.  weighted: whether it
+    uses view-dependent blending.
     """
 
     name: str
@@ -129,7 +136,7 @@ class Method:
     mask: str | None
     network: Callable[[Tensor], Tensor] | None = None
     mac: float = 0.0
-    weighed: bool = False
+    weighted: bool = False
 
     def picture(self, sight: Sight) -> Tensor:
         """(3, H, W) in 0..1."""
@@ -138,21 +145,21 @@ class Method:
 
 
 def plain_methods() -> list[Method]:
-    """Raw points, and pull-push behind every mask, averaged as published; and ours, by the weights of the stations."""
+    """Methods without a network: raw points; pull-push with each mask and equal weights; and with view-dependent blending."""
     methods = [Method("raw", lambda sight: sight.raster.colour / 255, "no filter")]
     for mask in (*PRESETS, TRUE):
         methods.append(Method(f"pull-push, {mask}", lambda sight, mask=mask: sight.input(mask)[:3], mask))
-    return [*methods, Method(WEIGHED, lambda sight: sight.input(OURS, weighed=True)[:3], OURS, weighed=True)]
+    return [*methods, Method(WEIGHTED, lambda sight: sight.input(OURS, weighted=True)[:3], OURS, weighted=True)]
 
 
 def network_method(name: str, path: Path) -> Method:
-    """A network from a weights file, behind our filter if it was trained on filtered input, else behind none.
+    """A network from a weights file, with our filter if it was trained on filtered input, else without a filter.
 
-    The paper's gets points averaged as published.  Raises WeightsError.
+    The paper's network takes points averaged with equal weights, as published.  Raises WeightsError.
     """
     network, header = load_weights(path)
     mac = mac_per_pixel(network)
-    weighed = isinstance(network, CompactUNet)
+    weighted = isinstance(network, CompactUNet)
     network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mask = "no filter" if header.get("input") == "unfiltered" else OURS
 
@@ -160,21 +167,21 @@ def network_method(name: str, path: Path) -> Method:
     def run(x: Tensor) -> Tensor:
         return network(x[None].contiguous(memory_format=torch.channels_last))[0, :3].clamp(0, 1)
 
-    return Method(f"network {name}", lambda sight: sight.input(mask, weighed=weighed), mask, run, mac, weighed)
+    return Method(f"network {name}", lambda sight: sight.input(mask, weighted=weighted), mask, run, mac, weighted)
 
 
 class Open3DMethod:
-    """Open3D's pictures of a sight, by name of a method, one a point size."""
+    """Open3D's point rendering, as one method per point size."""
 
     def __init__(self, renderer: Open3DPoints):
         self.renderer = renderer
         self.names = [f"Open3D, {size:g} px points" for size in POINT_SIZES]
 
     def pictures(self, sight: Sight) -> dict[str, tuple[Tensor, float]]:
-        """Picture (3, H, W) in 0..1, and the milliseconds it took.
+        """Method name -> (picture (3, H, W) in 0..1, milliseconds).
 
-        Points are put in the middle of their pixels, which changes no picture while point sizes are odd, and before a camera
-        whose principal point is the middle of the picture, the only kind that Open3D draws.
+        Open3D requires the principal point at the centre of the picture, so points are moved into the frame of such a camera.
+        Each point is moved to the centre of its pixel, which does not change the picture for odd point sizes.
         """
         seen, camera = sight.seen, sight.seen.camera
         index, z = seen.index.numpy(), seen.z.numpy().astype(np.float64)
@@ -198,21 +205,22 @@ def _median_ms(work: Callable[[], object]) -> float:
 
 
 def timings(methods: list[Method], view: Sight) -> dict[str, tuple[float, float | None]]:
-    """Milliseconds of every method, warm, median of three: (points in view to picture, network alone or None).
+    """Milliseconds of each method after warm-up, median of TIMES: (points in view to picture, network only or None).
 
-    Masks are made from the plain raster at hand: its depths are those of the weighed one, which a weighed method makes itself.
+    Masks come from the raster with equal weights, whose depths are the same.  Methods with view-dependent blending compute
+    their own raster, which is part of their time.
     """
     raster = _median_ms(lambda: sight(view.seen, view.true_depth, view.spacing, noise=view.noise))
     prepared: dict[tuple[str | None, bool], float] = {}
     result: dict[str, tuple[float, float | None]] = {}
     for method in methods:
-        key = (method.name if method.name == "raw" else method.mask), method.weighed
+        key = (method.name if method.name == "raw" else method.mask), method.weighted
         if key not in prepared:
             prepared[key] = _median_ms(lambda m=method: m.prepare(view.fresh()))
         alone = None
         if method.network is not None:
             x = method.prepare(view)
             alone = _median_ms(lambda m=method, x=x: m.network(x))  # type: ignore[misc]
-        rasterised = 0.0 if method.weighed and view.seen.weight is not None else raster
+        rasterised = 0.0 if method.weighted and view.seen.weight is not None else raster
         result[method.name] = rasterised + prepared[key] + (alone or 0.0), alone
     return result

@@ -1,35 +1,36 @@
-"""Picture metrics: PSNR, SSIM and the gradient energy that keeps blur from winning.  Pictures (..., 3, H, W) in 0..1."""
+"""Picture metrics: PSNR, SSIM and gradient energy, which reveals blur.  Pictures: (..., 3, H, W) in 0..1."""
 
 import torch
 from torch import Tensor
 
-WINDOW = 11  # pixels, of a Gaussian of sigma 1.5
+WINDOW = 11
+"""Side, pixels, of the window of SSIM, a Gaussian of standard deviation 1.5 (Wang et al. 2004)."""
 
 
 def psnr(a: Tensor, b: Tensor) -> float:
-    """Decibels; infinite where the pictures are equal."""
+    """PSNR in dB; infinite if the pictures are equal."""
     error = (a.double() - b.double()).square().mean()
     return float(-10.0 * torch.log10(error))
 
 
 def psnr_after_gain(a: Tensor, b: Tensor) -> float:
-    """PSNR after one global gain on ``a``, the best in the least-squares sense."""
+    """PSNR in dB after multiplying ``a`` by the global gain with the least squared error."""
     a, b = a.double(), b.double()
     return psnr(a * ((a * b).sum() / a.square().sum().clamp_min(1e-12)), b)
 
 
 def masked_psnr(a: Tensor, b: Tensor, where: Tensor) -> float:
-    """PSNR over the pixels of ``where`` (H, W) bool; NaN where there are none."""
+    """PSNR over the pixels ``where`` (H, W) bool; NaN without pixels."""
     return psnr(a[..., where], b[..., where])
 
 
 def masked_error(a: Tensor, b: Tensor, where: Tensor) -> float:
-    """Mean absolute difference over the pixels of ``where`` (H, W) bool; NaN where there are none."""
+    """Mean absolute difference over the pixels ``where`` (H, W) bool; NaN without pixels."""
     return float((a[..., where].double() - b[..., where].double()).abs().mean())
 
 
 def _window_means(x: Tensor) -> Tensor:
-    """Gaussian means of the windows that lie within the picture: (..., H, W) -> (..., H - 10, W - 10)."""
+    """Gaussian means of the windows within the picture: (..., H, W) -> (..., H - 10, W - 10)."""
     middle = WINDOW // 2
     weights = torch.exp(-(torch.arange(WINDOW, dtype=torch.float64) - middle).square() / (2 * 1.5**2))
     share = (weights / weights.sum()).tolist()
@@ -43,18 +44,21 @@ def _window_means(x: Tensor) -> Tensor:
 
 
 class SsimTo:
-    """Structural similarity (Wang et al. 2004: 11x11 Gaussian window, per channel) to one picture, whose own moments are
-    taken once.  Works in that picture's precision.  Raises ValueError for pictures smaller than the window."""
+    """Structural similarity (Wang et al. 2004: 11x11 Gaussian window, per channel) to one picture, with its precomputed
+    moments.
+
+    Computed in the precision of that picture.  Raises ValueError for a picture smaller than the window.
+    """
 
     def __init__(self, truth: Tensor):
         if min(truth.shape[-2:]) < WINDOW:
-            raise ValueError(f"SSIM needs {WINDOW} pixels a side; this picture has {truth.shape[-1]}x{truth.shape[-2]}")
+            raise ValueError(f"SSIM needs at least {WINDOW}x{WINDOW} pixels; this one has {truth.shape[-1]}x{truth.shape[-2]}")
         self.truth = truth
         self.mean, squares = _window_means(torch.stack([truth, truth * truth]))
         self.variance = squares - self.mean**2
 
     def __call__(self, a: Tensor) -> float:
-        """Mean over windows and channels, 1 where equal."""
+        """Mean over windows and channels; 1 for equal pictures."""
         a = a.to(self.truth.dtype)
         mean, squares, products = _window_means(torch.stack([a, a * a, a * self.truth]))
         c1, c2 = 0.01**2, 0.03**2
@@ -64,10 +68,10 @@ class SsimTo:
 
 
 def ssim(a: Tensor, b: Tensor) -> float:
-    """Mean structural similarity, see :class:`SsimTo`; in float64."""
+    """Mean structural similarity (:class:`SsimTo`) in float64."""
     return SsimTo(b.double())(a)
 
 
 def gradient_energy(a: Tensor) -> float:
-    """Mean absolute difference of neighbouring pixels."""
+    """Mean absolute difference of horizontal neighbours plus that of vertical neighbours."""
     return float((a[..., 1:] - a[..., :-1]).abs().mean() + (a[..., 1:, :] - a[..., :-1, :]).abs().mean())

@@ -1,8 +1,8 @@
-"""Open3D's point rendering, as a method to compare with: its window, never shown, in a process of its own.
+"""Open3D's point rendering, for comparison: its visualiser, with a hidden window, in a child process.
 
-Open3D draws through OpenGL and may crash where there is none, and it prints as it likes: so it runs in a child process,
-which gets points in the camera frame (x right, y down, z forward) and gives pictures back, or leaves a reason.  This file is
-also that child's program and imports nothing of the project.
+Open3D renders with OpenGL, may crash without it, and prints to stdout.  It therefore runs in a child process, which receives
+points in the camera frame (x right, y down, z forward) and returns pictures, or ends with an error message.  This file is also
+the child's program and imports no other module of the project.
 """
 
 import contextlib
@@ -18,24 +18,26 @@ from typing import IO
 import numpy as np
 
 POINT_SIZES = (1.0, 5.0)
-"""Pixels: as ours, and Open3D's own choice."""
+"""Pixels: as in the viewer, and Open3D's default."""
 START_SECONDS = 120.0
+"""Time limit of the start.  Chosen by hand."""
 PICTURE_SECONDS = 120.0
+"""Time limit of a picture.  Chosen by hand."""
 
 
 class Open3DError(Exception):
-    """Open3D cannot draw here; the message says why."""
+    """Open3D cannot render on this machine; the message gives the reason."""
 
 
 def _send(pipe: IO[bytes], array: np.ndarray) -> None:
-    """An array as a line with its type and shape, then its bytes."""
+    """Writes an array: a line with its type and shape, then its bytes."""
     pipe.write(f"{array.dtype.str} {' '.join(map(str, array.shape))}\n".encode())
     pipe.write(np.ascontiguousarray(array).tobytes())
     pipe.flush()
 
 
 def _receive(pipe: IO[bytes]) -> np.ndarray:
-    """What :func:`_send` sent.  Raises EOFError where the other side has gone."""
+    """Reads an array of :func:`_send`.  Raises EOFError if the other process has ended."""
     kind, *shape = pipe.readline().decode().split() or [""]
     if not kind:
         raise EOFError
@@ -47,10 +49,10 @@ def _receive(pipe: IO[bytes]) -> np.ndarray:
 
 
 class Open3DPoints:
-    """A child process that draws.  Raises Open3DError where it cannot; release with :meth:`close`."""
+    """A child process that renders with Open3D.  Raises Open3DError if it cannot; release with :meth:`close`."""
 
     def __init__(self):
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115  # lives as long as the child
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115  # open as long as the child runs
         environment = {**os.environ, "PYTHONWARNINGS": "ignore"}
         self._child = subprocess.Popen(
             [sys.executable, str(Path(__file__).resolve())], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
@@ -65,10 +67,10 @@ class Open3DPoints:
 
     def draw(self, xyz: np.ndarray, rgb: np.ndarray, size: tuple[int, int], focal: float,
              seconds: float = PICTURE_SECONDS) -> tuple[list[np.ndarray], list[float]]:
-        """One picture a point size, and the milliseconds each took to draw once its points were uploaded.
+        """Pictures (H, W, 3) uint8, one per point size, and the milliseconds of each without the upload of the points.
 
-        xyz: (N, 3) float32, camera frame.  rgb: (N, 3) uint8.  size: width, height.  focal: pixels.
-        The principal point is the middle of the picture: Open3D heeds no other.  Returns (H, W, 3) uint8 pictures.
+        xyz: (N, 3) float32, camera frame.  rgb: (N, 3) uint8.  size: (width, height), pixels.  focal: pixels.  The principal
+        point is the centre of the picture, as Open3D ignores any other.  Raises Open3DError.
         """
         child = self._child
         assert child.stdin is not None and child.stdout is not None
@@ -85,16 +87,16 @@ class Open3DPoints:
         return list(pictures), spent.tolist()
 
     def _reason(self, seconds: float) -> str:
-        """The last line the child wrote, or how it ended."""
+        """The last line of the child's stderr, or its exit status."""
         code = self._child.wait(timeout=30)
         self._errors.seek(0)
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         if code == -9:
-            return f"Open3D gave no picture within {seconds:.0f} s"
-        return lines[-1].strip() if lines and code > 0 else f"Open3D's process ended with {code}"
+            return f"Open3D did not render a picture within {seconds:.0f} s"
+        return lines[-1].strip() if lines and code > 0 else f"Open3D's process ended with exit status {code}"
 
     def close(self) -> None:
-        """Ends the child."""
+        """Ends the child process."""
         for stream in (self._child.stdin, self._child.stdout):
             if stream is not None:
                 with contextlib.suppress(OSError):
@@ -108,7 +110,7 @@ class Open3DPoints:
 
 
 class _Window:
-    """Open3D's visualiser at one size; the points are replaced, the window stays."""
+    """Open3D's visualiser at one picture size; the window is kept while the points are replaced."""
 
     def __init__(self, width: int, height: int):
         import open3d
@@ -116,7 +118,7 @@ class _Window:
         self.o3d, self.width, self.height = open3d, width, height
         self.view = open3d.visualization.Visualizer()
         if not self.view.create_window(width=width, height=height, visible=False):
-            raise SystemExit("Open3D could not open an OpenGL window, hidden or not")
+            raise SystemExit("Open3D cannot open a hidden OpenGL window")
 
     def draw(self, xyz: np.ndarray, rgb: np.ndarray, focal: float) -> tuple[np.ndarray, np.ndarray]:
         o3d, view = self.o3d, self.view
@@ -127,11 +129,11 @@ class _Window:
         option = view.get_render_option()
         option.background_color, option.light_on = np.zeros(3), False
         parameters = o3d.camera.PinholeCameraParameters()
-        middle = self.width / 2 - 0.5, self.height / 2 - 0.5  # counted from the centre of the first pixel
+        middle = self.width / 2 - 0.5, self.height / 2 - 0.5  # pixel centres are integers in Open3D
         parameters.intrinsic = o3d.camera.PinholeCameraIntrinsic(self.width, self.height, focal, focal, *middle)
         parameters.extrinsic = np.eye(4)
         if not view.get_view_control().convert_from_pinhole_camera_parameters(parameters, True):
-            raise SystemExit("Open3D refused the camera")
+            raise SystemExit("Open3D rejected the camera")
         control = view.get_view_control()
         control.set_constant_z_near(max(1e-3, float(xyz[:, 2].min()) * 0.9))
         control.set_constant_z_far(float(xyz[:, 2].max()) * 1.1)
@@ -167,7 +169,7 @@ def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
 
 if __name__ == "__main__":
     private = os.dup(1)
-    os.dup2(2, 1)  # what Open3D prints must not mix with the pictures
+    os.dup2(2, 1)  # so that output of Open3D does not mix with the pictures
     try:
         _serve(sys.stdin.buffer, os.fdopen(private, "wb"))
     except ImportError as error:

@@ -1,8 +1,7 @@
-"""Other people's methods: pictures they left in a folder, judged like ours.
+"""Methods of others: pictures in a folder, evaluated like those of our methods.
 
-A picture is a PNG named after its view's rgb file (``view003.jpg`` -> ``view003.png``), straight in the folder or, where its
-density matters, in a subfolder named after it in percent: ``D100``, ``D10``, ``D3``.  The same for ``path`` frames, if all are
-there.
+A picture is a PNG named after the rgb file of its view (``view003.jpg`` -> ``view003.png``).  It is in the folder itself, or in
+a subfolder named after the density in percent: ``D100``, ``D10``, ``D3``.  The frames of the path are used if all are present.
 """
 
 from collections.abc import Sequence
@@ -17,7 +16,8 @@ from torch import Tensor
 from model.data.dataset import DataError
 from model.data.stations import RoomView
 
-NAMED = 10  # at most, in a message
+NAMED = 10
+"""Largest number of files named in a message.  Chosen by hand."""
 
 
 def density_folder(density: float) -> str:
@@ -27,25 +27,25 @@ def density_folder(density: float) -> str:
 
 @dataclass(frozen=True)
 class Outside:
-    """A folder of pictures.  path_frames: whether the frames of the camera move are there too."""
+    """A folder of pictures.  path_frames: whether it contains the frames of the camera path too."""
 
     name: str
     folder: Path
     path_frames: bool = False
 
     def file(self, shot: RoomView, density: float) -> Path:
-        """Where the picture of a view must lie."""
+        """Path of the picture of a view."""
         within = self.folder / density_folder(density)
         return (within if within.is_dir() else self.folder) / f"{Path(shot.rgb_file).stem}.png"
 
     def picture(self, shot: RoomView, density: float) -> Tensor:
-        """(3, H, W) in 0..1."""
+        """The picture (3, H, W) of a view, in 0..1."""
         with Image.open(self.file(shot, density)) as image:
             return torch.from_numpy(np.asarray(image.convert("RGB")).copy()).permute(2, 0, 1) / 255
 
 
 def parse_outside(texts: Sequence[str]) -> dict[str, Path]:
-    """``NAME=FOLDER`` arguments.  Raises DataError."""
+    """Name -> folder of arguments ``NAME=FOLDER``.  Raises DataError."""
     result: dict[str, Path] = {}
     for text in texts:
         name, equals, folder = text.partition("=")
@@ -72,9 +72,9 @@ def _problem(path: Path, shot: RoomView) -> str | None:
 
 def open_outside(folders: dict[str, Path], views: Sequence[RoomView], frames: Sequence[RoomView],
                  densities: Sequence[float]) -> list[Outside]:
-    """Checks every picture that will be needed before anything is computed.  Raises DataError naming the first ten bad ones.
+    """Checks all pictures before the evaluation.  Raises DataError naming the first NAMED missing or unreadable ones.
 
-    Path frames may be left out, all of them; a few of them are as bad as a missing view.
+    Either all frames of the path are present or none.
     """
     stems = [Path(shot.rgb_file).stem for shot in (*views, *frames)]
     if folders and len(set(stems[: len(views)])) < len(views):

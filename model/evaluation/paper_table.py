@@ -1,9 +1,10 @@
-"""The paper's table (Vanherck et al. 2025, Table 1) over places of one's own: two sizes, all points and one in ten.
+"""The paper's table (Vanherck et al. 2025, Table 1) for given places: two picture sizes, all points and 10 % of them.
 
-Photographs and their intrinsics are scaled to 1920x1440 and 960x720 (cut to 4:3 where they are not).  Only the pixels that
-the scan covers count, as ``known()`` says: PSNR over them, SSIM over the windows that hold any, and for the perceptual
-distances the others are given the true colours.  LPIPS stands twice: as the published code has it, fed 0..1, and as it is
-defined, fed -1..1.  Frames a second are of the plain twin in torch, projection to network, not of the OpenGL renderer.
+Photographs and their intrinsics are cropped to 4:3 and scaled to 1920x1440 and 960x720.  Only the pixels that the scan covers
+(``known()``) count: PSNR over them, SSIM over the windows that contain any, and perceptual distances with all other pixels
+replaced by the true ones.  LPIPS is given twice: with input 0..1, as in the published code, and with input -1..1, as it is
+defined.  Frames per second are of the reference implementation in torch, from projection to network, not of the OpenGL
+renderer.
 """
 
 import logging
@@ -33,20 +34,26 @@ from model.weights import load_weights
 _log = logging.getLogger(__name__)
 
 SIZES = ((1920, 1440), (960, 720))
+"""Picture sizes of the paper, pixels."""
 DENSITIES = (1.0, 0.1)
+"""Shares of the points in the paper."""
 NO_NETWORK = "pull-push"
-PUBLISHED = (  # PSNR, LPIPS as published, SSIM, frames/s on an RTX 4090; 55 scenes of ScanNet++ v2, all points
+"""Name of hole filling without a network."""
+PUBLISHED = (
     ("paper", 1920, 1440, 16.10, 0.34, 0.74, 13.63), ("paper", 960, 720, 16.29, 0.34, 0.71, 49.71),
     ("Pointersect (paper)", 1920, 1440, 14.94, 0.49, 0.60, 0.006), ("Pointersect (paper)", 960, 720, 14.97, 0.48, 0.55, 0.021),
 )
+"""Rows of the paper: method, width, height, PSNR, LPIPS as published, SSIM, frames/s on an RTX 4090; 55 scenes of ScanNet++ v2,
+all points."""
 
-_Key = tuple[str, int, int, float]  # method, width, height, density
+_Key = tuple[str, int, int, float]
+"""Method, width, height, density."""
 
 
 def scaled(view: TruePicture, width: int, height: int) -> MemoryPicture:
-    """The view cut to the proportions asked for, about its middle, and resampled to that size, intrinsics with it.
+    """The view, cropped around its centre to the aspect ratio and resampled to the size in pixels, with adapted intrinsics.
 
-    A pixel is known where all it was made of is.
+    A pixel is known if all source pixels are known.
     """
     scale = max(width / view.width, height / view.height)
     left, top = (view.width - width / scale) / 2, (view.height - height / scale) / 2
@@ -74,7 +81,8 @@ def _from_torchmetrics(backbone: str) -> nn.Module:
 
 @dataclass(frozen=True)
 class _Distances:
-    """LPIPS, or None where it or its weights are not at hand, and the SqueezeNet distance."""
+    """LPIPS and the SqueezeNet distance; each is None if it or its weights are not available.  missing: the reasons for
+    LPIPS."""
 
     lpips: nn.Module | None
     squeeze: nn.Module | None
@@ -94,7 +102,7 @@ class _Distances:
 
     @torch.inference_mode()
     def __call__(self, made: Tensor, truth: Tensor) -> dict[str, float]:
-        """(3, H, W) each, 0..1."""
+        """Distances by name.  made, truth: (3, H, W), 0..1."""
         a, b = made[None], truth[None]
         nan = float("nan")
         return {
@@ -105,9 +113,9 @@ class _Distances:
 
 
 def known_ssim(made: Tensor, truth: Tensor, known: Tensor) -> float:
-    """SSIM over the windows that hold a known pixel; the unknown ones show the truth.  known (H, W) bool.
+    """SSIM over the windows with a known pixel; unknown pixels are replaced by the truth.  known: (H, W) bool.
 
-    Windows without a known pixel are equal, hence 1, and are taken out of the mean.
+    Windows without a known pixel are equal, with SSIM 1, and are subtracted from the mean.
     """
     value = ssim(torch.where(known, made, truth), truth)
     hold = torch.nn.functional.max_pool2d(known[None, None].float(), WINDOW, 1)
@@ -116,7 +124,7 @@ def known_ssim(made: Tensor, truth: Tensor, known: Tensor) -> float:
 
 
 class _Method:
-    """A way from projected points to a picture; network None: hole filling alone."""
+    """A reconstruction method.  path: weights file of its network; None: hole filling only."""
 
     def __init__(self, name: str, path: Path | None, device: str, precision: str):
         self.name, self.filtered, self.network, self.dtype = name, True, None, torch.float32
@@ -144,13 +152,13 @@ def paper_table(
     densities: Sequence[float] = DENSITIES, views: int | None = None, distance_path: Path | None = None,
     backbone: str = "vgg", device: str = "cpu", precision: str | None = None, repeats: int = 5, seed: int = 11,
 ) -> dict:
-    """The figures of every weights file (name -> file) and of hole filling without a network.
+    """Metrics of each weights file (name -> file) and of hole filling without a network.
 
-    views: how many of each place, evenly chosen (None: all).  distance_path: folder of the SqueezeNet distance.  backbone:
-    of LPIPS.  device: cpu or cuda.  precision: of the networks (None: the fast one there).  repeats: of each timing.
-    seed: of the scans of places that have no real one.
-    Returns what :func:`format_paper_table` prints, JSON-able; not-a-number where a figure could not be had.
-    Raises DataError without places or views, WeightsError for weights that do not fit.
+    views: number per place, evenly spaced (None: all).  distance_path: folder of the SqueezeNet distance's weights.  backbone:
+    of LPIPS.  device: cpu or cuda.  precision: of the networks (None: the fastest of the device).  repeats: of each timing.
+    seed: of simulated scans, for places without a real one.
+    Returns the input of :func:`format_paper_table`, for JSON; NaN where a metric is not available.
+    Raises DataError without places or views, WeightsError for invalid weights.
     """
     if not places or not all(place.views for place in places):
         raise DataError("the paper's table needs places with at least one true picture each")
@@ -161,8 +169,8 @@ def paper_table(
     seconds: dict[_Key, list[tuple[float, float]]] = {}
     skipped, points = 0, []
     for place in places:
-        scan = place.original_scan() if isinstance(place, PhotoPlace) else place.scan(seed)  # real scans need no spoiling
-        scan = replace(scan, places=None)  # every point counts the same in the published pictures
+        scan = place.original_scan() if isinstance(place, PhotoPlace) else place.scan(seed)  # real scans are not degraded
+        scan = replace(scan, places=None)  # equal weights, as in the published pictures
         points.append(len(scan.xyz))
         spacing = scan_spacing(scan)
         count = len(place.views) if views is None else min(views, len(place.views))
@@ -207,7 +215,7 @@ def _picture(seen: Projected, keep: Tensor, spacing: float, method: _Method, dev
 
 
 def scaled_camera(view: TruePicture, width: int, height: int) -> SimpleNamespace:
-    """The camera of :func:`scaled`, without making the picture."""
+    """The camera of :func:`scaled`, without the picture."""
     scale = max(width / view.width, height / view.height)
     cx, cy = (view.cx - view.width / 2) * scale + width / 2, (view.cy - view.height / 2) * scale + height / 2
     fl = view.fl * scale
@@ -217,17 +225,17 @@ def scaled_camera(view: TruePicture, width: int, height: int) -> SimpleNamespace
 @torch.inference_mode()
 def _times(scan: Scan, camera: SimpleNamespace, method: _Method, density: float, spacing: float, device: str,
            repeats: int) -> tuple[float, float]:
-    """Median seconds of a whole frame, from points on the device to the picture, and of the network alone (0 without one)."""
+    """Median seconds of a frame, from points on the device to the picture, and of the network alone (0 without one)."""
     chosen = np.random.default_rng(0).random(len(scan.xyz)) < density
     origin = camera.camera_to_world[:3, 3]
     xyz = torch.from_numpy((scan.xyz[chosen] - origin).astype(np.float32)).to(device)
     rgb = torch.from_numpy(scan.rgb[chosen]).to(device)
-    turn = torch.from_numpy((camera.camera_to_world[:3, :3] * (1.0, -1.0, -1.0)).astype(np.float32)).to(device)
+    rotation = torch.from_numpy((camera.camera_to_world[:3, :3] * (1.0, -1.0, -1.0)).astype(np.float32)).to(device)
     apart = spacing / density**0.5
     soft = SoftZ.preset("auto", apart, 1.0)
 
     def frame() -> Tensor:
-        x, y, z = (xyz @ turn).unbind(1)
+        x, y, z = (xyz @ rotation).unbind(1)
         index, inside = pixels(x, y, z, camera)
         raster = rasterise(index, z[inside], rgb[inside], camera.width, camera.height, soft)
         return network_input(raster, method.mask(raster.depth), camera.fx, apart)
@@ -245,7 +253,7 @@ def _median_seconds(work: Callable[[], Tensor], device: str, repeats: int) -> fl
         work()
         if device.startswith("cuda"):
             torch.cuda.synchronize()
-        if number:  # the first warms up
+        if number:  # the first run warms up
             taken.append(perf_counter() - begun)
     return float(np.median(taken))
 
@@ -260,19 +268,20 @@ def _device_name(device: str) -> str:
 
 
 def format_paper_table(result: dict) -> str:
-    """The figures as text, the published ones among them."""
+    """The result as text, followed by the published rows."""
     def figure(value: float, digits: int) -> str:
         return "-" if np.isnan(value) else f"{value:.{digits}f}"
 
     points = ", ".join(f"{n / 1e6:.2f}M" for n in result["points"][:5]) + (", ..." if len(result["points"]) > 5 else "")
     lines = [
-        f"{len(result['places'])} places ({points} points); only pixels the scan covers count (share in column known)",
-        f"frames/s: torch twin, projection to picture, and the network alone; {result['device']}, {result['precision']}",
+        f"{len(result['places'])} places ({points} points); only pixels the scan covers count (their share: column known)",
+        f"frames/s: reference implementation in torch, projection to picture; network/s: the network alone; "
+        f"{result['device']}, {result['precision']}",
         f"LPIPS: {result['lpips']}" + (f" ({result['lpips_missing']})" if result["lpips_missing"] else "")
         + "; [0,1] as in the published code, [-1,1] as defined",
     ]
     if result["skipped"]:
-        lines.append(f"{result['skipped']} pictures left out: the scan covers none of their pixels")
+        lines.append(f"{result['skipped']} pictures left out, as the scan covers none of their pixels")
     head = (f"{'method':24} {'size':>10} {'points':>7} {'PSNR':>6} {'LPIPS[0,1]':>13} {'LPIPS[-1,1]':>13} {'SqueezeNet':>13} "
             f"{'SSIM':>6} {'frames/s':>9} {'network/s':>9} {'known':>6}")
     lines.append(head)
@@ -292,5 +301,5 @@ def format_paper_table(result: dict) -> str:
     for name, width, height, psnr, lpips, similar, rate in PUBLISHED:
         lines.append(f"{name:24} {width:>5}x{height:<4} {'100%':>7} {psnr:>6.2f} {lpips:>13.2f} {'-':>13} {'-':>13} "
                      f"{similar:>6.2f} {rate:>9.4g} {'-':>9} {'-':>6}")
-    lines.append("published rows: RTX 4090, 55 scenes of ScanNet++ v2 (other places than above unless those are given)")
+    lines.append("published rows: RTX 4090, 55 scenes of ScanNet++ v2, which may differ from the places above")
     return "\n".join(lines)

@@ -1,7 +1,7 @@
-"""The networks in half precision against fp32, as they are served: half-float buffers in and out (:mod:`model.reconstruct`).
+"""Comparison of the networks in half precision with fp32, with half-float input and output buffers (:mod:`model.reconstruct`).
 
-Inputs come at several scales: the same place written in millimetres, metres, kilometres.  Depth and spacing scale alike, so the
-depth feature, and with it the picture, should not change.
+The same place is used in kilometres, metres and millimetres.  As depth and point spacing scale alike, the depth feature and the
+picture should not change.
 """
 
 from collections.abc import Sequence
@@ -19,12 +19,12 @@ from model.unet import CompactUNet
 from model.weights import load_weights
 
 SCALES = (1e-3, 1.0, 1e3)
-"""File units in a metre: kilometres, metres, millimetres."""
+"""File units per metre: kilometres, metres, millimetres."""
 
 
 @dataclass(frozen=True)
 class PrecisionInput:
-    """x: (5, H, W) float32 network input.  truth: (3, H, W) in 0..1.  scale: file units in a metre."""
+    """x: (5, H, W) float32 network input.  truth: (3, H, W) in 0..1.  scale: file units per metre."""
 
     x: Tensor
     truth: Tensor
@@ -32,7 +32,7 @@ class PrecisionInput:
 
 
 def scaled_input(seen: Projected, truth: Tensor, spacing: float, scale: float, *, filtered: bool) -> PrecisionInput:
-    """A view whose scan is written in other units.  seen: thinned already.  spacing: metres, of the thinned scan."""
+    """Input of a view with the scan in other units.  seen: thinned, metres.  spacing: of the thinned scan, metres."""
     other = replace(seen, z=seen.z * torch.tensor(scale, dtype=seen.z.dtype))
     x = picture(other, torch.ones(len(seen.z), dtype=torch.bool), spacing * scale, "auto" if filtered else "off")
     return PrecisionInput(x, truth, scale)
@@ -40,17 +40,18 @@ def scaled_input(seen: Projected, truth: Tensor, spacing: float, scale: float, *
 
 @torch.inference_mode()
 def _served(network: nn.Module, x: Tensor, precision: str) -> Tensor:
-    """(3, H, W) float32 before clamping, NaN where the network gives NaN, as half-float buffers would hold it."""
+    """(3, H, W) float32 output before clamping, rounded to half-float as in the buffers; may contain NaN."""
     x = x.half()[None]
     x = x.float() if isinstance(network, CompactUNet) else x.to(PRECISIONS[precision])
     return network(x.contiguous(memory_format=torch.channels_last))[0, :3].half().float()
 
 
 def precision_table(weights: Path, inputs: Sequence[PrecisionInput]) -> list[dict]:
-    """Every precision at every scale against fp32 on unrounded input.
+    """Compares each precision at each scale with fp32 on unrounded input.
 
-    Returns rows: method (the file's name), precision, scale, largest and percentile (99.9 %, the mean over the inputs) absolute
-    difference of the clamped pictures, NaN left out, psnr against truth (mean, dB), nan (values, summed).  Raises WeightsError.
+    Returns rows: method (stem of the file), precision, scale, largest and percentile (99.9 %, mean over the inputs) absolute
+    difference of the clamped pictures without NaN, psnr against the truth (mean, dB), nan (number of values).  Raises
+    WeightsError.
     """
     exact, _ = load_weights(weights)
     with torch.inference_mode():
@@ -77,7 +78,7 @@ def precision_table(weights: Path, inputs: Sequence[PrecisionInput]) -> list[dic
 
 
 def precision_of_scene(folder: Path, weights: Sequence[Path], densities: Sequence[float], seed: int = 11) -> list[dict]:
-    """:func:`precision_table` of every weights file on the first view of a scene, at every density and scale."""
+    """:func:`precision_table` of each weights file on the first view of a scene, at each density and scale."""
     from model.data.projected import project_scan, scan_spacing
     from model.data.stations import load_scene, scan_stations
     from model.evaluation.methods import thinned

@@ -1,4 +1,4 @@
-"""What an evaluation found, as text, JSON and plot.  Files are written beside and renamed."""
+"""Results of an evaluation as text, JSON and plot.  All files are written with an atomic write."""
 
 import json
 import math
@@ -11,14 +11,15 @@ import numpy as np
 
 from model.common.atomic_write import passes_through, write_atomic
 from model.data.dataset import DataError
-from model.evaluation.worse import said
+from model.evaluation.worse import format_summary
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
+"""File types of a plot."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: heading, the row's key, how to write a number."""
+    """A column of a table: heading, key in the row, format string of the value."""
 
     heading: str
     key: str
@@ -51,7 +52,7 @@ def _cell(row: dict, column: Column) -> str:
 
 
 def table(rows: list[dict], columns: tuple[Column, ...]) -> list[str]:
-    """Lines of text, numbers flush right, the method's name first; a dash where there is no figure, no column without any."""
+    """Lines of text: the method's name, then right-aligned values, a dash for a missing one.  Empty columns are omitted."""
     columns = tuple(column for column in columns if any(_cell(row, column) != "-" for row in rows))
     cells = [[str(row["method"]), *(_cell(row, column) for column in columns)] for row in rows]
     head = ["picture", *(column.heading for column in columns)]
@@ -65,38 +66,38 @@ def _threads(result: dict) -> str:
 
 
 def format_table(result: dict) -> str:
-    """The figures as text, worst first within a density and exposure."""
+    """The result as text, the worst first within each density and exposure."""
     lines = [
         f"{result['scene']}, {result['views']} views, {result['points']:,} points; distance: {result['distance']}"
         + (f"; ms: torch, {_threads(result)}, from the points in view to the picture" if any(r["ms"] for r in result["rows"])
            else ""),
-        "invented (inv.): pixels outside our filter's mask, the same for all",
+        "invented (inv.): pixels outside the mask of our filter, the same for all methods",
     ]
     rows = sorted(result["rows"], key=lambda r: (-r["density"], r["exposure"], r["psnr"]))
     lines += table(rows, PICTURES)
     for row in sorted((r for r in rows if r["against_filled"]), key=lambda r: -r["against_filled"]["ratio"]):
         found = row["against_filled"]
-        lines.append(f"{row['method']}, {100 * row['density']:.4g}%, {row['exposure']}: {said(found)}; error ratio "
+        lines.append(f"{row['method']}, {100 * row['density']:.4g}%, {row['exposure']}: {format_summary(found)}; error ratio "
                      f"{found['ratio']:.3f}, worst view {found['worst_view']} {found['worst_ratio']:.3f}")
     if any(row["against_filled"] for row in rows):
-        lines.append("error ratio: neural over filled; geometric mean of root mean square error, 1 - SSIM, distance and FLIP")
+        lines.append("error ratio: neural / filled; geometric mean over root mean square error, 1 - SSIM, distance and FLIP")
     lines += [f"not in the table: {name}: {reason}" for name, reason in result["absent"].items()]
     if result["exposures"]:
         gains = zip(result["exposures"]["gains"], result["exposures"]["matched"], strict=True)
         lines.append("matched: stations' gains " + "; ".join(
             " ".join(f"{g:.3f}" for g in gain) + ("" if matched else " (not matched)") for gain, matched in gains))
     if result["flicker"]:
-        lines += ["", f"along {result['frames']} frames of the path: change between neighbours (flicker) and gradient energy, "
-                      "1 = the truth's own"]
+        lines += ["", f"along {result['frames']} frames of the path: change between successive frames (flicker) and gradient "
+                      "energy, 1 = as the true pictures"]
         lines += table(sorted(result["flicker"], key=lambda r: (-r["density"], -r["flicker"])), MOVES)
     if result.get("precision"):
-        lines += ["", "against fp32: differences of 0..1, scale: file units in a metre"]
+        lines += ["", "against fp32: absolute differences of colours in 0..1; scale: file units per metre"]
         lines += table(result["precision"], PRECISIONS)
     return "\n".join(lines)
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold: numbers that are not finite become null."""
+    """A copy for JSON: numbers that are not finite become null."""
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
@@ -105,7 +106,7 @@ def _plain(value: Any) -> Any:
 
 
 def save(result: dict, path: Path) -> None:
-    """Writes the figures as JSON; null where there is no figure, or an infinite one."""
+    """Writes a result as JSON; missing and infinite values are null."""
     text = json.dumps(_plain(result), indent=1, allow_nan=False)
     write_atomic(path, lambda partial: partial.write_text(text))
 
@@ -118,23 +119,23 @@ def save_picture(picture: np.ndarray, path: Path) -> None:
 
 
 def check_output(path: Path, suffixes: tuple[str, ...] = ()) -> None:
-    """Raises DataError where a file of this name cannot be written; to be asked before minutes of work.
+    """Raises DataError if a file of this name cannot be written; to be called before long work.
 
-    suffixes: what the name may end in; anything if empty.
+    suffixes: allowed file types; all if empty.
     """
     if suffixes and path.suffix.lower() not in suffixes:
         raise DataError(f"{path}: the name must end in {', '.join(suffixes)}")
     if passes_through(path):
         return
     if path.is_dir() or not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-        raise DataError(f"{path}: cannot be written; its folder must be there, and the name not a folder's")
+        raise DataError(f"{path}: cannot be written; its folder must exist and be writable, and the path must not be a folder")
 
 
 def plot(result: dict, path: Path) -> None:
-    """PSNR and perceptual distance against milliseconds, a column of panels a density.
+    """Plots PSNR and perceptual distance against milliseconds, with a column of panels for each density.
 
-    Filled marks: exposures matched; hollow: as scanned; dashed lines: methods whose time is not known.  Raises DataError for a
-    name without one of PLOT_SUFFIXES.
+    Filled marks: with exposure compensation; hollow: as scanned; dashed lines: methods of unknown duration.  Raises DataError
+    if the file cannot be written or has none of PLOT_SUFFIXES.
     """
     check_output(path, PLOT_SUFFIXES)
     from matplotlib.figure import Figure

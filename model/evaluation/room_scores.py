@@ -1,8 +1,7 @@
-"""Judges every way of making a picture on a scene folder in the ``renders/`` form: views at several densities, the path.
+"""Evaluates all methods on a scene folder in the format of ``renders/``: its views at several densities, and its camera path.
 
-The scan is made once and projected once a view; a density keeps the points of the lowest rank, an exposure changes their
-colours only.  ``scanned``: colours as the stations took them; ``matched``: after :mod:`model.exposure`, as the viewer shows
-them.
+The scan is made once and projected once per view.  A density keeps the points of lowest rank; an exposure changes only their
+colours.  ``scanned``: colours as recorded; ``matched``: with exposure compensation (:mod:`model.exposure`), as in the viewer.
 """
 
 import dataclasses
@@ -19,11 +18,11 @@ from model.data.projected import Projected, project_scan, scan_spacing
 from model.data.stations import RoomView, StationScene, load_scene, scan_stations
 from model.evaluation.figures import Figures, Truth
 from model.evaluation.flicker import Key, measure_flicker, middle_stretch
-from model.evaluation.flip import ABSENT, flip_judge
+from model.evaluation.flip import ABSENT, flip_metric
 from model.evaluation.methods import (
     OURS,
     TRUE,
-    WEIGHED,
+    WEIGHTED,
     Method,
     Open3DMethod,
     Sight,
@@ -43,40 +42,41 @@ from model.noise import estimate_noise
 from model.perceptual import perceptual
 
 EXPOSURES = ("scanned", "matched")
+"""Names of the exposures."""
 FRAMES = 20
-"""Of the path, from its middle, unless more are asked for."""
+"""Default number of frames, from the middle of the path.  Chosen by hand."""
 
 
 def pick_views(scene: StationScene, count: int | None) -> list[RoomView]:
-    """``count`` views, evenly chosen; None: all.  Raises DataError where there is none, or one is too small to judge."""
+    """``count`` evenly spaced views; None: all.  Raises DataError without views, or if one is smaller than SSIM's window."""
     if count is not None and count < 1:
-        raise DataError(f"{count} views: at least 1")
+        raise DataError(f"{count} views: at least 1 is required")
     total = len(scene.views)
     picked = range(total) if count is None else np.unique(np.linspace(0, total - 1, min(count, total)).astype(int))
     shots = [scene.views[int(i)] for i in picked]
     if not shots:
-        raise DataError(f"scene {scene.name}: it has no views to judge by")
+        raise DataError(f"scene {scene.name}: it has no views")
     small = [shot.rgb_file for shot in shots if min(shot.width, shot.height) < WINDOW]
     if small:
-        raise DataError(f"scene {scene.name}: views under {WINDOW} pixels cannot be judged: {', '.join(small[:10])}")
+        raise DataError(f"scene {scene.name}: views smaller than {WINDOW} pixels cannot be evaluated: {', '.join(small[:10])}")
     return shots
 
 
 def matched_colours(rgb: Tensor, station: Tensor, gains: np.ndarray) -> Tensor:
-    """(M, 3) uint8 with each station's gains (S, 3) applied, to the bit as :func:`model.exposure.match_exposures` does."""
+    """(M, 3) uint8 with each station's gains (S, 3) applied, exactly as in :func:`model.exposure.match_exposures`."""
     gain = torch.from_numpy(gains.astype(np.float32))[station.long()]
     return (rgb.float() * gain).round().clamp(0, 255).to(torch.uint8)
 
 
 def truth_of(shot: TruePicture) -> Tensor:
-    """(3, H, W) in 0..1."""
+    """The true picture (3, H, W) in 0..1."""
     return torch.from_numpy(shot.rgb().copy()).permute(2, 0, 1) / 255
 
 
 class Evaluation:
-    """All that is set up before the first picture: scan, methods, distance.  ``rows`` and ``flicker`` make the figures.
+    """Scan, methods and metrics of an evaluation; ``rows`` and ``flicker`` run it.
 
-    fast: no durations, and no distance of invented pixels.  worst: where the pictures of the worst view go.
+    fast: without durations and the perceptual distance of invented pixels.  worst: collects the pictures of the worst view.
     """
 
     def __init__(self, name: str, scan: Scan, methods: list[Method], *, densities: Sequence[float], exposures: Sequence[str],
@@ -84,25 +84,26 @@ class Evaluation:
                  fast: bool = False, worst: Worst | None = None):
         self.name, self.scan, self.methods, self.seed = name, scan, methods, seed
         self.densities, self.exposures = densities, exposures
-        self.fast, self.worst, self.flip = fast, worst, flip_judge()
+        self.fast, self.worst, self.flip = fast, worst, flip_metric()
         self.open3d, self.outside, self.distance = open3d, outside, distance
         self.spacing = scan_spacing(scan)
         self.solved: Exposures | None = None
         if "matched" in exposures:
             self.solved = exposures_of(scan.xyz, scan.rgb, scan.station)
-        self.noise = estimate_noise(scan.xyz, scan.rgb, scan.station)  # within stations: exposures change it by percents
+        # Estimated within stations, so that exposures change it by a few percent only.
+        self.noise = estimate_noise(scan.xyz, scan.rgb, scan.station)
         self.absent: dict[str, str] = {} if self.flip else {"FLIP": ABSENT}
         self.times: dict[tuple[str, float], tuple[float, float | None]] = {}
 
     def exposed(self, seen: Projected, exposure: str) -> Projected:
-        """The same points with the colours of that exposure."""
+        """The points with the colours of an exposure."""
         if exposure == "scanned":
             return seen
         assert self.solved is not None
         return dataclasses.replace(seen, rgb=matched_colours(seen.rgb, seen.station, self.solved.gains))
 
     def _open3d(self, view: Sight, density: float) -> dict[str, Tensor]:
-        """Open3D's pictures; none, and the reason in ``absent``, once it has failed."""
+        """Open3D's pictures by method; empty once it has failed, with the reason in ``absent``."""
         if self.open3d is None:
             return {}
         try:
@@ -116,10 +117,10 @@ class Evaluation:
         return {name: picture for name, (picture, _) in drawn.items()}
 
     def rows(self, shots: Sequence[RoomView]) -> list[dict]:
-        """Mean figures of every method at every density and exposure, over the views.
+        """Mean metrics over the views, of each method, density and exposure.
 
-        A network's row also counts the views that are worse than what went into it: ``against_filled``, of
-        :func:`model.evaluation.worse.summary`; None in others.
+        ``against_filled`` of a network's row is the :func:`model.evaluation.worse.summary` of its comparison with the filled
+        pictures; None in other rows.
         """
         figures: dict[tuple[str, float, str], list[tuple[float, ...]]] = {}
         cases: dict[tuple[str, float, str], list[Case]] = {}
@@ -135,7 +136,7 @@ class Evaluation:
                         view = sight(self.exposed(left, exposure), depth, self.spacing / density**0.5, masks, noise=self.noise)
                         found, pictures = {}, {}
                         for name, exposed, picture, mask in self._pictures(view, shot, density, exposure):
-                            kept, leaked = _judged(mask, view)
+                            kept, leaked = _mask_shares(mask, view)
                             found[name] = truth.figures(picture, ~view.mask(OURS), invented_distance=not self.fast)
                             pictures[name] = picture
                             values = dataclasses.astuple(found[name])
@@ -149,7 +150,7 @@ class Evaluation:
         fields = [*(field.name for field in dataclasses.fields(Figures)), "kept", "leaked"]
         rows = []
         for (name, density, exposed), values in figures.items():
-            if len(values) < len(shots):  # Open3D failed half way
+            if len(values) < len(shots):  # Open3D failed after some views
                 continue
             ms, network_ms = self.times.get((name, density), (None, None))
             means = dict(zip(fields, _means(np.array(values)), strict=True))
@@ -160,17 +161,19 @@ class Evaluation:
 
     def _cases(self, view: Sight, truth: Truth, found: dict[str, Figures], pictures: dict[str, Tensor], shot: str,
                density: float, exposure: str) -> list[Case]:
-        """Every network's picture of a sight against the filled one that went into it, which is judged where no method of
-        the table is that picture."""
-        names = {(m.mask, m.weighed): m.name for m in self.methods if m.network is None and m.name != "raw"}
+        """Comparisons of each network's picture with the filled picture, its input.
+
+        The filled picture is evaluated here if it is not the picture of another method.
+        """
+        names = {(m.mask, m.weighted): m.name for m in self.methods if m.network is None and m.name != "raw"}
         cases = []
         for method in self.methods:
             if method.network is None or method.mask is None:
                 continue
-            name = names.get((method.mask, method.weighed))
+            name = names.get((method.mask, method.weighted))
             if name is None:
-                name = names[method.mask, method.weighed] = f"input of {method.name}"
-                pictures[name] = view.input(method.mask, weighed=method.weighed)[:3]
+                name = names[method.mask, method.weighted] = f"input of {method.name}"
+                pictures[name] = view.input(method.mask, weighted=method.weighted)[:3]
                 found[name] = truth.figures(pictures[name], ~view.mask(OURS), invented_distance=False)
             cases.append(Case(self.name, shot, method.name, density, exposure, found[method.name], found[name]))
             if self.worst is not None:
@@ -178,7 +181,7 @@ class Evaluation:
         return cases
 
     def _pictures(self, view: Sight, shot: RoomView, density: float, exposure: str):
-        """(method, exposure, picture, mask or None) of a sight.  What knows no exposure comes with the first one only."""
+        """Yields (method, exposure, picture, mask or None) of a sight; methods without exposures only for the first one."""
         for method in self.methods:
             mask = None if method.mask is None else view.mask(method.mask)
             yield method.name, exposure, method.picture(view), mask
@@ -189,7 +192,7 @@ class Evaluation:
                 yield other.name, "-", other.picture(shot, density), None
 
     def flicker(self, frames: Sequence[RoomView]) -> list[dict]:
-        """Flicker along frames, at the last exposure.  The same points survive in every frame: the seed never changes."""
+        """Flicker along frames, at the last exposure.  The seed is constant, so that all frames keep the same points."""
         exposure = self.exposures[-1]
 
         def draw(shot: TruePicture) -> dict[Key, Tensor]:
@@ -209,14 +212,14 @@ class Evaluation:
 
 
 def _means(values: np.ndarray) -> list[float]:
-    """Column means over views, leaving NaN (no invented pixels, no distance) out; NaN where there is nothing else."""
+    """Column means over views without NaN (no invented pixels, no distance); NaN for a column of NaN."""
     known = ~np.isnan(values)
     count = known.sum(0)
     return np.where(count > 0, np.where(known, values, 0.0).sum(0) / np.maximum(count, 1), np.nan).tolist()
 
 
-def _judged(mask: Tensor | None, view: Sight) -> tuple[float, float]:
-    """Share of the visible pixels a mask keeps, share of what it keeps that is hidden; NaN without a mask."""
+def _mask_shares(mask: Tensor | None, view: Sight) -> tuple[float, float]:
+    """Share of the visible pixels that a mask keeps, and share of hidden pixels among those kept; NaN without a mask."""
     if mask is None:
         return float("nan"), float("nan")
     if "hidden" not in view.masks:
@@ -233,32 +236,32 @@ def evaluate(
     outside: dict[str, Path] | None = None, flicker: bool = True, frames: int | None = FRAMES, open3d: bool = True,
     fast: bool = False, worst: Worst | None = None,
 ) -> dict:
-    """Figures over a scene folder in the ``renders/`` form.
+    """Evaluates a scene folder in the format of ``renders/``.
 
-    weights: name -> file.  views: how many, evenly chosen (None: all).  exposures: of EXPOSURES; baselines that know none are
-    drawn at the first, flicker is measured at the last.  outside: name -> folder of PNGs.  flicker: where the scene has a path
-    of at least two frames; frames: how many of it (None: all).  fast: filled and the networks only, without Open3D,
-    durations, flicker and the distance of invented pixels.  worst: looks at every network's pictures, for the worst view.
-    Returns a JSON-able dict: ``rows``, ``flicker``, ``exposures`` (gains), ``absent`` (method or judge -> why it is not there).
-    Raises DataError and WeightsError before anything slow starts.
+    weights: name -> file.  views: number, evenly spaced (None: all).  exposures: of EXPOSURES; baselines without exposures are
+    rendered at the first, flicker is measured at the last.  outside: name -> folder of PNGs.  flicker: whether to measure it,
+    if the scene has a path of at least two frames; frames: number of them (None: all).  fast: only the filled picture and the
+    networks, without Open3D, durations, flicker and the perceptual distance of invented pixels.  worst: collects the pictures
+    of the worst view.  Returns a dict for JSON: ``rows``, ``flicker``, ``exposures`` (gains), ``absent`` (method or metric ->
+    reason).  Raises DataError and WeightsError before the slow part.
     """
     densities = tuple(dict.fromkeys(densities))
     bad = [density for density in densities if not 0 < density <= 1]
     if bad or not densities:
-        raise DataError(f"density {bad[0]:g}: over 0 and at most 1" if bad else "no density given")
+        raise DataError(f"density {bad[0]:g}: expected above 0 and at most 1" if bad else "no density given")
     unknown = [exposure for exposure in exposures if exposure not in EXPOSURES]
     if unknown or not exposures:
-        raise DataError(f"exposures {unknown}: choose of {', '.join(EXPOSURES)}")
+        raise DataError(f"exposures {unknown}: choose from {', '.join(EXPOSURES)}")
     if frames is not None and frames < 2:
-        raise DataError(f"{frames} frames: flicker is seen between at least 2")
+        raise DataError(f"{frames} frames: flicker needs at least 2")
     scene = load_scene(folder)
     shots = pick_views(scene, views)
     along = middle_stretch(scene.path, frames) if flicker and not fast and len(scene.path) > 1 else []
-    methods = [method for method in plain_methods() if not fast or method.name == WEIGHED]
+    methods = [method for method in plain_methods() if not fast or method.name == WEIGHTED]
     methods += [network_method(name, path) for name, path in (weights or {}).items()]
     taken = sorted({method.name for method in methods} & set(outside or {}))
     if taken:
-        raise DataError(f"--outside {taken[0]}: a method of that name is compared already; choose another")
+        raise DataError(f"--outside {taken[0]}: a method of this name is compared already; choose another name")
     others = open_outside(outside or {}, shots, along, densities)
     distance, distance_name = perceptual(distance_path)
     absent: dict[str, str] = {}

@@ -1,6 +1,6 @@
-"""The rule: a neural picture is never worse than the filled one that goes into its network.
+"""Comparison of each neural picture with the filled picture, its network's input, which it should improve.
 
-Counted over views, by each judge for itself; the worst view is kept as pictures, to be looked at.
+Counts the views that are worse, by each metric; keeps the pictures of the worst view for inspection.
 """
 
 import math
@@ -13,30 +13,32 @@ from torch import Tensor
 from model.evaluation.figures import Figures
 from model.evaluation.labelled import labelled_row, picture_bytes
 
-JUDGES = {"psnr": "PSNR", "ssim": "SSIM", "distance": "distance", "flip": "FLIP"}
-"""Field of Figures -> its name in tables."""
+METRICS = {"psnr": "PSNR", "ssim": "SSIM", "distance": "distance", "flip": "FLIP"}
+"""Field of :class:`.figures.Figures` -> name in tables."""
 LEAST_ERROR = 1e-4
-"""Of errors that are divided by each other: below it a picture is the truth by every judge, and ratios say nothing."""
+"""Lower limit of errors in a ratio, where a picture equals the truth within rounding.  Chosen by hand."""
 
 
 def errors(figures: Figures) -> dict[str, float]:
-    """What each judge finds wrong, 0 where nothing is: root of the mean square error, 1 - SSIM, distance, FLIP.  NaN where a
-    judge is not there."""
+    """Error by metric, 0 for the truth: root mean square error, 1 - SSIM, distance, FLIP; NaN if not available."""
     return {"psnr": 10.0 ** (-figures.psnr / 20.0), "ssim": 1.0 - figures.ssim, "distance": figures.distance,
             "flip": figures.flip}
 
 
 def error_ratio(neural: Figures, filled: Figures) -> float:
-    """Geometric mean over the judges of the neural picture's error divided by the filled one's; above 1: worse."""
+    """Geometric mean over the metrics of neural error / filled error; above 1: the neural picture is worse."""
     made, base = errors(neural), errors(filled)
-    logs = [math.log(max(made[judge], LEAST_ERROR) / max(base[judge], LEAST_ERROR)) for judge in JUDGES
-            if not math.isnan(made[judge] + base[judge])]
+    logs = [math.log(max(made[metric], LEAST_ERROR) / max(base[metric], LEAST_ERROR)) for metric in METRICS
+            if not math.isnan(made[metric] + base[metric])]
     return math.exp(float(np.mean(logs)))
 
 
 @dataclass(frozen=True)
 class Case:
-    """One network's picture of one view.  view, method, exposure: names.  filled: the figures of what went into it."""
+    """Metrics of one network's picture of one view.
+
+    view, method, exposure: names.  filled: metrics of the filled picture, the network's input.
+    """
 
     scene: str
     view: str
@@ -53,49 +55,49 @@ class Case:
 
     @property
     def label(self) -> str:
-        """Which picture it is, in a line."""
+        """Title of the picture, one line."""
         return f"{self.scene}, {self.view}, {100 * self.density:.4g} % of the points, {self.exposure}, {self.method}"
 
 
 def summary(cases: Sequence[Case]) -> dict:
-    """JSON-able count of the views that are worse than filled, of one network, density and exposure.
+    """Comparison of one network with the filled pictures, at one density and exposure, for JSON.
 
-    ``worse``: by judge, None where it is not there.  ``views``: of how many.  ``ratio``: geometric mean of the views'
-    :func:`error_ratio`.  ``worst_view`` and ``worst_ratio``: of the view where it is largest.
+    worse: number of worse views by metric, None if not available.  views: number of views.  ratio: geometric mean of
+    :func:`error_ratio` over views.  worst_view, worst_ratio: the view with the largest ratio.
     """
     worse: dict[str, int | None] = {}
-    for judge in JUDGES:
-        pairs = [(errors(case.neural)[judge], errors(case.filled)[judge]) for case in cases]
+    for metric in METRICS:
+        pairs = [(errors(case.neural)[metric], errors(case.filled)[metric]) for case in cases]
         known = not any(math.isnan(a + b) for a, b in pairs)
-        worse[judge] = sum(a > b for a, b in pairs) if known else None
+        worse[metric] = sum(a > b for a, b in pairs) if known else None
     worst = max(cases, key=lambda case: case.ratio)
     return {"worse": worse, "views": len(cases), "ratio": math.exp(float(np.mean([math.log(c.ratio) for c in cases]))),
             "worst_view": worst.view, "worst_ratio": worst.ratio}
 
 
-def said(found: dict) -> str:
-    """A summary in words: "worse than filled: PSNR 0, SSIM 1, distance -, FLIP 2 of 12"."""
-    counts = ", ".join(f"{JUDGES[judge]} {'-' if count is None else count}" for judge, count in found["worse"].items())
+def format_summary(found: dict) -> str:
+    """A summary as text: "worse than filled: PSNR 0, SSIM 1, distance -, FLIP 2 of 12"."""
+    counts = ", ".join(f"{METRICS[metric]} {'-' if count is None else count}" for metric, count in found["worse"].items())
     return f"worse than filled: {counts} of {found['views']}"
 
 
 @dataclass
 class Worst:
-    """Keeps the pictures of the case with the largest error ratio of all it was shown.
+    """Keeps the pictures of the case with the largest error ratio.
 
-    case: None before the first.  pictures: filled, neural and truth, (H, W, 3) uint8.
+    case: None at first.  pictures: filled, neural and truth, (H, W, 3) uint8.
     """
 
     case: Case | None = None
     pictures: list[np.ndarray] = field(default_factory=list)
 
     def look(self, case: Case, filled: Tensor, neural: Tensor, truth: Tensor) -> None:
-        """filled, neural, truth: (3, H, W) in 0..1."""
+        """Adds a case.  filled, neural, truth: (3, H, W) in 0..1."""
         if self.case is None or case.ratio > self.case.ratio:
             self.case, self.pictures = case, [picture_bytes(picture) for picture in (filled, neural, truth)]
 
     def sheet(self) -> np.ndarray:
-        """(H, W, 3) uint8: the three pictures side by side, with what each judge finds."""
+        """(H, W, 3) uint8: the three pictures side by side, each with its metrics."""
         assert self.case is not None
         case = self.case
         words = [_figures("filled", case.filled), _figures("neural", case.neural), "truth"]
@@ -109,8 +111,10 @@ def _figures(name: str, figures: Figures) -> str:
 
 
 def ratio_of_room(result: dict) -> float:
-    """How a room stands among others: the largest mean error ratio of its networks; where none was compared, less than any
-    (by the PSNR of the best picture, the lowest first)."""
+    """Sort key of a room's result, larger is worse: the largest error ratio of its networks.
+
+    Without a network it is minus the best PSNR, which is below all ratios.
+    """
     ratios = [row["against_filled"]["ratio"] for row in result["rows"] if row.get("against_filled")]
     if ratios:
         return max(ratios)

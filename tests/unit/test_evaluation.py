@@ -16,7 +16,7 @@ from model.data.projected import Projected, project_scan
 from model.data.stations import load_scene, scan_stations
 from model.depth_filter import keep_mask
 from model.evaluation import evaluate, format_table, save
-from model.evaluation.methods import WEIGHED, sight, thinned
+from model.evaluation.methods import WEIGHTED, sight, thinned
 from model.evaluation.open3d_points import Open3DError, Open3DPoints
 from model.evaluation.report import plot
 from model.unet import PaperUNet, mac_per_pixel
@@ -45,7 +45,7 @@ def result(room, squeeze, tmp_path_factory):
 
 def test_there_is_a_row_a_method_density_and_exposure(result):
     ours = {"raw", "pull-push, no filter", "pull-push, paper's filter", "pull-push, our filter", "pull-push, true visibility",
-            "pull-push, NPBG++'s visibility", WEIGHED, "network fast", "network paper"}
+            "pull-push, NPBG++'s visibility", WEIGHTED, "network fast", "network paper"}
     keys = {(r["method"], r["density"], r["exposure"]) for r in result["rows"]}
     assert keys == {(m, d, e) for m in ours for d in (1.0, 0.3) for e in ("scanned", "matched")} | {
         ("oracle", 1.0, "-"), ("oracle", 0.3, "-")}

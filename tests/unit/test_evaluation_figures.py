@@ -71,10 +71,10 @@ def test_what_a_mask_keeps_and_lets_through_is_judged_by_what_can_be_told(seed):
     mask, visible, hidden = (torch.from_numpy(rng.random((20, 30)) < 0.5) for _ in range(3))
     hidden &= ~visible  # the rest is too close to call
     view = SimpleNamespace(masks={TRUE: visible, "hidden": hidden})
-    kept, leaked = scene_module._judged(mask, view)  # type: ignore[arg-type]
+    kept, leaked = scene_module._mask_shares(mask, view)  # type: ignore[arg-type]
     both, through = int((mask & visible).sum()), int((mask & hidden).sum())
     assert kept == pytest.approx(both / int(visible.sum())) and leaked == pytest.approx(through / (both + through))
-    assert np.isnan(scene_module._judged(None, view)).all()  # type: ignore[arg-type]
+    assert np.isnan(scene_module._mask_shares(None, view)).all()  # type: ignore[arg-type]
 
 
 def test_points_are_visible_or_hidden_by_what_is_true_around_them(seed):

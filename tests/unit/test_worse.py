@@ -13,8 +13,8 @@ import model.evaluation.room_scores as scene_module
 from model.data.dataset import DataError
 from model.data.stations import load_scene
 from model.evaluation.figures import Figures, Truth
-from model.evaluation.flip import flip_judge
-from model.evaluation.worse import Case, Worst, error_ratio, ratio_of_room, said, summary
+from model.evaluation.flip import flip_metric
+from model.evaluation.worse import Case, Worst, error_ratio, format_summary, ratio_of_room, summary
 from model.weights import weights_dir
 from viewer.cli import main
 
@@ -33,10 +33,10 @@ def test_views_are_counted_by_each_judge_for_itself():
     cases = [case("a", of(psnr=29), of()), case("b", of(ssim=0.8, flip=0.2), of()), case("c", of(31, 0.95, 0.05, 0.05), of())]
     found = summary(cases)
     assert found["worse"] == {"psnr": 1, "ssim": 1, "distance": 0, "flip": 1} and found["views"] == 3
-    assert said(found) == "worse than filled: PSNR 1, SSIM 1, distance 0, FLIP 1 of 3" and found["worst_view"] == "b"
+    assert format_summary(found) == "worse than filled: PSNR 1, SSIM 1, distance 0, FLIP 1 of 3" and found["worst_view"] == "b"
     assert summary([case("same", of(), of())])["worse"] == {"psnr": 0, "ssim": 0, "distance": 0, "flip": 0}
     blind = summary([case("a", of(distance=math.nan), of(distance=math.nan))])
-    assert blind["worse"]["distance"] is None and "distance -" in said(blind) and blind["ratio"] == pytest.approx(1)
+    assert blind["worse"]["distance"] is None and "distance -" in format_summary(blind) and blind["ratio"] == pytest.approx(1)
 
 
 def test_the_error_ratio_is_the_mean_of_what_every_judge_finds():
@@ -56,7 +56,7 @@ def test_the_worst_of_all_views_is_kept_as_pictures():
 
 
 def test_flip_agrees_with_what_is_known_of_it():
-    judge = flip_judge()
+    judge = flip_metric()
     if judge is None:
         pytest.skip("flip-evaluator is not installed")
     true = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(1))
@@ -70,7 +70,7 @@ def test_flip_agrees_with_what_is_known_of_it():
 
 
 def test_without_the_package_the_others_judge(monkeypatch, room):
-    monkeypatch.setattr(scene_module, "flip_judge", lambda: None)
+    monkeypatch.setattr(scene_module, "flip_metric", lambda: None)
     result = scene_module.evaluate(room, densities=(1.0,), views=1, fast=True)
     assert "pip install flip-evaluator" in result["absent"]["FLIP"] and np.isnan(result["rows"][0]["flip"])
 
@@ -80,7 +80,7 @@ def test_a_network_is_counted_against_what_goes_into_it(room, monkeypatch):
     from model.evaluation.methods import OURS, Method
 
     def method(gain):
-        return lambda name, _path: Method(f"network {name}", lambda sight: sight.input(OURS, weighed=True), OURS,
+        return lambda name, _path: Method(f"network {name}", lambda sight: sight.input(OURS, weighted=True), OURS,
                                           lambda x: x[:3] * gain, 0.0, True)
 
     rows = {}
@@ -111,7 +111,7 @@ def test_several_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path
     assert "net ms" not in out  # columns without a figure are left out
     stored = json.loads(Path(files[0]).read_text())
     assert len(stored["scenes"]) == 2 and {row["method"] for row in stored["scenes"][0]["rows"]} == {
-        "pull-push, our filter, stations weighed", "network fast-filtered"}
+        "pull-push, our filter, view-dependent blending", "network fast-filtered"}
     with Image.open(files[1]) as sheet:
         assert sheet.width > 3 * 48
     with pytest.raises(DataError, match="--plot: for one folder"):

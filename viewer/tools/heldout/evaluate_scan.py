@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from model.evaluation.heldout import Viewpoint, Withheld
 
 FILLED = "filled"
-"""Name of what goes into a network, in tables: pull-push behind our filter, stations weighed."""
+"""Name of what goes into a network, in tables: pull-push behind our filter, with view-dependent blending."""
 SIZE = (960, 720)
 """Pixels, of the pictures that are judged."""
 VIEWS = 8
@@ -79,12 +79,12 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     weights: name -> file.  densities: shares of what is not withheld.
     """
     from model.evaluation.heldout import Withheld
-    from model.evaluation.methods import WEIGHED, network_method, plain_methods
+    from model.evaluation.methods import WEIGHTED, network_method, plain_methods
     from viewer.grid.open_scene import open_scene
     from viewer.tools.heldout.judged_viewpoints import judged_viewpoints, station_viewpoints
     from viewer.tools.heldout.scan_points import points_of
 
-    names = {"raw": "raw", WEIGHED: FILLED}
+    names = {"raw": "raw", WEIGHTED: FILLED}
     methods = [replace(method, name=names[method.name]) for method in plain_methods() if method.name in names]
     methods += [network_method(name, file) for name, file in weights.items()]
     scene = open_scene(path)

@@ -80,7 +80,7 @@ class WithheldPoints:
             truth, known = pixels_of(seen, wanted)
             for density in DENSITIES:
                 share = density * (1.0 - HELD_OUT)
-                x = self._sight(seen, ~held & (seen.rank < density), share).input(OURS, weighed=True)
+                x = self._sight(seen, ~held & (seen.rank < density), share).input(OURS, weighted=True)
                 made.append(Judged(x.half(), truth.float() / 255, known))
         if not made:
             raise _too_sparse(len(self.judges))
@@ -109,8 +109,8 @@ class WithheldPoints:
                         density = float(np.exp(rng.uniform(np.log(LEAST_DENSITY), 0.0))) if variant % 2 else 1.0
                         share = density * (1.0 - HELD_OUT)
                         view = self._sight(seen, rank < share, share * (1.0 - HELD_OUT))
-                        mask, noise = view.mask(OURS), seen_noise(self.noise, view.weighed, view.seen)
-                        measured = measured_input(view.weighed, mask, view.seen.camera.fx, view.spacing)
+                        mask, noise = view.mask(OURS), seen_noise(self.noise, view.weighted, view.seen)
+                        measured = measured_input(view.weighted, mask, view.seen.camera.fx, view.spacing)
                         found["measured"].append(measured.half().numpy())
                         found["noise"].append(noise[None].half().numpy())
                         found["truth"].append(truth_bytes(*pixels_of(seen, wanted)))
