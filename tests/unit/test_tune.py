@@ -145,7 +145,7 @@ def _tuned(photographed, out, capsys, monkeypatch, **changes):
 
 def test_a_few_steps_run_end_to_end_and_keep_only_what_is_better(photographed, tmp_path, capsys, monkeypatch):
     made, said = _tuned(photographed, tmp_path / "w", capsys, monkeypatch, steps=6, minutes=5)
-    assert "5 photographs to learn from, 1 to judge" in said and "tuned" in said
+    assert "5 photographs to learn from, 1 held out" in said and "tuned" in said
     if made.parent == weights_dir():
         assert "shipped weights are kept" in said and not list((tmp_path / "w").iterdir())
         return
@@ -176,7 +176,7 @@ def test_weights_are_written_where_the_judged_gain_and_only_there(photographed, 
     else:
         assert made == weights_dir() / "fast-filtered.safetensors" and not list(out.iterdir())
         assert "nothing is written" in said
-    assert f"{count - 1} photographs to learn from, 1 to judge" in said and judging == [len(DENSITIES)] * 2
+    assert f"{count - 1} photographs to learn from, 1 held out" in said and judging == [len(DENSITIES)] * 2
 
 
 @pytest.fixture
@@ -215,7 +215,7 @@ def test_pairs_are_known_where_withheld_points_are_and_made_without_them(points,
 def test_points_are_learned_from_where_there_are_no_photographs(points, tmp_path, small, capsys, monkeypatch):
     made, said = _tuned(_noisy(points, tmp_path / "a.ply"), tmp_path / "w", capsys, monkeypatch, steps=4, minutes=5)
     assert "only an E57 carries photographs" in said and "learning from points withheld" in said
-    assert "5 viewpoints to learn from, 1 to judge" in said and "held-out viewpoints" in said
+    assert "5 viewpoints to learn from, 1 held out" in said and "held-out viewpoints" in said
     if made.parent == weights_dir():
         assert "shipped weights are kept" in said and not list((tmp_path / "w").iterdir())
     else:

@@ -1,2 +1,4 @@
-"""Any scan judged by points withheld from it: ``points`` are the scan as it is shown, ``viewpoints`` where it is judged from,
-``command`` what ``pointglass evaluate SCAN`` does.  The figures are :mod:`model.evaluation.heldout`'s."""
+"""Evaluation of any scan at points withheld from it; the metrics are those of :mod:`model.evaluation.heldout`.
+
+``scan_points`` reads the points, ``judged_viewpoints`` chooses the cameras, ``evaluate_scan`` is ``pointglass evaluate SCAN``.
+"""

@@ -1,4 +1,4 @@
-"""What ``pointglass evaluate SCAN`` does: judges raw, filled and neural pictures of a scan by points withheld from it."""
+"""``pointglass evaluate SCAN``: evaluates raw, filled and neural pictures of a scan at points withheld from it."""
 
 import argparse
 import sys
@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from model.evaluation.heldout import Viewpoint, Withheld
 
 FILLED = "filled"
-"""Name of what goes into a network, in tables: pull-push behind our filter, with view-dependent blending."""
+"""Name in tables of the networks' input: pull-push with our filter and view-dependent blending."""
 SIZE = (960, 720)
-"""Pixels, of the pictures that are judged."""
+"""Size of the evaluated pictures, pixels.  Chosen by hand."""
 VIEWS = 8
-"""Viewpoints, unless others are asked for."""
-_NO_USE_FOR = {"perceptual": None, "exposures": "both", "outside": [], "flicker": True, "frames": 20, "precision": False,
-               "paper_table": False, "split": "val", "camera": "dslr", "worst": None, "fast": False}
-"""Options of rooms that a scan has no use for, as they are where nobody gives them."""
+"""Default number of viewpoints: the benches' named views."""
+_IGNORED = {"perceptual": None, "exposures": "both", "outside": [], "flicker": True, "frames": 20, "precision": False,
+            "paper_table": False, "split": "val", "camera": "dslr", "worst": None, "fast": False}
+"""Options for rooms, which are ignored for a scan, with their defaults."""
 
 
 def is_scan(path: Path) -> bool:
-    """Whether a path is a scan for the viewer, a file or a folder made by ``convert``, and not a folder with a room in it.
+    """Whether a path is a scan for the viewer, that is a file or a folder made by ``convert``, and not the folder of a room.
 
-    A path that leads nowhere is taken for a file where its name has a suffix.
+    A missing path counts as a file if its name has a suffix.
     """
     from viewer.grid.cache import is_grid
 
@@ -39,25 +39,24 @@ def is_scan(path: Path) -> bool:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Judges, prints a table, writes what was asked for.  Returns 0.  Raises InputError, DataError and WeightsError."""
+    """Evaluates, prints a table and writes the requested files.  Returns 0.  Raises InputError, DataError and WeightsError."""
     from model.common.signals import importing
     from model.evaluation.command import names_of
     from model.evaluation.report import check_output, save, save_picture
     from model.weights import weights_dir
 
     if len(options.data) > 1:
-        raise InputError(f"{options.data[1]}: one scan at a time is judged by withheld points; give the others by themselves")
+        raise InputError(f"{options.data[1]}: one scan at a time can be evaluated; evaluate the others separately")
     if not all(0 < density <= 1 for density in options.densities) or not options.densities:
-        raise InputError(f"--densities {' '.join(f'{d:g}' for d in options.densities)}: shares over 0 and at most 1 expected")
+        raise InputError(f"--densities {' '.join(f'{d:g}' for d in options.densities)}: expected shares above 0 and at most 1")
     if options.views is not None and options.views < 1:
-        raise InputError(f"--views {options.views}: at least 1 expected")
+        raise InputError(f"--views {options.views}: expected at least 1")
     if options.json:
         check_output(options.json)
     if options.plot:
         check_output(options.plot, (".png",))
-    if ignored := [f"--{name.replace('_', '-')}" for name, usual in _NO_USE_FOR.items() if getattr(options, name) != usual]:
-        print(f"pointglass: a scan that is judged by withheld points has no use for {', '.join(ignored)}: left out of account",
-              file=sys.stderr)
+    if ignored := [f"--{name.replace('_', '-')}" for name, default in _IGNORED.items() if getattr(options, name) != default]:
+        print(f"pointglass: the evaluation of a scan ignores {', '.join(ignored)}", file=sys.stderr)
     files = options.weights or [weights_dir() / "balanced-filtered.safetensors"]
     with importing():
         from model.evaluation.heldout_report import format_withheld
@@ -74,9 +73,11 @@ def run(options: argparse.Namespace) -> int:
 
 def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, ...], views: int,
                size: tuple[int, int] = SIZE, sheet: bool = False) -> tuple[dict, list[np.ndarray]]:
-    """JSON-able figures of a scan, and, where a sheet is wanted, its rows (H, W, 3) uint8: filled, neural, which is nearer.
+    """Metrics of a scan, for JSON, and the rows of the sheet, (H, W, 3) uint8 each.
 
-    weights: name -> file.  densities: shares of what is not withheld.
+    weights: name -> file.  densities: shares of the points that are not withheld.  sheet: whether to make rows, each with the
+    filled picture, the neural one, and a map of which is closer to the withheld points.  Raises InputError if no withheld point
+    is visible.
     """
     from model.evaluation.heldout import Withheld
     from model.evaluation.methods import WEIGHTED, network_method, plain_methods
@@ -93,22 +94,22 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     viewpoints = judged_viewpoints(scene, size, views)
     stations = station_viewpoints(scan, size)
     rows = []
-    with progress(len(viewpoints) + len(stations), "judging", " views") as meter:
+    with progress(len(viewpoints) + len(stations), "evaluating", " views") as meter:
         for viewpoint in (*viewpoints, *stations):
             row = _judged(work, viewpoint, sheet)
             if row is not None:
                 rows.append(row)
             meter.update(1)
     if not work.found:
-        raise InputError(f"{path}: no withheld point is visible in {counted(len(viewpoints), 'view')}; open it and see whether "
-                         "its points lie where they should")
+        raise InputError(f"{path}: no withheld point is visible in {counted(len(viewpoints), 'view')}; open it and check the "
+                         "positions of its points")
     return {"scan": path.name, "points": len(scan.xyz), "withheld": work.share, "spacing": spacing, "size": list(size),
             "views": [viewpoint.name for viewpoint in viewpoints], "stations": [viewpoint.name for viewpoint in stations],
             "seed": work.seed, "rows": work.rows()}, rows
 
 
 def _judged(work: "Withheld", viewpoint: "Viewpoint", sheet: bool) -> np.ndarray | None:
-    """Judges a viewpoint; its row of the sheet where one is wanted and points are visible."""
+    """Evaluates a viewpoint.  Returns its row of the sheet; None without a sheet or visible withheld points."""
     wanted, shown = work.judge(viewpoint)
     if not sheet or not len(wanted.index):
         return None
@@ -117,7 +118,7 @@ def _judged(work: "Withheld", viewpoint: "Viewpoint", sheet: bool) -> np.ndarray
 
     neural = next((name for name in shown if name.startswith("network ")), FILLED)
     pictures = [_halved(shown[FILLED]), _halved(shown[neural]), nearer(shown[FILLED], shown[neural], wanted)[::2, ::2]]
-    labels = [f"{viewpoint.name}: filled", neural, "nearer to the withheld points: neural blue, filled orange"]
+    labels = [f"{viewpoint.name}: filled", neural, "closer to the withheld points: neural blue, filled orange"]
     return labelled_row(pictures, labels)
 
 

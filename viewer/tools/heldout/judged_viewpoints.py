@@ -1,4 +1,4 @@
-"""Where a scan is judged from, and learned from: the benches' named views and path, and the scanners' own places.
+"""Viewpoints for evaluation and training on a scan: the benches' named views and path, and the scanner positions.
 
 Frame: file coordinates, world up = +z.
 """
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 STATIONS = 4
-"""Scanner positions that are left out, each in its turn: those with the most points."""
+"""Number of stations that are withheld, one at a time: those with the most points.  Chosen by hand."""
 FIELD_OF_VIEW = 60.0
-"""Degrees, vertical, from a scanner's place."""
+"""Vertical field of view of the cameras at scanner positions, degrees.  Chosen by hand."""
 LEAST_SHARE = 0.02
-"""Of the points, that a station must have to be left out, and that must be left without it."""
+"""Least share of the points that a withheld station must have, and that must remain without it.  Chosen by hand."""
 
 
 def picture_of(camera: Camera) -> MemoryPicture:
-    """The camera as a picture without pixels.  Raises ValueError where its pixels are not square."""
+    """The camera as a black picture.  Raises ValueError if its pixels are not square."""
     if camera.fx != camera.fy:
         raise ValueError(f"camera {camera.name!r}: its pixels are not square")
     empty = np.broadcast_to(np.zeros(3, np.uint8), (camera.height, camera.width, 3))
@@ -32,7 +32,7 @@ def picture_of(camera: Camera) -> MemoryPicture:
 
 
 def judged_viewpoints(scene: "Scene", size: tuple[int, int], count: int) -> list[Viewpoint]:
-    """``count`` of the benches' eight named views, evenly chosen; where more are wanted, places on the benches' path too."""
+    """``count`` evenly spaced cameras: the benches' eight named views, and for more than eight also cameras of their path."""
     from viewer.tools.viewpoints import camera_path, named_views
 
     cameras = named_views(scene, size)
@@ -43,7 +43,7 @@ def judged_viewpoints(scene: "Scene", size: tuple[int, int], count: int) -> list
 
 
 def station_viewpoints(scan: Scan, size: tuple[int, int]) -> list[Viewpoint]:
-    """Four directions from each of the scanners that are left out; none where the scan does not tell its stations apart."""
+    """Four horizontal directions from each withheld station; empty if the scan has no distinct scanner positions."""
     if scan.places is None or not stations_differ(scan.places):
         return []
     counts = np.bincount(scan.station, minlength=len(scan.places))[: len(scan.places)]

@@ -1,4 +1,4 @@
-"""A scan's points as the viewer shows them, for what works on arrays: exposures matched, stations told apart where they can be.
+"""The points of a scan as arrays, with the colours of the viewer (after exposure compensation) and their stations, if known.
 
 Frame: file coordinates, file units.
 """
@@ -15,21 +15,22 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 MOST_POINTS = 20_000_000
-"""Points that are worked on, drawn at random from more: 27 bytes each, and as many again in a view that holds all of them."""
+"""Largest number of points used, chosen at random from more.  Each takes 27 bytes, and again as many in a view that contains
+it."""
 LEAST_POINTS = 1000
-"""Points below which a tenth of them says nothing."""
+"""Least number of points for an evaluation at a tenth of them.  Chosen by hand."""
 
 
 def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> tuple[Scan, float]:
-    """The points, thinned at random to about ``most``, and their spacing.  path: for messages.
+    """The points, thinned at random to about ``most``, and their spacing in file units.  path: for messages.
 
-    Raises InputError where they are too few, or coloured by height or intensity, which is nothing to judge a picture by.
+    Raises InputError if there are too few points, or if they have no colours of their own.
     """
     from viewer.grid.scene import CHUNK, unpack
 
     source = (scene.meta.get("colour") or {}).get("source", "rgb")
     if source != "rgb":
-        raise InputError(f"{path}: its points have no colours (shown by {source}), by which pictures would be judged")
+        raise InputError(f"{path}: its points have no colours (shown by {source}), which the evaluation requires")
     share, rng, parts = min(1.0, most / max(scene.count, 1)), np.random.default_rng(seed), []
     for start in range(0, scene.count, 16 * CHUNK):
         xyz, rgb, _, station = unpack(scene, slice(start, min(start + 16 * CHUNK, scene.count)))

@@ -1,4 +1,4 @@
-"""The shipped weights adapted to one scan, in minutes: by the photographs inside an E57, else by points withheld from it.
+"""Fine-tuning of the shipped weights on one scan, in minutes: on the photographs in an E57, else on points withheld from it.
 
-``photographs`` and ``withheld`` are the two kinds of material, ``tune`` trains on either, judges, and keeps what is better.
+``photographs`` and ``withheld`` provide training and held-out data; ``tune`` trains, evaluates, and keeps the better weights.
 """

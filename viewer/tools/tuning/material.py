@@ -1,4 +1,4 @@
-"""What both kinds of tuning have in common: what is learned from, what is judged, and room for the pairs."""
+"""Interface of both kinds of fine-tuning data, and a check of the disk space for training pairs."""
 
 import shutil
 from dataclasses import dataclass
@@ -10,14 +10,15 @@ import torch
 from viewer.errors import InputError
 
 JUDGED = 5
-"""Every fifth photograph or viewpoint is judged, not learned from."""
+"""Every fifth photograph or viewpoint is held out from training for the evaluation.  Chosen by hand."""
 DENSITIES = (1.0, 0.25)
-"""Of the points, at which the judged pictures are made."""
+"""Shares of the points in the evaluation.  Chosen by hand."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A picture to judge by.  input (C, H, W) float16, the network's; truth (3, H, W) 0..1; known (H, W) bool."""
+    """A held-out picture.  input: (C, H, W) float16, of the network; truth: (3, H, W), 0..1; known: (H, W) bool, valid
+    truth."""
 
     input: torch.Tensor
     truth: torch.Tensor
@@ -25,10 +26,10 @@ class Judged:
 
 
 class Material(Protocol):
-    """What a scan offers to be tuned on.
+    """Training and held-out data of a scan.
 
-    noun: of what is learned from and judged, in the plural.  learned, held: how many of each.  perceptual: whether a perceptual
-    distance can be part of the loss.
+    noun: name of the items, plural, for messages.  learned, held: number of training and of held-out items.  perceptual:
+    whether the loss can include a perceptual distance.
     """
 
     @property
@@ -44,18 +45,18 @@ class Material(Protocol):
     def held(self) -> int: ...
 
     def judged(self) -> list[Judged]:
-        """What is judged, at every density."""
+        """The held-out pictures at each density."""
         ...
 
     def pairs(self, work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
-        """Makes folders of training pairs in ``work``, and says how many pictures each was made of.  name: of the scan."""
+        """Makes folders of training pairs in ``work``.  Returns (folder, number of pictures) each.  name: of the scan."""
         ...
 
 
 def check_room(work: Path, pixels: int) -> None:
-    """Raises InputError where the disk of the folder ``work`` has no room for pairs of so many pixels."""
+    """Raises InputError if the disk of the folder ``work`` has no space for pairs of ``pixels`` pixels in total."""
     from model.unet import INPUT_CHANNELS
 
-    needed, free = (2 * INPUT_CHANNELS + 15) * pixels, shutil.disk_usage(work).free  # half floats, and bytes of the truth
+    needed, free = (2 * INPUT_CHANNELS + 15) * pixels, shutil.disk_usage(work).free  # bytes: half floats, and the truth
     if needed > 0.9 * free:
         raise InputError(f"{work.parent}: {needed / 1e9:.1f} GB are needed for training pairs, {free / 1e9:.1f} GB are free")

@@ -1,8 +1,8 @@
-"""Tuning by photographs: those inside an E57, registered to its points.
+"""Fine-tuning on the photographs in an E57 that are registered to its points.
 
-Four photographs of five are learned from, the fifth is judged, before and after.  Each photograph's exposure is matched to the
-scan first (one gain a channel, linear light): the network cannot know it.  The place's own frame: the E57's, metres; cameras
-OpenGL's.
+Four of five photographs are for training; the fifth is held out for the evaluation.  Each photograph is first adapted to the
+exposure of the scan (one gain per channel, linear light), which the network cannot know.  Frame: that of the E57, metres;
+camera axes as in OpenGL.
 """
 
 from dataclasses import dataclass
@@ -31,22 +31,33 @@ from viewer.readers.formats import open_source
 from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
 
 MOST_POINTS = 20_000_000
+"""Largest number of points used, chosen at random from more: a limit of memory."""
 MOST_PHOTOS = 120
-LONGEST = 768  # pixels a side that photographs are averaged down to: a scan is hardly ever finer
+"""Largest number of photographs used.  This and all limits below were chosen by hand."""
+LONGEST = 768
+"""Largest side, pixels, to which photographs are reduced: scans rarely have finer detail."""
 LEAST_AGREEMENT = 0.3
-"""Correlation of fine structure between a photograph and the points projected into it, below which it is not registered."""
-MOST_OFFSET = 2.0  # pixels, at which photograph and points fit best: beyond it they would teach blur
-OFFSETS = 16  # pixels, searched
+"""Least correlation of fine structure between a registered photograph and the points projected into it."""
+MOST_OFFSET = 2.0
+"""Largest registration offset between photograph and points, pixels: a larger one would train the network to blur."""
+OFFSETS = 16
+"""Largest offset searched along each axis, pixels."""
 LARGEST_GAIN = 4.0
-LARGEST_DIFFERENCE = 48.0  # of 255, over a few pixels, between photograph and points: something moved, or hides it
+"""Largest exposure gain, linear light, and inverse of the smallest."""
+LARGEST_DIFFERENCE = 48.0
+"""Largest local difference of a colour channel between photograph and points, 0 to 255: beyond it, something moved or
+occludes."""
 LEAST_SIDE = 64
+"""Least side of a photograph, pixels."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How a photograph fits the points.  correlation: -1..1 of fine structure, NaN where too little is seen.  offset: pixels
-    they would have to be moved to fit best.  picture: the photograph in the scan's exposure, known where points are and agree.
-    gain: (3,) in linear light."""
+    """Agreement of a photograph with the points.
+
+    correlation: of fine structure, -1..1; NaN if too few points are visible.  offset: pixels, of the largest cross-correlation.
+    picture: the photograph in the exposure of the scan, usable where points exist and agree.  gain: (3,), linear light.
+    """
 
     correlation: float
     offset: float
@@ -57,8 +68,8 @@ class Agreement:
 def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
     """The coloured points of a scan file as the viewer shows them, thinned at random to about ``most``.
 
-    Colours are decided over the whole file and matched between stations and runs, as on opening.  Points that nobody
-    photographed are left out.  Raises InputError where the points have no colours.
+    Colours are analysed over the whole file, with exposure compensation between stations and runs, as on opening.  Points
+    without colour are omitted.  Raises InputError if the points have no colours or are too few.
     """
     source = open_source(path)
     colours, rng = Colours([source]), np.random.default_rng(seed)
@@ -66,7 +77,7 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
     with progress(2 * (source.count or 0), f"reading {path.name}", " points") as meter:
         for chunk in source.chunks():
             if chunk.rgb is None:
-                raise InputError(f"{path}: its points have no colours, which tuning compares the photographs with")
+                raise InputError(f"{path}: its points have no colours, which are needed to compare the photographs with them")
             colours.add(0, first, chunk)
             first += len(chunk.xyz)
             meter.update(len(chunk.xyz) + chunk.invalid)
@@ -82,18 +93,18 @@ def read_points(path: Path, *, most: int = MOST_POINTS, seed: int = 1) -> Scan:
             meter.update(len(chunk.xyz) + chunk.invalid)
     xyz, rgb, station = (np.concatenate([part[k] for part in parts]) for k in range(3))
     if len(xyz) < 1000:
-        raise InputError(f"{path}: {len(xyz)} usable points are too few to tune with")
+        raise InputError(f"{path}: {len(xyz)} usable points are too few for tuning")
     return Scan(xyz, rgb, station, station_positions_of(scan.position for scan in source.scans))
 
 
 def _blurred(values: np.ndarray, weight: np.ndarray, sigma: float) -> np.ndarray:
-    """Gaussian mean of what is weighted; 0 where nothing is near."""
+    """Weighted Gaussian mean of values (H, W); 0 where no weight is near.  sigma: pixels."""
     total = gaussian_filter(weight, sigma, mode="constant")
     return gaussian_filter(values * weight, sigma, mode="constant") / np.maximum(total, 1e-3)
 
 
 def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
-    """Projects the scan into the photograph and compares.  spacing: of the scan, metres."""
+    """Projects the scan into the photograph and compares them.  spacing: of the scan, metres."""
     picture = MemoryPicture(photo.picture, photo.fl, photo.camera_to_world, centre=(photo.cx, photo.cy))
     seen = project_scan(scan, picture)
     raster = raster_of(seen, torch.ones(len(seen.z), dtype=torch.bool), spacing)
@@ -118,7 +129,7 @@ def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
     differ = np.stack([_blurred(matched[..., c].astype(np.float32) - points[..., c], weight, 3.0) for c in range(3)])
     known &= ~np.asarray(binary_dilation(np.abs(differ).max(0) > LARGEST_DIFFERENCE, iterations=2), bool)
     if gain.min() < 0.95:
-        known &= photo.picture.max(2) < 254  # how bright it was there is not known
+        known &= photo.picture.max(2) < 254  # the photograph is clipped there
     if photo.trusted is not None:
         known &= photo.trusted
     known = np.asarray(binary_erosion(known, border_value=1), bool)
@@ -127,7 +138,8 @@ def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
 
 
 def _offset(points: np.ndarray, photo: np.ndarray) -> float:
-    """Pixels by which ``photo`` (H, W) would have to be moved to fit best to ``points`` (H, W), which are 0 where none are."""
+    """Offset in pixels with the largest cross-correlation of ``photo`` and ``points``, both (H, W); ``points`` is 0 without
+    points."""
     size = [n + OFFSETS for n in points.shape]
     product = np.fft.irfft2(np.conj(np.fft.rfft2(points, size)) * np.fft.rfft2(photo, size), size)
     steps = np.arange(-OFFSETS, OFFSETS + 1)
@@ -137,7 +149,7 @@ def _offset(points: np.ndarray, photo: np.ndarray) -> float:
 
 
 def _gain(points: np.ndarray, photo: np.ndarray) -> np.ndarray:
-    """(3,) what the photograph's linear light must be multiplied by; medians over pixels neither dark nor clipped."""
+    """(3,) gains from the photograph to the points, linear light: medians over pixels that are neither dark nor clipped."""
     usable = (np.minimum(points, photo).min(1) >= 20) & (np.maximum(points, photo).max(1) <= 240)
     if usable.sum() < 100:
         return np.ones(3)
@@ -146,48 +158,52 @@ def _gain(points: np.ndarray, photo: np.ndarray) -> np.ndarray:
 
 
 def photographs_in(path: Path) -> tuple[list[Photo], str]:
-    """The photographs with camera and pose inside a scan; where there are none, why."""
+    """The photographs with camera and pose in a scan, and, without any, the reason."""
     if path.is_dir() or open_source(path).format != "E57":
         return [], f"{path}: only an E57 carries photographs with their cameras"
     photos, warnings = read_photographs(path, longest=LONGEST, most=MOST_PHOTOS)
     for line in warnings:
         print(f"pointglass: {line}")
-    return photos, "" if photos else f"{path}: holds no photographs with camera and pose"
+    return photos, "" if photos else f"{path}: contains no photographs with camera and pose"
 
 
 def registered_pictures(path: Path, photos: list[Photo], scan: Scan, spacing: float, *, say=print) -> list[MemoryPicture]:
-    """The photographs of an E57 that fit its points.  say: told of every photograph left out, and why.
+    """The photographs of an E57 that fit its points.  say: called with a message for each photograph that is left out.
 
-    Raises InputError where most do not fit: they are then not registered to this scan.
+    Raises InputError if most do not fit, as they are not registered to this scan.
     """
     found = []
     with progress(len(photos), "comparing photographs with points") as meter:
         for photo in photos:
             found.append((photo.name, agreement(photo, scan, spacing)))
             meter.update(1)
-    told = [(name, a) for name, a in found
+    compared = [(name, a) for name, a in found
             if np.isfinite(a.correlation) and min(a.picture.width, a.picture.height) >= LEAST_SIDE]  # fmt: skip
-    if not told:
-        raise InputError(f"{path}: none of its {len(photos)} photographs sees enough of its points to learn from")
-    middle, aside = (float(np.median([getattr(a, what) for _, a in told])) for what in ("correlation", "offset"))
-    if middle < LEAST_AGREEMENT or aside > MOST_OFFSET:
+    if not compared:
+        raise InputError(f"{path}: none of its {len(photos)} photographs shows enough of its points for training")
+    middle, offset = (float(np.median([getattr(a, what) for _, a in compared])) for what in ("correlation", "offset"))
+    if middle < LEAST_AGREEMENT or offset > MOST_OFFSET:
         raise InputError(
-            f"{path}: its photographs do not fit its points (median agreement {middle:.2f}, at least {LEAST_AGREEMENT} needed; "
-            f"{aside:.0f} pixels aside, at most {MOST_OFFSET:.0f}): they are not registered to it; export it with their poses"
+            f"{path}: its photographs do not fit its points (median correlation {middle:.2f}, expected at least "
+            f"{LEAST_AGREEMENT}; offset {offset:.0f} pixels, expected at most {MOST_OFFSET:.0f}): they are not registered; "
+            "export the E57 with their poses"
         )
     fitting = []
-    for name, a in told:
+    for name, a in compared:
         if a.correlation >= LEAST_AGREEMENT and a.offset <= MOST_OFFSET:
             fitting.append(a.picture)
         else:
-            why = f"agreement {a.correlation:.2f}, {a.offset:.0f} pixels aside"
+            why = f"correlation {a.correlation:.2f}, offset {a.offset:.0f} pixels"
             say(f"pointglass: photograph {name!r} does not fit the points ({why}); left out")
     return [picture for picture in fitting if picture.usable.any()]
 
 
 @dataclass(frozen=True, eq=False)
 class Photographs:
-    """The material.  noise: of the scan, as the network is told it.  learned_from, held_out: registered photographs."""
+    """Photographs as training data.  noise: noise model of the scan, an input of the network.
+
+    learned_from, held_out: registered photographs for training and for the evaluation.
+    """
 
     scan: Scan
     spacing: float
@@ -206,21 +222,21 @@ class Photographs:
         return len(self.held_out)
 
     def judged(self) -> list[Judged]:
-        """What the renderer would show the network from the held-out photographs' places, at every density."""
+        """The network's input from the cameras of the held-out photographs, at each density, as the renderer makes it."""
         made = []
         for picture in self.held_out:
             seen: Projected = project_scan(self.scan, picture)
             truth = torch.from_numpy(picture.colour).permute(2, 0, 1).float() / 255
             for density in DENSITIES:
-                apart = self.spacing / density**0.5
-                raster = raster_of(seen, seen.rank < density, apart)
+                spacing = self.spacing / density**0.5
+                raster = raster_of(seen, seen.rank < density, spacing)
                 noise = seen_noise(self.noise, raster, seen)
-                x = network_input(raster, keep_mask(raster.depth), picture.fl, apart, noise)
+                x = network_input(raster, keep_mask(raster.depth), picture.fl, spacing, noise)
                 made.append(Judged(x.half(), truth, torch.from_numpy(picture.usable)))
         return made
 
     def pairs(self, work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
-        """Folders of pairs, one for each size of picture and half of it."""
+        """Folders of pairs, one for each picture size at full and at half resolution."""
         pictures = self.learned_from
         variants = int(np.clip(120 // len(pictures), 1, 8))
         groups: dict[tuple[int, int], list[MemoryPicture]] = {}
@@ -229,7 +245,7 @@ class Photographs:
         check_room(work, sum(w * h * len(g) * variants for (w, h), g in groups.items()))
         folders = []
         for number, group in enumerate(groups.values()):
-            for reduce in (1, 2):  # at half the size many points meet in a pixel
+            for reduce in (1, 2):  # at half resolution a pixel averages more points
                 if reduce == 1 or min(group[0].width, group[0].height) >= 4 * LEAST_SIDE:
                     folders.append((work / f"pairs-{number}-{reduce}", len(group)))
                     build([PhotoPlace(name, self.scan, group)], folders[-1][0], seed=seed, scans=1, variants=variants,
@@ -238,15 +254,15 @@ class Photographs:
 
 
 def registered_photographs(path: Path, photos: list[Photo], seed: int) -> Photographs:
-    """The photographs of an E57 that are registered to its points, every JUDGED-th held out.
+    """The registered photographs of an E57, with every JUDGED-th held out.
 
-    Raises InputError where points have no colours, where photographs do not fit them, or fewer than two do.
+    Raises InputError if the points have no colours, or if the photographs do not fit them, or fewer than two do.
     """
     points = read_points(path, seed=seed)
     spacing = scan_spacing(points)
     pictures = registered_pictures(path, photos, points, spacing)
     if len(pictures) < 2:
-        raise InputError(f"{path}: {len(pictures)} registered photographs; at least two are needed, to learn and to judge")
+        raise InputError(f"{path}: {len(pictures)} registered photographs; at least two are needed, one of them held out")
     held = [p for i, p in enumerate(pictures) if i % JUDGED == JUDGED // 2] or pictures[-1:]
     learned = [p for p in pictures if all(p is not h for h in held)]
     return Photographs(points, spacing, estimate_noise(points.xyz, points.rgb, points.station), learned, held)

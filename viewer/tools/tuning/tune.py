@@ -1,4 +1,4 @@
-"""Trains the shipped weights on what a scan offers, judges them by what was kept apart, and keeps them where they gained."""
+"""Fine-tunes the shipped weights on a scan, evaluates them on held-out data, and keeps them if they are better."""
 
 import re
 import tempfile
@@ -16,19 +16,20 @@ from viewer.paths import weights_home
 from viewer.tools.tuning.material import Judged, Material
 
 RATE = 1e-4
+"""Learning rate.  Chosen by hand."""
 
 
 @torch.inference_mode()
 def mean_psnr(network: torch.nn.Module, judged: list[Judged]) -> float:
-    """Mean PSNR over pictures, of the pixels that are known."""
+    """Mean over pictures of the PSNR, dB, over known pixels."""
     values = [masked_psnr(network(j.input.float()[None])[0, :3].clamp(0, 1), j.truth, j.known) for j in judged]
     return float(np.mean(values))
 
 
 def material_of(path: Path, seed: int) -> Material:
-    """The photographs inside an E57 where it has any with camera and pose, else points to withhold.  Says which.
+    """The photographs in an E57 with camera and pose; without any, prints the reason and returns withheld points.
 
-    Raises InputError where photographs do not fit their points, or where points have no colours.
+    Raises InputError if the photographs do not fit the points, or if the points have no colours.
     """
     from viewer.tools.tuning.photographs import photographs_in, registered_photographs
     from viewer.tools.tuning.withheld import withheld_points
@@ -42,21 +43,21 @@ def material_of(path: Path, seed: int) -> Material:
 
 def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minutes: float = 10.0,
          perceptual: Path | None = None, seed: int = 1, steps: int = 20_000, device: str = "auto") -> Path:  # fmt: skip
-    """Trains the shipped weights on ``scan`` and writes ``NAME-QUALITY-filtered.safetensors``.
+    """Fine-tunes the shipped weights on ``scan`` and writes ``NAME-QUALITY-filtered.safetensors``.
 
-    out: folder for it (default: the one the viewer looks into).  Prints the PSNR of what was kept apart, before and after.
-    Returns the weights to use: the new ones, or the shipped ones where tuning made nothing better, with a line that says so.
-    Raises InputError where the scan offers nothing to learn from.
+    out: folder of the file (default: the folder that the viewer searches).  minutes: time limit of the training.
+    Prints the held-out PSNR before and after.  Returns the path of the new weights, or of the shipped ones if they are not
+    worse.  Raises InputError if the scan has no usable data.
     """
     shipped = weights_dir() / f"{weights_name(quality, filtered=True)}.safetensors"
     if not shipped.is_file():
         raise InputError(f"no weights are shipped for quality {quality!r}; choose fast or balanced")
     if not (np.isfinite(minutes) and minutes > 0):
-        raise InputError(f"--minutes {minutes:g}: more than 0 are needed")
+        raise InputError(f"--minutes {minutes:g}: expected more than 0")
     material = material_of(scan, seed)
     judged = material.judged()
     before = mean_psnr(load_weights(shipped)[0], judged)
-    print(f"{material.learned} {material.noun} to learn from, {material.held} to judge; shipped weights: {before:.2f} dB",
+    print(f"{material.learned} {material.noun} to learn from, {material.held} held out; shipped weights: {before:.2f} dB",
           flush=True)
     out = weights_home() if out is None else out
     name = re.sub(r"[^\w.-]+", "_", scan.stem) or "scan"
@@ -75,7 +76,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     after = mean_psnr(network, judged)
     print(f"held-out {material.noun}: {before:.2f} dB with the shipped weights, {after:.2f} dB tuned", flush=True)
     if not after > before:
-        print(f"tuning made nothing better: the shipped weights are kept, nothing is written ({shipped})")
+        print(f"no improvement: the shipped weights are kept, nothing is written ({shipped})")
         return shipped
     target = out / f"{name}-{weights_name(quality, filtered=True)}.safetensors"
     notes = {"tuned_on": scan.name, material.noun: material.learned, "judged": material.held, "psnr_before": before,

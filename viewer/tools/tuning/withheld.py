@@ -1,8 +1,8 @@
-"""Tuning by withheld points: a scan teaches its own network, without photographs (Noise2Noise, Lehtinen et al. 2018).
+"""Fine-tuning on withheld points, without photographs (Noise2Noise, Lehtinen et al. 2018).
 
-A tenth of the points is kept apart, and what is learned is judged by it, from viewpoints that nothing was learned from.  Of the
-others, another tenth is withheld for every training picture, and the loss is taken at the pixels where these are visible: their
-noise is independent of the picture's, so the network learns what all points have in common.
+A tenth of the points is held out for the evaluation, from viewpoints that are not used for training.  Of the others, another
+tenth is withheld from each training picture, and the loss is computed at the pixels where these points are visible.  As their
+noise is independent of the picture's, the network learns the noise-free mean.
 Frame: file coordinates, file units.
 """
 
@@ -28,23 +28,27 @@ from viewer.progress import progress
 from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
 
 VIEWPOINTS = 30
-"""Cameras, learned from and judged: the benches' eight views and the rest along their path."""
+"""Number of cameras, for training and held out: the benches' eight views, the others along their path.  Chosen by hand."""
 SIZE = (640, 480)
-"""Pixels."""
+"""Picture size, pixels.  Chosen by hand."""
 MOST_POINTS = 8_000_000
-"""Points that are worked on: a view of 640x480 shows no more, and each is projected into every picture."""
+"""Largest number of points used: a view of 640x480 does not show more, and each point is projected into each picture."""
 PICTURES = 75
-"""Training pictures: of each viewpoint as many as that allows."""
+"""Number of training pictures, split evenly between the viewpoints.  Chosen by hand."""
 LEAST_DENSITY = 0.25
-"""Of the points, that training pictures are made of; the other half of them are made of all."""
+"""Least share of the points in every other training picture; the rest of the pictures use all points.  Chosen by hand."""
 LEAST_SEEN = 500
-"""Visible withheld points below which a view teaches and tells nothing."""
+"""Least number of visible withheld points for a view to be used.  Chosen by hand."""
 
 
 @dataclass(frozen=True, eq=False)
 class WithheldPoints:
-    """The material.  scan, spacing: all points.  noise: of the scan, as the network is told it.  apart: (N,) bool, those kept
-    apart.  views: learned from; judges: judged."""
+    """Withheld points as training data.
+
+    scan, spacing: of all points, file units.  unlit: black points count as points without colour.  noise: noise model of the
+    scan, an input of the network.  apart: (N,) bool, points held out for the evaluation.  views: for training.  judges: for the
+    evaluation.
+    """
 
     scan: Scan
     spacing: float
@@ -65,11 +69,11 @@ class WithheldPoints:
         return len(self.judges)
 
     def _sight(self, seen: Projected, keep: Tensor, share: float) -> Sight:
-        """What is seen of the points of ``keep``, a share ``share`` of all."""
+        """The sight of the points ``keep`` (M,) bool, which are a share ``share`` of all points."""
         return sight(seen.chosen(keep), None, self.spacing / share**0.5, unlit=self.unlit, noise=self.noise)
 
     def judged(self) -> list[Judged]:
-        """Pictures of all points but those apart, judged by these."""
+        """Pictures without the held-out points, whose mean colours are the truth."""
         made, soft = [], soft_z(self.spacing, unlit=self.unlit)
         for viewpoint in self.judges:
             seen = project_scan(self.scan, viewpoint.picture)
@@ -87,7 +91,7 @@ class WithheldPoints:
         return made
 
     def pairs(self, work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
-        """One folder of pairs, as of :mod:`model.data.pairs`, known at the pixels of visible withheld points."""
+        """One folder of pairs in the format of :mod:`model.data.pairs`, with truth at the pixels of visible withheld points."""
         variants = max(1, PICTURES // max(len(self.views), 1))
         width, height = self.views[0].picture.width, self.views[0].picture.height
         check_room(work, width * height * variants * len(self.views))
@@ -102,7 +106,7 @@ class WithheldPoints:
                 drawn = int(rng.integers(2**31))
                 seen = project_scan(scan, viewpoint.picture, drawn)
                 for variant in range(variants):
-                    rank = torch.remainder(seen.rank + variant / variants, 1.0)  # other points are withheld each time
+                    rank = torch.remainder(seen.rank + variant / variants, 1.0)  # each variant withholds different points
                     held = rank >= 1.0 - HELD_OUT
                     wanted = targets(seen, held, soft)
                     if len(wanted.index) >= LEAST_SEEN:
@@ -130,22 +134,21 @@ def _too_sparse(views: int) -> InputError:
 
 
 def pixels_of(seen: Projected, wanted: Targets) -> tuple[Tensor, Tensor]:
-    """(3, H, W) uint8 mean colour of the withheld points in each pixel, in linear light as pictures are averaged, and (H, W)
-    bool, where there are any."""
+    """(3, H, W) uint8 mean colour in linear light of the withheld points in each pixel, and (H, W) bool, pixels with any."""
     camera = seen.camera
-    level = torch.ones(len(wanted.index))  # every one of them is in front: none hides another
+    level = torch.ones(len(wanted.index))  # equal depths, as no visible point occludes another
     raster = rasterise(wanted.index, level, wanted.rgb, camera.width, camera.height, soft_z(0.0))
     return raster.colour.to(torch.uint8), raster.count > 0
 
 
 def truth_bytes(colour: Tensor, known: Tensor) -> np.ndarray:
-    """(5, H, W) uint8 as pairs hold it: colour, coverage, known."""
+    """(5, H, W) uint8 truth as stored in pairs: colour, coverage, known."""
     full = torch.full_like(known, 255, dtype=torch.uint8)
     return torch.cat([colour, full[None], (known.to(torch.uint8) * 255)[None]]).numpy()
 
 
 def withheld_points(path: Path, seed: int) -> WithheldPoints:
-    """Opens a scan to be tuned on.  Raises InputError where its points have no colours, or are too few."""
+    """Opens a scan for tuning.  Raises InputError if its points have no colours or are too few."""
     from viewer.grid.open_scene import open_scene
     from viewer.tools.heldout.judged_viewpoints import judged_viewpoints
     from viewer.tools.heldout.scan_points import points_of
