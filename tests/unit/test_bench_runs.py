@@ -153,20 +153,20 @@ def test_bench_error(tmp_path, monkeypatch, capsys):
     assert {f"level of detail: {p} points a pixel" for p in ("0.5", "1", "2", "4", "8")} <= rows.keys()
     assert {"soft depth: 1/32 of depth", "filter: npbg++", "precision: fp16", "network: fast"} <= rows.keys()
     assert "precision: int8" in rows or any(why.startswith("int8") for why in made["left_out"])
-    twin = rows["exact: against the float64 twin"]
+    twin = rows["exact: against the float64 reference"]
     assert twin["mask"] < 0.02 and (twin["psnr"] is None or twin["psnr"] > 40), twin
     assert rows["filter: off"]["psnr"] < 60 and rows["packing: 10 bits"]["psnr"] < 60
     assert all(row["milliseconds"] > 0 and row["time"] > 0 for row in made["rows"])
     assert set(made["front"]) == {"filled", "neural"} and all(rows.keys() >= set(names) for names in made["front"].values())
     said = capsys.readouterr().out
-    assert "float64 twin" in said and errors.UNBEATEN in said
+    assert "float64 reference" in said and errors.UNBEATEN in said
 
 
 @pytest.mark.gl
 def test_leaving_out_void_is_timed_apart_and_changes_no_pixel(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[-1:])
-    made = made_by("error", tmp_path, "--repeats", "1", "--only", "void")
-    row = next(row for row in made["rows"] if row["group"] == "void")
+    made = made_by("error", tmp_path, "--repeats", "1", "--only", "background")
+    row = next(row for row in made["rows"] if row["group"] == "background")
     assert row["psnr"] is None and row["largest"] == 0 and len(row["by_view"]) == 1
     assert run("bench", "error", "--only", "nothing") == 2 and "packing" in capsys.readouterr().err
 

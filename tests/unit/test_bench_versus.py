@@ -88,7 +88,7 @@ def test_bench_versus(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(versus, "matmul_rate", lambda *a: rates.append("matmul") or 1e12)
     monkeypatch.setattr(versus, "conv_rate", lambda *a: rates.append("convolution") or 1e12)
     made = made_by("versus", tmp_path, "--frames", "2", "--repeats", "1", "--device", "cpu")
-    assert made.keys() >= COMMON | {"runs", "said", "open3d", "frames", "device"} and rates == ["matmul", "convolution"] * 2
+    assert made.keys() >= COMMON | {"runs", "note", "open3d", "frames", "device"} and rates == ["matmul", "convolution"] * 2
     assert made["open3d"] == "Open3D is not installed here" and "Open3D is not installed here" in capsys.readouterr().out
     (held,) = made["runs"]
     assert set(held["contenders"]) == {"ours, balanced", "ours, fast", versus.PAPER}

@@ -1,7 +1,7 @@
-"""Run time, measured and never asserted: ``pointglass bench frame | grid | open | error | scale | versus | stability |
-occlusion | raster | cull | flight``.
+"""Benchmarks: ``pointglass bench frame | grid | open | error | scale | versus | stability | occlusion | raster | cull |
+flight``.
 
-Every result carries the machine, driver, versions, scan and size it was had with.  Speed is shown here, not by timed tests.
+Each result includes machine, driver, versions, scan and picture size.  Run times are measured here only; no test asserts them.
 """
 
 import argparse
@@ -22,21 +22,25 @@ if TYPE_CHECKING:
     from viewer.settings import Settings
 
 PROCEDURAL = 25_000_000
-"""Points made on the spot where a bench needs a scan and none is given."""
+"""Default number of points of a procedural scan.  Chosen by hand."""
 _UNITS = {"k": 10**3, "m": 10**6, "g": 10**9}
+"""Suffix of a number -> factor."""
 _MOST_POINTS = 10**11
+"""Largest number of points accepted, far above what machines can hold.  Chosen by hand."""
 LEAST_FRAMES = {"occlusion": 3, "flight": 12}
-"""Cameras a bench needs, where more than one: occlusion's first, the one after its jump, and one that has a past; of a flight
-those whose error is measured."""
+"""Least number of cameras of benches that need more than one.  Occlusion: the first frame, the one after the jump, and one with
+a history.  Flight: the frames whose error is measured."""
 PLOT_SUFFIXES = (".png", ".svg", ".pdf", ".eps", ".ps", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
-"""Of what matplotlib writes, what a person can open."""
+"""File types of a plot: picture formats of matplotlib that common programs open."""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """One bench.  text: for --help.  repeats: rounds unless told otherwise.  scan: what it takes where none is given, demo,
-    procedural or nothing.  uses: of the options, besides those that all use and those that choose a scan; all of those that
-    make a Settings where SETTINGS is among them."""
+    """One benchmark.
+
+    text: for --help.  repeats: default number of rounds.  scan: default input: ``demo``, ``procedural``, or ``nothing`` if it
+    takes no scan.  uses: options that it uses, besides those of all benches and those that choose a scan.
+    """
 
     text: str
     repeats: int
@@ -45,28 +49,31 @@ class Kind:
 
 
 SETTINGS = (*CHOICES, "filter_strength", "filter_levels", "lod", "weights")
+"""Options that set a field of Settings."""
 KINDS = {
     "frame": Kind("frame times by stage along a path", 1, "demo", (*SETTINGS, "size", "along", "repeats")),
-    "flight": Kind("pictures per second in a window, and the error of what it shows meanwhile", 1, "demo",
+    "flight": Kind("pictures per second in a window, and the error of the pictures shown", 1, "demo",
                    (*SETTINGS, "size", "frames")),
-    "grid": Kind("building the grid", 3, "nothing", ("points", "repeats")),
+    "grid": Kind("time to build the grid", 3, "nothing", ("points", "repeats")),
     "open": Kind("time to the first picture and to full quality", 1, "demo", SETTINGS),
-    "error": Kind("time saved and error made by every approximation", 5, "demo", ("only", "repeats")),
+    "error": Kind("time saved and error caused by each approximation", 5, "demo", ("only", "repeats")),
     "scale": Kind("time and memory from 1M to 1G points", 2, "nothing", (*SETTINGS, "points", "keep", "repeats", "seed")),
-    "versus": Kind("against the paper's pipeline and Open3D", 3, "procedural", (*SETTINGS, "size", "frames", "repeats")),
+    "versus": Kind("comparison with the paper's pipeline and Open3D", 3, "procedural",
+                   (*SETTINGS, "size", "frames", "repeats")),
     "stability": Kind("numerical limits", 1, "nothing", ("seed",)),
-    "occlusion": Kind("what occlusion culling saves, and its error", 1, "nothing",
+    "occlusion": Kind("time saved by occlusion culling, and its error", 1, "nothing",
                       ("lod", "points", "rooms", "frames", "seed")),
-    "raster": Kind("both rasterisers on points at random", 5, "nothing", ("points", "repeats", "seed")),
-    "cull": Kind("finding what is in view among a million cells", 5, "nothing", ("repeats", "seed")),
+    "raster": Kind("both rasterisers on random points", 5, "nothing", ("points", "repeats", "seed")),
+    "cull": Kind("time to find the visible ones of a million cells", 5, "nothing", ("repeats", "seed")),
 }
 _OF_SCANS = ("procedural", "rooms", "seed")
+"""Options that choose a procedural scan."""
 NEURAL = ("open", "error", "scale", "versus", "stability", "flight")
 """Benches that always run a network."""
 
 
 def parse_count(text: str, option: str) -> int:
-    """``25M`` -> 25,000,000; k, M and G are understood.  Raises InputError."""
+    """``25M`` -> 25,000,000; suffixes k, M and G.  Raises InputError."""
     digits, unit = (text[:-1], text[-1:].lower()) if text[-1:].lower() in _UNITS else (text, "")
     try:
         count = float(digits) * _UNITS.get(unit, 1)
@@ -78,19 +85,19 @@ def parse_count(text: str, option: str) -> int:
 
 
 def parse_counts(text: str, option: str) -> list[int]:
-    """``1M,10M`` -> [1,000,000, 10,000,000]."""
+    """``1M,10M`` -> [1,000,000, 10,000,000].  Raises InputError."""
     return [parse_count(part.strip(), option) for part in text.split(",")]
 
 
 def parse_sizes(texts: list[str] | None) -> list[tuple[int, int]]:
-    """Sizes from ``--size``, each a comma-separated list; 960x720 where there is none."""
+    """Sizes of ``--size``, each a comma-separated list; 960x720 by default."""
     from viewer.tools.export import parse_size
 
     return [parse_size(part.strip()) for text in texts or ["960x720"] for part in text.split(",")]
 
 
 def subject_of(options: argparse.Namespace) -> "Subject":
-    """The scan a bench is to look at."""
+    """The scan of a bench.  Raises InputError for contradictory options."""
     from viewer.bench.bench_input import Subject
     from viewer.bench.procedural_scan import ProceduralScan
     from viewer.tools.demo import demo_scan
@@ -107,7 +114,7 @@ def subject_of(options: argparse.Namespace) -> "Subject":
 
 
 def _check(options: argparse.Namespace) -> None:
-    """Raises InputError naming the first option that cannot be followed, before anything is measured."""
+    """Raises InputError naming the first invalid option, before the measurement."""
     for option, suffixes in (("json", None), ("plot", PLOT_SUFFIXES)):
         path = getattr(options, option)
         if path is None:
@@ -117,9 +124,9 @@ def _check(options: argparse.Namespace) -> None:
         if passes_through(path):
             continue
         if not path.absolute().parent.is_dir():
-            raise InputError(f"--{option} {path}: no such folder; make it first")
+            raise InputError(f"--{option} {path}: no such folder; create it first")
         if path.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-            raise InputError(f"--{option} {path}: cannot be written; choose a file in a folder of yours")
+            raise InputError(f"--{option} {path}: cannot be written; choose a file in a writable folder")
     least_frames = LEAST_FRAMES.get(options.kind, 1)
     for option, least in (("repeats", 1), ("rooms", 1), ("frames", least_frames)):
         value = getattr(options, option)
@@ -132,21 +139,21 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
-    """The options given that this bench has no use for."""
+    """The given options that this bench ignores, as text."""
     kind = KINDS[options.kind]
     uses = {*kind.uses, *(() if kind.scan == "nothing" else _OF_SCANS)}
-    usual: dict[str, Any] = {name: getattr(type(settings)(), name) for name in SETTINGS}
-    usual |= {"procedural": None, "rooms": None, "seed": 1, "along": "path", "frames": None, "points": None, "keep": None,
+    defaults: dict[str, Any] = {name: getattr(type(settings)(), name) for name in SETTINGS}
+    defaults |= {"procedural": None, "rooms": None, "seed": 1, "along": "path", "frames": None, "points": None, "keep": None,
               "only": None, "repeats": None}  # fmt: skip
-    found = [name for name, value in usual.items() if name not in uses and getattr(options, name, value) != value]
-    said = [f"--{name.replace('_', '-')} {getattr(options, name)}" for name in found]
+    found = [name for name, value in defaults.items() if name not in uses and getattr(options, name, value) != value]
+    ignored = [f"--{name.replace('_', '-')} {getattr(options, name)}" for name in found]
     if "size" not in uses and len(parse_sizes(options.size)) > 1:
-        said.append("more than one --size")
-    return said
+        ignored.append("more than one --size")
+    return ignored
 
 
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
-    """Runs the bench that the command line names, prints a table, writes JSON and plot where asked."""
+    """Runs the chosen bench, prints a table, and writes the requested JSON and plot.  Returns the exit status."""
     from viewer.bench.bench_input import described, machine
     from viewer.tools.files import write_json
 
@@ -155,7 +162,7 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     if KINDS[options.kind].scan == "nothing" and options.scans:
         raise InputError(f"{options.scans[0]}: `bench {options.kind}` makes its own points and takes no scan")
     if ignored := unused(options, settings):
-        print(f"pointglass: `bench {options.kind}` has no use for {', '.join(ignored)}: left out of account", file=sys.stderr)
+        print(f"pointglass: `bench {options.kind}` ignores {', '.join(ignored)}", file=sys.stderr)
     if options.kind in NEURAL or (options.kind == "frame" and settings.view == "neural"):
         from model.common.torch_process import prepare_inference
 
@@ -173,8 +180,7 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
 
 
 def _finite(value: Any) -> Any:
-    """For JSON, which knows no infinity: null where a number is not finite (a PSNR of equal pictures, a mask of another
-    size)."""
+    """A copy for JSON: numbers that are not finite become null, such as the PSNR of equal pictures."""
     if isinstance(value, dict):
         return {key: _finite(held) for key, held in value.items()}
     if isinstance(value, (list, tuple)):
@@ -183,7 +189,7 @@ def _finite(value: Any) -> Any:
 
 
 Outcome = tuple[dict, Callable[[dict], list[tuple[str, str]]], Callable | None]
-"""A result, its table, and its plot where the bench has not drawn it itself."""
+"""A result, the function of its table, and that of its plot, None if the bench has written the plot."""
 
 
 def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
@@ -244,6 +250,7 @@ def _stability(options: argparse.Namespace, settings: "Settings", repeats: int) 
 
 
 def _limit_rows(result: dict) -> list[tuple[str, str]]:
+    """Table of ``stability``."""
     def verdict(row: dict) -> str:
         return f"left out: {row['skipped']}" if "skipped" in row else "" if row["ok"] else "   BEYOND ITS LIMIT"
 
@@ -282,26 +289,26 @@ _RUN: dict[str, Callable[[argparse.Namespace, "Settings", int], Outcome]] = {
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options of ``bench``, but for those that make a Settings."""
+    """Adds the options of ``bench``, except those that set a field of Settings."""
     from pathlib import Path
 
     kinds = "; ".join(f"{name}: {kind.text}" for name, kind in KINDS.items())
     parser.add_argument("kind", nargs="?", default="frame", choices=list(KINDS), help=kinds)
     parser.add_argument("scans", nargs="*", type=Path, metavar="SCAN", help="default: the demo scan; versus: a procedural one")
-    parser.add_argument("--procedural", metavar="N", help="instead of a scan: so many points of rooms made on the spot (25M)")
+    parser.add_argument("--procedural", metavar="N", help="instead of a scan: procedural rooms with N points (25M)")
     parser.add_argument("--rooms", type=int, metavar="N",
-                        help="procedural: rooms (default: one for every 5M points)")
-    parser.add_argument("--seed", type=int, default=1, metavar="N", help="of what is made on the spot (default 1)")
+                        help="procedural: number of rooms (default: one per 5M points)")
+    parser.add_argument("--seed", type=int, default=1, metavar="N", help="seed of procedural points (default 1)")
     parser.add_argument("--size", action="append", metavar="WxH[,WxH]",
-                        help="picture size, default 960x720, flight: 1280x720; frame and versus take several")
+                        help="picture size (default 960x720, flight: 1280x720); frame and versus accept several")
     parser.add_argument("--along", choices=["path", "views"], default="path",
                         help="frame: the fixed path of 48 frames, or the eight named views (default path)")
     parser.add_argument("--frames", type=int, metavar="N",
-                        help="versus, occlusion (at least 3), flight (at least 12): cameras along the path")
+                        help="versus, occlusion (at least 3), flight (at least 12): number of cameras along the path")
     parser.add_argument("--points", metavar="N[,N]",
-                        help="grid, occlusion, raster: points made on the spot (10M, 100M, 2M); scale: the sizes (1M to 1G)")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids there, and use those that are")
-    parser.add_argument("--only", metavar="GROUP", help="error: one group of approximations, such as void")
-    parser.add_argument("--repeats", type=int, metavar="N", help="rounds (default: by kind)")
-    parser.add_argument("--json", type=Path, metavar="F", help="every figure")
-    parser.add_argument("--plot", type=Path, metavar="F.png", help="a picture of them; also .svg, .pdf and others")
+                        help="grid, occlusion, raster: number of points (10M, 100M, 2M); scale: the sizes (1M to 1G)")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="scale: keep the grids in this folder, and use existing ones")
+    parser.add_argument("--only", metavar="GROUP", help="error: only one group of approximations, such as background")
+    parser.add_argument("--repeats", type=int, metavar="N", help="number of rounds (default: depends on the bench)")
+    parser.add_argument("--json", type=Path, metavar="F", help="write all figures")
+    parser.add_argument("--plot", type=Path, metavar="F.png", help="write a plot; also .svg, .pdf and others")

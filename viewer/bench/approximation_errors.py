@@ -1,8 +1,8 @@
-"""Run time against error: every approximation with what it saves and what it costs, against the exact frame.
+"""Run time against error: time and error of each approximation relative to the exact frame.
 
-Geometry is judged on the filled picture and the keep-mask (a point moved by one pixel on black says nothing), the network on
-its own picture.  Exact and approximate frames are timed in turn, camera by camera, so that a noisy machine is noisy for both.
-One row judges the exact frame itself: against the float64 twin.
+Approximations of geometry are compared by the filled picture and the keep-mask, as the raw picture depends too much on single
+pixels; those of the network by the neural picture.  Exact and approximate frames are timed alternately, camera by camera, so
+that other load on the machine affects both.  One row compares the exact frame with the float64 reference implementation.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,16 +27,20 @@ if TYPE_CHECKING:
     from viewer.render.frame import Frame
 
 NOISE = 0.05
-"""Times closer together than this share of them are taken for the same."""
-UNBEATEN = ("nothing else, the exact frame included, is nearer without being slower, or as near and faster, by more than "
-            f"noise ({NOISE:.0%} of the time)")
+"""Relative difference of times below which they count as equal.  Chosen by hand."""
+UNBEATEN = ("no other row, the exact frame included, is more accurate without being slower, or as accurate and faster, by more "
+            f"than noise ({NOISE:.0%} of the time)")
+"""Meaning of the mark in the table: the Pareto front."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Of an approximation over all cameras: milliseconds p50, time as a share of the exact frame's in the same round, PSNR of
-    the picture against the exact one (infinite: equal), largest difference in 255ths, share of the keep-mask that differs.
-    by_view: the share of time in each named view."""
+    """Time and error of an approximation over all cameras.
+
+    milliseconds: p50.  time: median share of the exact frame's time in the same round.  psnr: dB, against the exact picture,
+    infinite if equal.  largest: difference of a channel, 0 to 255.  mask: share of the keep-mask that differs.  by_view:
+    ``time`` by view.
+    """
 
     milliseconds: float
     time: float
@@ -56,8 +60,11 @@ def _enlarged(picture: np.ndarray, size: tuple[int, int]) -> np.ndarray:
 
 def measure(exact: BenchRenderer, other: BenchRenderer, approximation: Approximation, cameras: list[Camera], repeats: int,
             meter: Callable[[], object], network: "Reconstructor | Whole | None" = None) -> Cost:
-    """Times and judges one approximation.  exact, other: of the exact scene and of the one to draw; may be the same.
-    network: of the approximate frame, None = its settings'."""
+    """Time and error of one approximation.
+
+    exact, other: renderers of the exact and of the approximate scene; may be the same.  meter: called after each pair of
+    frames.  network: of the approximate frame; None: that of its settings.
+    """
     view, size = approximation.view, (cameras[0].width, cameras[0].height)
     shown = "filled" if approximation.settings.view == "filled" and view == "neural" else view
     truth = replace(EXACT, view=view, quality=approximation.against)
@@ -70,7 +77,7 @@ def measure(exact: BenchRenderer, other: BenchRenderer, approximation: Approxima
             other.soft, other.network = approximation.soft, network
             b, made, other_mask = _frame(other, small, approximation.settings, shown)
             other.soft = other.network = None
-            if round_ == 0:  # warms both up, and the pictures are the same in every round
+            if round_ == 0:  # warm-up; the pictures are the same in every round
                 gap = np.abs(_enlarged(made, size).astype(np.int16)[..., :3] - picture[..., :3])
                 squares.append(float((gap.astype(np.float64) ** 2).mean()))
                 largest = max(largest, float(gap.max()))
@@ -81,16 +88,16 @@ def measure(exact: BenchRenderer, other: BenchRenderer, approximation: Approxima
             meter()
     share = float(np.median([each for found in shares.values() for each in found]))
     by_view = {name: float(np.median(found)) for name, found in shares.items()}
-    return Cost(float(np.median(times)), share, *_judged(squares, largest, masks), by_view)
+    return Cost(float(np.median(times)), share, *_error_summary(squares, largest, masks), by_view)
 
 
-def _judged(squares: Sequence[float], largest: float, masks: Sequence[float]) -> tuple[float, float, float]:
+def _error_summary(squares: Sequence[float], largest: float, masks: Sequence[float]) -> tuple[float, float, float]:
     error = float(np.mean(squares))
     return float("inf") if error == 0 else float(10 * np.log10(255**2 / error)), largest, float(np.mean(masks))
 
 
-def against_twin(exact: BenchRenderer, cameras: list[Camera], meter: Callable[[], object]) -> Cost:
-    """The exact frame judged against the float64 twin of every point; the time is the frame's own."""
+def against_reference(exact: BenchRenderer, cameras: list[Camera], meter: Callable[[], object]) -> Cost:
+    """Error of the exact frame against the float64 reference implementation; the time is that of the exact frame."""
     from viewer.bench.float64_reference import reference_frame
 
     times, squares, largest, masks = [], [], 0.0, []
@@ -98,14 +105,14 @@ def against_twin(exact: BenchRenderer, cameras: list[Camera], meter: Callable[[]
         _frame(exact, camera, EXACT, "filled")
         spent, picture, mask = _frame(exact, camera, EXACT, "filled")
         truth, true_mask = reference_frame(exact.scene, camera, EXACT, exact.metre)
-        shown = picture[..., 3] > 0  # what is void is decided apart from any arithmetic on depth
+        shown = picture[..., 3] > 0  # the background does not depend on the precision of depth
         gap = np.where(shown[..., None], np.abs(picture[..., :3].astype(np.int16) - truth), 0)
         squares.append(float((gap.astype(np.float64) ** 2).mean()))
         largest = max(largest, float(gap.max()))
         masks.append(float((mask != true_mask).mean()))
         times.append(spent)
         meter()
-    return Cost(float(np.median(times)), 1.0, *_judged(squares, largest, masks), {})
+    return Cost(float(np.median(times)), 1.0, *_error_summary(squares, largest, masks), {})
 
 
 def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: str) -> tuple[float, np.ndarray, np.ndarray]:
@@ -114,7 +121,7 @@ def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: st
 
 
 def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:
-    """The table over the eight named views of a scan.  only: one group of it.  Raises InputError where there is no such."""
+    """All approximations over the eight named views of a scan.  only: one group.  Raises InputError for an unknown group."""
     from model.reconstruct import fast_precision
     from model.weights import shipped, weights_name
     from viewer.bench.int8 import Int8Error, quantised
@@ -145,8 +152,8 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
     whole = Whole(load_network(qualities[0], True, None, "fp32", "cpu"))
     found: list[dict] = []
     with progress((1 + len(table) * (repeats + 1)) * len(cameras), "run time against error", "frame") as meter:
-        cost = against_twin(exact, cameras, lambda: meter.update(1))
-        found.append({"group": "exact", "name": "against the float64 twin", "view": "filled", **vars(cost)})
+        cost = against_reference(exact, cameras, lambda: meter.update(1))
+        found.append({"group": "exact", "name": "against the float64 reference", "view": "filled", **vars(cost)})
         for row in table:
             other = exact if row.bits == 16 else BenchRenderer(context, coarser(scene, row.bits), device="cpu")
             network = int8 if row.int8 else whole if row.whole else None
@@ -164,20 +171,23 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
 
 
 def front(found: list[dict]) -> dict[str, list[str]]:
-    """By view: names of the approximations that nothing beats, the exact frame included, fastest first.  What is nearer and not
-    slower by more than NOISE beats, and so does what is as near and faster by more than that; what is equal to the
-    exact frame must save more than that, too."""
+    """Pareto front by view: names of the approximations that no row, the exact frame included, dominates; fastest first.
+
+    A row dominates another if it is more accurate and not slower by more than NOISE, or as accurate and faster by more than
+    NOISE.  An approximation without error must be faster than the exact frame by more than NOISE.
+    """
     out = {}
     for view in dict.fromkeys(row["view"] for row in found):
         mine = [row for row in found if row["view"] == view and row["group"] != "exact"]
         others = [*mine, {"time": 1.0, "psnr": np.inf}]
 
-        def beaten(row: dict, others: list[dict] = others) -> bool:
+        def dominated(row: dict, others: list[dict] = others) -> bool:
             return (row["psnr"] == np.inf and row["time"] > 1 - NOISE) or any(
                 (other["psnr"] > row["psnr"] and other["time"] * (1 - NOISE) < row["time"])
                 or (other["psnr"] >= row["psnr"] and other["time"] < row["time"] * (1 - NOISE)) for other in others)
 
-        out[view] = [f"{row['group']}: {row['name']}" for row in sorted(mine, key=lambda row: row["time"]) if not beaten(row)]
+        out[view] = [f"{row['group']}: {row['name']}" for row in sorted(mine, key=lambda row: row["time"])
+                     if not dominated(row)]
     return out
 
 
@@ -195,7 +205,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 
 def plot(result: dict, path: Path) -> None:
-    """One panel a view: time against error, the front of what nothing beats as a line."""
+    """A panel for each view: time against error, with the Pareto front as a line."""
     views = list(dict.fromkeys(row["view"] for row in result["rows"]))
     made, panels = figure(6.2 * len(views), 5.6, columns=len(views))
     groups = list(dict.fromkeys(row["group"] for row in result["rows"]))
@@ -210,7 +220,7 @@ def plot(result: dict, path: Path) -> None:
         best = set(result["front"][view])
         line = sorted(at[id(row)] for row in mine if f"{row['group']}: {row['name']}" in best)
         if line:
-            axes.step(*zip(*line, strict=True), where="post", color="grey", linewidth=0.8, label="beaten by none")
+            axes.step(*zip(*line, strict=True), where="post", color="grey", linewidth=0.8, label="Pareto front")
         axes.axvline(1.0, color="grey", linewidth=0.5, linestyle=":")
         axes.set_xscale("log")
         x = [point[0] for point in at.values()]

@@ -1,8 +1,8 @@
-"""Every approximation that ``bench error`` judges, as a table, and what draws the frames of it.
+"""Table of the approximations of ``bench error``, and the renderer for them.
 
-Exact: every point, 16-bit positions, the filter's own levels, full resolution, the network in fp32.  Most approximations are
-settings; those that no setting offers are a scene of coarser positions, a renderer that is told its tolerance or given its
-network, and a network that is run over void too.
+Exact: all points, 16-bit positions, the default filter levels, full resolution, the network in fp32.  Most approximations are
+settings.  The others are a scene with coarser positions, a renderer with a given depth tolerance or network, and a network that
+also runs on the background.
 """
 
 from dataclasses import dataclass, replace
@@ -21,15 +21,20 @@ if TYPE_CHECKING:
     from viewer.render.neural import NeuralStage
 
 EXACT = Settings(view="filled", precision="fp32")
+"""Settings of the exact frame."""
 TOLERANCES = (1 / 512, 1 / 256, 1 / 64, 1 / 32)
-"""Of depth; the exact frame's is SOFT_RELATIVE."""
+"""Tolerances of the soft z-buffer relative to depth, around SOFT_RELATIVE of the exact frame."""
 
 
 @dataclass(frozen=True)
 class Approximation:
-    """One row.  view: what it is judged on.  settings: changed from EXACT.  scale: of the picture's sides, enlarged again to
-    be compared.  bits: of a packed coordinate.  soft: tolerance of the soft z-buffer, relative to depth.  int8: of the
-    network.  whole: the network runs over void too.  against: quality of the exact frame's network."""
+    """One row of the table.
+
+    view: the picture that is compared.  settings: of the approximate frame.  scale: of the picture's sides; the result is
+    enlarged for the comparison.  bits: of a packed coordinate.  soft: tolerance of the soft z-buffer, relative to depth.  int8:
+    whether the network is quantised.  whole: whether the network runs on the background too.  against: quality of the exact
+    frame's network.
+    """
 
     group: str
     name: str
@@ -43,9 +48,12 @@ class Approximation:
     against: str = EXACT.quality
 
 
-def approximations(qualities: list[str], precisions: list[str], weighed: bool = False) -> list[Approximation]:
-    """The table.  qualities: with weights; the first is the exact frame's.  precisions: that run here, int8 among them.
-    weighed: whether the scan knows where its scanners stood."""
+def approximations(qualities: list[str], precisions: list[str], weighted: bool = False) -> list[Approximation]:
+    """The table.
+
+    qualities: of the networks with weights, first that of the exact frame.  precisions: those of this machine, and int8.
+    weighted: whether the scan has scanner positions, and with them view-dependent blending.
+    """
     first = qualities[0]
     network = replace(EXACT, view="neural", quality=first)
     table = [
@@ -55,20 +63,20 @@ def approximations(qualities: list[str], precisions: list[str], weighed: bool = 
         *(Approximation("filter", name, settings=replace(EXACT, filter=name)) for name in ("paper-code", "npbg++", "off")),
         *(Approximation("soft depth", f"1/{1 / r:.0f} of depth", soft=r) for r in TOLERANCES if r != SOFT_RELATIVE),
         *(Approximation("soft depth", name, settings=replace(EXACT, soft_z=name)) for name in ("paper-code", "paper-text")),
-        *([Approximation("stations", "all points alike", settings=replace(EXACT, stations="equal"))] if weighed else []),
+        *([Approximation("stations", "all points alike", settings=replace(EXACT, stations="equal"))] if weighted else []),
         *(Approximation("internal resolution", f"{s:.0%} of each side", view="neural", settings=network, scale=s)
           for s in (0.75, 0.5)),
         *(Approximation("precision", p, view="neural", int8=p == "int8",
                         settings=network if p == "int8" else replace(network, precision=p)) for p in precisions),
         *(Approximation("network", q, view="neural", settings=replace(network, quality=q)) for q in qualities[1:]),
         Approximation("network", "none: filled", view="neural", settings=replace(EXACT, view="filled")),
-        Approximation("void", "made by the network too", view="neural", settings=network, whole=True),
+        Approximation("background", "computed by the network, too", view="neural", settings=network, whole=True),
     ]
     return [replace(row, against=first) for row in table]
 
 
 class Whole:
-    """A network that is run over the whole picture, whatever is void."""
+    """A network that also runs on the background, which it normally leaves out."""
 
     def __init__(self, network: "Reconstructor"):
         self.network = network
@@ -84,15 +92,18 @@ class Whole:
 
 
 class BenchRenderer(Renderer):
-    """A renderer with two things that no setting offers.  soft: tolerance relative to depth, None = the settings' own.
-    network: in place of the settings' own on the CPU, or None."""
+    """A renderer with two additional parameters.
+
+    soft: tolerance of the soft z-buffer relative to depth; None: that of the settings.  network: on the CPU; None: that of the
+    settings.
+    """
 
     soft: float | None = None
     network: "Reconstructor | Whole | None" = None
 
     def _soft_z(self, settings: Settings) -> SoftZ:
-        usual = super()._soft_z(settings)
-        return usual if self.soft is None else replace(usual, relative=self.soft)
+        preset = super()._soft_z(settings)
+        return preset if self.soft is None else replace(preset, relative=self.soft)
 
     def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
         from viewer.render.neural import load_network
@@ -103,7 +114,7 @@ class BenchRenderer(Renderer):
         return stage
 
     def network_input(self, camera: Camera, settings: Settings):
-        """(H, W, 8) half: what the network is given for a camera."""
+        """(H, W, 8) half: the network's packed input for a camera."""
         import torch
 
         from model.network_layout import PACKED_IN
@@ -115,7 +126,7 @@ class BenchRenderer(Renderer):
 
 
 def coarser(scene: "Scene", bits: int) -> "Scene":
-    """The scene with each coordinate rounded to ``bits`` bits: the middle of a larger step."""
+    """The scene with each packed coordinate reduced to ``bits`` bits, at the middle of the larger step."""
     if bits == 16:
         return scene
     drop = 16 - bits

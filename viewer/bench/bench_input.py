@@ -1,4 +1,4 @@
-"""What a bench looks at: a scan from files or a procedural one, and the facts every figure made with it must carry."""
+"""Input of a bench, a scan from files or a procedural one, and the facts that are reported with each result."""
 
 import os
 import platform
@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """One of ``scans`` (files or folders) and ``procedural``.  ``scene()`` opens or makes it."""
+    """A scan: either ``scans`` (files or folders) or ``procedural``."""
 
     scans: tuple[Path, ...] = ()
     procedural: "ProceduralScan | None" = None
 
     def scene(self) -> "Scene":
-        """The scan's grid: from files through the cache, a procedural one anew."""
+        """The scan's grid: of files through the cache; a procedural one is made each time."""
         if self.procedural is not None:
             from viewer.bench.procedural_scan import procedural_scene
 
@@ -34,12 +34,12 @@ class Subject:
 
     @property
     def names(self) -> list[str]:
-        """Files, or what was made up."""
+        """Paths of the files, or the label of the procedural scan."""
         return [self.procedural.label] if self.procedural is not None else [str(scan) for scan in self.scans]
 
     def facts(self, scene: "Scene", device: "Device") -> dict:
-        """For the JSON: scans, bytes where all are files, points, OpenGL renderer, its driver's version, whether it runs on the
-        processor."""
+        """For JSON: scans, their size in bytes if all are files, points, OpenGL renderer and driver version, and whether OpenGL
+        is in software."""
         files = [scan for scan in self.scans if scan.is_file()]
         size = sum(scan.stat().st_size for scan in files) if files and len(files) == len(self.scans) else None
         return {"scans": self.names, "file_bytes": size, "points": scene.count, "opengl": device.renderer,
@@ -47,8 +47,8 @@ class Subject:
 
 
 def machine() -> dict:
-    """What a figure must be read with: processor, cores this process may use, load (processes that ran at once over the
-    last minute, this one among them), system, GPU and its driver, versions of what does the work."""
+    """Facts of the machine: processor, cores that this process may use, load average of the last minute (this process
+    included), system, GPU and its driver, and package versions."""
     from importlib.metadata import PackageNotFoundError, version
 
     processor = platform.processor() or platform.machine()
@@ -70,7 +70,7 @@ def machine() -> dict:
 
 
 def _gpu() -> dict | None:
-    """The CUDA device, where torch is loaded and sees one."""
+    """The CUDA device; None if torch is not loaded or finds none."""
     torch = sys.modules.get("torch")
     if torch is None or not torch.cuda.is_available():
         return None
@@ -83,7 +83,7 @@ def _gpu() -> dict | None:
 
 
 def described(result: dict) -> str:
-    """Machine, driver, versions, scan and size of a result, in one or two lines: under every plot and table."""
+    """Machine, driver, versions, scan and size of a result in one or two lines, for plots and tables."""
     where = result["machine"]
     parts = [f"{where['processor']}, {where['cores']} cores"]
     if (where.get("load") or 0) > 1.5 * (os.cpu_count() or 1):

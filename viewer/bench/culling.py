@@ -1,7 +1,7 @@
-"""How long culling takes where there is much to cull: a million cells of a floor of rooms, seen from inside.
+"""Run time of frustum culling: a floor of rooms with a million cells, seen from inside.
 
-A scanned floor is repeated side by side until it has so many cells; points are not drawn, so none are repeated.
-Frame: metres, z up, the eye above the middle of the floor.
+The cells of a procedural floor are repeated side by side; its points are not, as they are not drawn.
+Frame: metres, z up, the camera above the middle of the floor.
 """
 
 import math
@@ -17,13 +17,17 @@ if TYPE_CHECKING:
     from viewer.grid.scene import Scene
 
 CELLS = 1_000_000
+"""Least number of cells.  This and the values below were chosen by hand."""
 DETAIL = {"every point": None, "1 point a pixel": 1.0}
-_ROOMS, _POINTS = 9, 9_000_000  # of the floor that is repeated
+"""Name -> level of detail, points per pixel; None: all points."""
+_ROOMS, _POINTS = 9, 9_000_000
+"""Rooms and points of the floor that is repeated."""
 _VIEWS, _FOV = 8, 60.0
+"""Number of views, and their vertical field of view in degrees."""
 
 
 def repeated(scene: "Scene", cells: int) -> tuple["Scene", int]:
-    """The scene side by side with itself until it has ``cells`` cells at least, for culling alone; and how often that is."""
+    """The scene repeated until it has at least ``cells`` cells, for culling only, and the number of copies."""
     times = -(-cells // len(scene.cell_coords))
     columns = math.isqrt(times - 1) + 1
     extent = np.ptp(scene.cell_coords, axis=0) + 1
@@ -39,7 +43,7 @@ def repeated(scene: "Scene", cells: int) -> tuple["Scene", int]:
 
 
 def views_around(scene: "Scene", size: tuple[int, int]) -> "list[Camera]":
-    """Level views all around from the middle of the floor, at eye height."""
+    """Horizontal views in all directions from the middle of the floor, at eye height."""
     from viewer.bench.procedural_scan import EYE
     from viewer.camera import from_fov, look_at
 
@@ -50,7 +54,7 @@ def views_around(scene: "Scene", size: tuple[int, int]) -> "list[Camera]":
 
 
 def run_culling(size: tuple[int, int], repeats: int, seed: int) -> dict:
-    """Milliseconds to find the cells in view, and to list their points, p50 over views and rounds, by level of detail."""
+    """Milliseconds to find the visible cells and to list their points, p50 over views and rounds, by level of detail."""
     from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
     from viewer.render.cull import Culler
 
@@ -87,7 +91,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 
 def plot(result: dict, path: Path) -> None:
-    """A bar for each level of detail: cells, then lists."""
+    """A bar for each level of detail: time for cells, then for lists of points."""
     from viewer.bench.plots import INK, figure, save
 
     made, axes = figure(7.0, 1.8)

@@ -1,8 +1,8 @@
-"""Pictures per second in flight, in a real window, and the error of what is shown meanwhile.
+"""Pictures per second of a moving camera in a real window, and the error of the pictures shown.
 
-The window flies along the fixed path (viewer.tools.viewpoints.camera_path) with its adaptive level of detail, panels and status
-bar, exactly as it does for a person: a frame lasts from one turn of the window's loop to the next.  At some frames of the path
-the picture on the screen is kept; after the flight it is compared with the full-quality picture of the same camera.
+The camera moves along the fixed path (viewer.tools.viewpoints.camera_path), with the adaptive level of detail, panels and
+status bar of normal use.  A frame lasts one iteration of the window's loop.  At some frames the displayed picture is kept, and
+compared afterwards with the full-quality picture of the same camera.
 Frame: file coordinates.  Times: milliseconds.
 """
 
@@ -27,21 +27,23 @@ if TYPE_CHECKING:
     from viewer.window.app import App
 
 VIEWS = ("raw", "filled", "neural")
+"""Views that are measured."""
 FRAMES = 240
 """Cameras along the path: 16 seconds of flight at 15 pictures per second."""
 _SAMPLES = 12
-"""Frames of the path whose error is measured."""
+"""Number of frames whose error is measured.  Chosen by hand."""
 _FRAMES_BEFORE = 24
-"""Frames flown before the measurement, spread over the path: shaders are compiled, buffers allocated and run times learned."""
-_TURNS = 4000
-"""Turns of the window's loop after which a picture that is still not final is reported as an error."""
+"""Frames before the measurement, spread over the path, in which shaders are compiled, buffers allocated and run times
+estimated.  Chosen by hand."""
+_ITERATIONS = 4000
+"""Iterations of the window's loop within which a picture at rest must become final.  Chosen by hand."""
 
 
 def run_flight(subject: Subject, size: tuple[int, int], settings: Settings, frames: int = FRAMES) -> dict:
-    """Flies along the path in each of VIEWS.
+    """Measures the path in each of VIEWS.
 
-    size: of the picture, without the panels beside it.  Raises DeviceError where there is no display, InputError where a window
-    cannot have a picture of that size.
+    size: of the picture without the panels, pixels.  Raises DeviceError without a display, InputError if the window cannot show
+    a picture of this size.
     """
     from viewer.window.app import App
     from viewer.window.loading import Loaded
@@ -66,7 +68,7 @@ def run_flight(subject: Subject, size: tuple[int, int], settings: Settings, fram
 
 
 def _give_picture(app: "App", size: tuple[int, int]) -> None:
-    """Resizes the window until the picture in it, beside the panels, has ``size``."""
+    """Resizes the window so that its picture, without the panels, has ``size``.  Raises InputError if it cannot."""
     area = app.session.area
     for _ in range(6):
         app.step(wait=False)
@@ -77,16 +79,16 @@ def _give_picture(app: "App", size: tuple[int, int]) -> None:
         end = perf_counter() + 1.0
         while area.window_size != (width, height) and perf_counter() < end:
             app.step(wait=False)
-    raise InputError(f"--size {size[0]}x{size[1]}: a window here shows {area.size[0]}x{area.size[1]} instead")
+    raise InputError(f"--size {size[0]}x{size[1]}: the window shows {area.size[0]}x{area.size[1]} instead")
 
 
 def _rest(app: "App") -> None:
-    """Waits until the picture on the screen is the final one."""
-    for _ in range(_TURNS):
+    """Waits until the displayed picture is final."""
+    for _ in range(_ITERATIONS):
         app.step()
         if app.session.view_settings.network_load is None and not app.session.screen.refining:
             return
-    raise AssertionError("the picture at rest is never final")
+    raise AssertionError("the picture at rest does not become final")
 
 
 def _go(app: "App", camera: "Camera", *, moving: bool) -> None:
@@ -103,7 +105,7 @@ def _go(app: "App", camera: "Camera", *, moving: bool) -> None:
 
 
 def _fly(app: "App", view: str, cameras: Sequence["Camera"], done) -> dict:
-    """One flight.  Returns times, what was drawn, and errors.  done: called after each frame."""
+    """Measures one view.  Returns times, facts of each frame, and errors.  done: called after each frame."""
     session = app.session
     session.view_settings.show(view)
     _go(app, cameras[0], moving=False)
@@ -120,7 +122,7 @@ def _fly(app: "App", view: str, cameras: Sequence["Camera"], done) -> dict:
         _go(app, camera, moving=True)
         app.step(wait=False)
         times.append((perf_counter() - begun) * 1e3)
-        drawn.append(_what_was_drawn(app))
+        drawn.append(_frame_facts(app))
         if number in sampled:
             kept[number] = _on_screen(app)
         done()
@@ -135,9 +137,9 @@ def _fly(app: "App", view: str, cameras: Sequence["Camera"], done) -> dict:
             "ssim": float(np.median([error["ssim"] for error in errors]))}
 
 
-def _what_was_drawn(app: "App") -> dict:
-    """Internal resolution, points per pixel (None: all), view and network of the picture on the screen, and the renderer's
-    share of its time."""
+def _frame_facts(app: "App") -> dict:
+    """Facts of the displayed picture: internal resolution, points per pixel (None: all), view, network, and the renderer's
+    time."""
     made, stats = app.session.picture.made, app.session.picture.stats or {}
     assert made is not None
     view = made.views[-1]
@@ -146,14 +148,14 @@ def _what_was_drawn(app: "App") -> dict:
 
 
 def _on_screen(app: "App") -> np.ndarray:
-    """(H, W, 3) uint8: the picture in the window, at the window's resolution, without the interface over it."""
+    """(H, W, 3) uint8: the displayed picture at the window's resolution, without the interface."""
     left, top = app.session.area.origin
     width, height = app.session.area.size
     return app.viewport.show().read()[top : top + height, left : left + width]
 
 
 def _error(shown: np.ndarray, full: np.ndarray) -> dict[str, float]:
-    """PSNR (dB) and SSIM of what was shown to the full-quality picture; both (H, W, 3) uint8."""
+    """PSNR (dB) and SSIM of the displayed picture against the full-quality picture; both (H, W, 3) uint8."""
     import torch
 
     from model.evaluation.metrics import psnr, ssim
@@ -163,7 +165,7 @@ def _error(shown: np.ndarray, full: np.ndarray) -> dict[str, float]:
 
 
 def _shares(values: Sequence) -> str:
-    """``1.00 62 %, 0.75 38 %``: what the frames had, most frequent first."""
+    """Shares of the values, such as ``1.00 62 %, 0.75 38 %``, the most frequent first."""
     return ", ".join(f"{value} {100 * count / len(values):.0f} %" for value, count in Counter(values).most_common())
 
 
@@ -184,7 +186,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 
 def plot(result: dict, path: Path) -> None:
-    """Frame times along the path, and the errors beneath."""
+    """Frame times along the path, and the errors below."""
     made, (upper, lower) = figure(8, 6, rows=2)
     for colour, (view, run) in zip(INK, result["views"].items(), strict=False):
         upper.plot(run["ms"], color=colour, label=view, linewidth=0.9)

@@ -1,6 +1,6 @@
-"""The float64 twin of a frame: model/projection.py on the same packed points, every one of them, in float64 throughout.
+"""Reference implementation of a frame: model/projection.py on all packed points, in float64 throughout.
 
-What the float32 rasteriser, filter and fill are judged against.  View frame: x right, y down, z forward, file units.
+The float32 rasteriser, filter and fill are compared with it.  View frame: x right, y down, z forward, file units.
 """
 
 from typing import TYPE_CHECKING
@@ -13,10 +13,11 @@ if TYPE_CHECKING:
     from viewer.settings import Settings
 
 _CHUNK = 1 << 20
+"""Points processed at a time, which limits the memory."""
 
 
 def reference_frame(scene: "Scene", camera: "Camera", settings: "Settings", metre: float) -> tuple[np.ndarray, np.ndarray]:
-    """Filled picture (H, W, 3) uint8, void not cut out, and keep-mask (H, W) bool.  metre: file units in one."""
+    """Filled picture (H, W, 3) uint8, background included, and keep-mask (H, W) bool.  metre: file units per metre."""
     import torch
 
     from model.projection import SoftZ, frame, network_input, pixels, unpack_points, view_points

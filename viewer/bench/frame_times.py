@@ -1,5 +1,8 @@
-"""Frame times by stage along a camera path or over eight named views, in each of the four views and at several sizes:
-p50, p95, p99, the slowest 1 % in frames a second, cold and warm; on a GPU also frames a second in a row."""
+"""Frame times by stage along a camera path or over eight named views, for each of the four views and at several sizes.
+
+Reported are p50, p95, p99, the frame rate of the slowest 1 %, and the first (cold) frame; on a GPU also the rate of pipelined
+frames.
+"""
 
 import time
 from collections.abc import Sequence
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def one_percent_low(milliseconds: Sequence[float]) -> float:
-    """Frames a second of the slowest 1 % of the frames, at least one: 1000 over their mean."""
+    """Frame rate of the slowest 1 % of the frames, at least one: 1000 / mean milliseconds."""
     slowest = sorted(milliseconds, reverse=True)[: max(1, len(milliseconds) // 100)]
     return 1000.0 / float(np.mean(slowest))
 
@@ -32,7 +35,8 @@ def summary(milliseconds: Sequence[float]) -> dict[str, float]:
 
 
 def in_a_row(renderer: "Renderer", cameras: "Sequence[Camera]", settings: Settings, view: str) -> float:
-    """Frames a second where none waits for the one before it, as in flight: on a GPU the host prepares the next meanwhile."""
+    """Frames per second without waiting for each frame, as in the window: on a GPU, the host prepares the next one
+    meanwhile."""
     renderer.context.finish()
     begun = time.perf_counter()
     for camera in cameras:
@@ -42,15 +46,15 @@ def in_a_row(renderer: "Renderer", cameras: "Sequence[Camera]", settings: Settin
 
 
 def cameras_along(scene: "Scene", along: str, size: tuple[int, int]) -> "list[Camera]":
-    """``path``: the fixed path.  ``views``: the named views."""
+    """Cameras of the fixed path (``path``) or of the named views (``views``)."""
     return camera_path(scene, size) if along == "path" else named_views(scene, size)
 
 
 def run_frames(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Settings, repeats: int,
                along: str = "path") -> dict:
-    """Times ``repeats`` rounds at every size in every view.
+    """Times ``repeats`` rounds at each size in each view.
 
-    ``cold_ms``: the first frame of a view at a size, with all it compiles, allocates and loads; not among the others.
+    ``cold_ms``: time of the first frame of a view at a size, with compilation, allocation and loading; not part of the others.
     """
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
@@ -114,7 +118,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 
 def plot(result: dict, path: Path) -> None:
-    """Stages stacked, one bar a view and size; the mark is p99."""
+    """Stacked stages, a bar for each view and size, and a mark at p99."""
     bars = [(f"{view}\n{run['size'][0]}x{run['size'][1]}", stages) for run in result["runs"]
             for view, stages in run["views"].items()]
     made, axes = figure(7.5, 1.6 + 0.42 * len(bars))
@@ -128,6 +132,6 @@ def plot(result: dict, path: Path) -> None:
     axes.plot([held["total"]["p99"] for _, held in bars], names, "|", color="black", markersize=12, label="whole frame, p99")
     axes.invert_yaxis()
     axes.tick_params(labelsize=7)
-    axes.set_xlabel(f"milliseconds a frame, p50 by stage, along the {result['along']}")
+    axes.set_xlabel(f"milliseconds per frame, p50 by stage, along the {result['along']}")
     axes.legend(ncols=4, fontsize="x-small")
     save(made, path, result)

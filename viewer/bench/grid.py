@@ -1,6 +1,6 @@
-"""How long a grid takes: milliseconds per million points from arrays in memory to the finished grid.
+"""Time to build a grid from arrays in memory, milliseconds per million points.
 
-The points lie at random on the walls of a room with millimetre noise, in random order: harder than a scanner's order.
+The points are random on the walls of a room, with millimetre noise, in random order, which is slower than a scanner's order.
 """
 
 import time
@@ -24,15 +24,15 @@ def random_surface(points: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
 
 
 def run(points: int = 10_000_000, repeats: int = 3) -> dict:
-    """Builds the same grid ``repeats`` times after a warm-up that compiles the kernels.
+    """Builds the same grid ``repeats`` times, after a warm-up that compiles the kernels.
 
-    Returns the best and all totals in ms per 1M points, the best run's stages (same unit), and what was built.
+    Returns the best total and all totals, the stages of the best run, in ms per 1M points, and facts of the grid.
     """
     return measure(*random_surface(points), repeats)
 
 
 def measure(xyz: np.ndarray, rgb: np.ndarray, repeats: int = 3) -> dict:
-    """The same for given points: xyz (N, 3) float64, rgb (N, 3) uint8."""
+    """:func:`run` for given points: xyz (N, 3) float64, rgb (N, 3) uint8."""
     scene_from_arrays(xyz[:100_000], rgb[:100_000])
     runs = []
     scene = None
@@ -71,5 +71,5 @@ def plot(result: dict, path: Path) -> None:
     made, axes = figure(7.0, 2.4)
     axes.barh(list(result["stages_ms_per_million"]), list(result["stages_ms_per_million"].values()), color=INK[0])
     axes.invert_yaxis()
-    axes.set_xlabel(f"milliseconds per 1M points, {result['points']:,} points made on the spot")
+    axes.set_xlabel(f"milliseconds per 1M points, {result['points']:,} random points")
     save(made, path, result)

@@ -1,7 +1,7 @@
-"""The network's convolutions in 8-bit integers, to see what that would cost and save; nothing is ever served this way.
+"""Quantisation of the network's convolutions to 8-bit integers, for the bench only; the viewer does not use it.
 
-Static quantisation of torch (torch.ao), each convolution between its own quantiser and dequantiser; ranges are learned on
-one picture's input.  CPU only.
+Static quantisation of torch (torch.ao): each convolution between its own quantiser and dequantiser, with ranges calibrated on
+the input of one picture.  CPU only.
 """
 
 import copy
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 class Int8Error(Exception):
-    """This torch build cannot; the message says why."""
+    """This torch build cannot quantise; the message gives the reason."""
 
 
 def quantised(network: "Reconstructor", packed: "torch.Tensor") -> "Reconstructor":
-    """A copy of a compact network on the CPU with all convolutions but the blurs in int8.
+    """A copy of a compact network on the CPU, with all convolutions except the blurs in int8.
 
-    network: in fp32.  packed: (H, W, 8) half, the input that ranges are learned on.  Raises Int8Error.
+    network: in fp32.  packed: (H, W, 8) half, the input for the calibration of the ranges.  Raises Int8Error.
     """
     import torch
     from torch import nn
@@ -37,7 +37,7 @@ def quantised(network: "Reconstructor", packed: "torch.Tensor") -> "Reconstructo
         from torch.ao import quantization
 
         with warnings.catch_warnings(), torch.no_grad():
-            warnings.simplefilter("ignore")  # deprecated in favour of torchao, which is one more thing to install
+            warnings.simplefilter("ignore")  # deprecated in favour of torchao, which would be another dependency
             torch.backends.quantized.engine = engine
             for name, layer in list(made.network.named_modules()):
                 if isinstance(layer, nn.Conv2d):
@@ -51,7 +51,7 @@ def quantised(network: "Reconstructor", packed: "torch.Tensor") -> "Reconstructo
             quantization.convert(made.network, inplace=True)
             _mark(made.network)
             made(packed)
-    except (RuntimeError, ImportError, ValueError, AttributeError) as error:  # what a torch without this engine raises
+    except (RuntimeError, ImportError, ValueError, AttributeError) as error:  # raised by a torch without this engine
         raise Int8Error(f"{type(error).__name__}: {str(error).splitlines()[0] if str(error) else 'no reason given'}") from None
     finally:
         torch.backends.quantized.engine = before
@@ -59,7 +59,7 @@ def quantised(network: "Reconstructor", packed: "torch.Tensor") -> "Reconstructo
 
 
 def _mark(network) -> None:
-    """Tells the network's own code that its first convolution takes fp32."""
+    """Sets a weight of type fp32, from which the network infers the type of its input."""
     import torch
 
     network.stem.weight = torch.zeros(1)

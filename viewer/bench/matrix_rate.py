@@ -1,6 +1,6 @@
-"""How fast a device multiplies matrices, measured: what a network's speed has to be compared with.
+"""Measured matrix multiplication rate of a device, with which the speed of a network is compared.
 
-Operations a second count a multiply-accumulate as two.  The best of several runs is taken: a limit, not a habit.
+A multiply-accumulate counts as two operations.  The best of several runs is taken, as the rate is an upper limit.
 """
 
 import time
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     import torch
 
 CONV = (256, 128, 2)
-"""Channels in and out, and reduction of the picture's sides, of the 3x3 convolution with the largest share of the paper's
-network (its levels cost nearly the same)."""
+"""Input and output channels, and reduction of the picture's sides, of the 3x3 convolution with the largest share of the
+operations of the paper's network.  All its levels take nearly the same."""
 
 
 def synchronise(device: str) -> None:
-    """Waits until the device has done what it was given."""
+    """Waits until the device has finished all submitted work."""
     import torch
 
     if device == "cuda":
@@ -24,8 +24,10 @@ def synchronise(device: str) -> None:
 
 
 def best_seconds(work: Callable[[], object], device: str, seconds: float, least: int = 3) -> float:
-    """The shortest of at least ``least`` runs within about ``seconds``, after one to warm up.  On CUDA runs are timed in
-    batches, so that launching is hidden as it is in a graph."""
+    """Seconds of the fastest of at least ``least`` runs within about ``seconds``, after a warm-up.
+
+    On CUDA, runs are timed in batches, so that the launch latency is hidden as in a CUDA graph.
+    """
     batch = 10 if device == "cuda" else 1
     work()
     synchronise(device)
@@ -41,7 +43,7 @@ def best_seconds(work: Callable[[], object], device: str, seconds: float, least:
 
 
 def matmul_rate(device: str, dtype: "torch.dtype", *, side: int | None = None, seconds: float = 1.0) -> float:
-    """Operations a second of a square matrix product.  side: default 8192 on CUDA, 2048 elsewhere."""
+    """Operations per second of a square matrix product.  side: default 8192 on CUDA, 2048 elsewhere."""
     import torch
 
     side = side or (8192 if device == "cuda" else 2048)
@@ -52,7 +54,7 @@ def matmul_rate(device: str, dtype: "torch.dtype", *, side: int | None = None, s
 
 
 def conv_rate(device: str, dtype: "torch.dtype", size: tuple[int, int], *, seconds: float = 1.0) -> float:
-    """Operations a second of the CONV convolution, channels last, for a picture of ``size`` (width, height)."""
+    """Operations per second of the CONV convolution, channels last, for a picture of ``size`` (width, height)."""
     import torch
 
     inside, outside, reduction = CONV

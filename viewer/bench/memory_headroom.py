@@ -1,4 +1,4 @@
-"""What a scan of so many points would take of this machine, and whether it has it: said beforehand, not found out."""
+"""Estimates whether a scan fits into the memory and on the disk of this machine, before it is made."""
 
 import shutil
 import sys
@@ -9,25 +9,31 @@ from viewer.settings import Memory
 from viewer.stream.residency import available_memory
 
 POOL = Memory(gpu=2 << 30)
-"""What points may take, so that a billion of them fly with gigabytes to spare."""
+"""Limit of the points' memory, so that a billion points can be viewed with gigabytes to spare.  Chosen by hand."""
 POINT_BYTES = 12
-_OVERHEAD = 1.1  # cell tables
-_BASE = 400 << 20  # bytes: the process, OpenGL, one chunk of each thread
-_SPARE = 1 << 30  # bytes left free on the disk
-_UNKNOWN = 4 << 30  # bytes: a system that does not say is taken for a small one
-_SHARE = 0.5  # of the memory at hand
+"""Bytes of a packed point."""
+_OVERHEAD = 1.1
+"""Factor for the cell tables.  This and the values below were chosen by hand."""
+_BASE = 400 << 20
+"""Bytes of the process, OpenGL, and a chunk of each thread."""
+_SPARE = 1 << 30
+"""Bytes that must stay free on the disk."""
+_UNKNOWN = 4 << 30
+"""Bytes of memory assumed if the system does not report it."""
+_SHARE = 0.5
+"""Largest share of the available memory that is used."""
 
 
 @dataclass(frozen=True)
 class Room:
-    """What there is: bytes of memory and, where the cache lies, of disk."""
+    """Bytes of memory, and of disk in the cache's file system."""
 
     memory: int
     disk: int
 
 
 def available(folder: Path) -> Room:
-    """Memory that can be had without swapping (a container's limit counts), and disk in the nearest folder that exists."""
+    """Memory available without swapping (within a container's limit), and disk of the nearest existing parent of ``folder``."""
     memory = available_memory()
     while not folder.exists():
         folder = folder.parent
@@ -35,23 +41,23 @@ def available(folder: Path) -> Room:
 
 
 def needed(points: int) -> Room:
-    """What a scan of that many points takes: on the disk its grid, in memory the renderer's pool and what is read ahead."""
+    """Memory and disk that a scan needs: the renderer's pool and prefetched points, and the grid."""
     grid = int(points * POINT_BYTES * _OVERHEAD)
     return Room(min(grid, (POOL.gpu or 0) + POOL.read_ahead) + _BASE, grid + _SPARE)
 
 
 def problem(points: int, there: Room) -> str | None:
-    """Why that many points do not fit, in one line; None where they do."""
+    """Reason why the points do not fit, in one line; None if they fit."""
     need = needed(points)
     for what, wanted, given, share in (("memory", need.memory, there.memory, _SHARE), ("disk", need.disk, there.disk, 1.0)):
         if wanted > share * given:
-            part = f"half of the {given / 1e9:.1f} GB" if share < 1 else f"the {given / 1e9:.1f} GB"
-            return f"does not fit: needs {wanted / 1e9:.1f} GB of {what}, {part} at hand {'is' if share < 1 else 'are'} less"
+            limit = "half of the available" if share < 1 else "the available"
+            return f"does not fit: needs {wanted / 1e9:.1f} GB of {what}, more than {limit} {given / 1e9:.1f} GB"
     return None
 
 
 def resident() -> int:
-    """Bytes of memory this process holds, mapped files included."""
+    """Resident memory of this process in bytes, mapped files included."""
     try:
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmRSS:"):

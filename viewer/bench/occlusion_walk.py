@@ -1,7 +1,7 @@
-"""Error and savings of occlusion culling: a walk through a floor of many rooms with one jump, frames with and without history.
+"""Error and savings of occlusion culling on a walk through many rooms with one jump, with and without the frame history.
 
-The error is that of the picture a person sees: a pixel is wrong where the keep-masks differ or a channel of the filled picture
-differs by more than two levels.  Frame: metres, as in viewer.bench.procedural_scan.
+A pixel is wrong if the keep-masks differ, or if a channel of the filled picture differs by more than LEVELS.  Frame: metres, as
+in viewer.bench.procedural_scan.
 """
 
 import itertools
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
+from viewer.bench.procedural_scan import DOOR, EYE, PITCH, ProceduralScan, procedural_scene
 from viewer.camera import Camera, from_fov, look_at
 from viewer.progress import progress
 from viewer.settings import Settings
@@ -20,19 +20,23 @@ if TYPE_CHECKING:
     from viewer.render.renderer import Renderer
 
 ROOMS = 20
+"""Default number of rooms.  This and the values below were chosen by hand."""
 LIMIT = 0.001
-"""Share of wrong pixels that a frame must stay under."""
+"""Upper limit of the share of wrong pixels in a frame."""
 LEVELS = 2
-"""Of 255, by which a channel may differ."""
+"""Largest allowed difference of a channel, 0 to 255."""
 VIEWS = ("filtered", "filled")
+"""Views that are rendered: the keep-mask and the filled picture."""
 FRAMES = 60
-_STEP = 0.3  # metres from frame to frame: brisk walking at five frames a second
+"""Default number of frames."""
+_STEP = 0.3
+"""Metres per frame: brisk walking at five frames per second."""
 _SWAY = np.radians(40.0)
-_DOOR_WIDTH = 0.9
+"""Amplitude of looking left and right, radians."""
 
 
 def _stops(scan: ProceduralScan, first: int, step: int) -> np.ndarray:
-    """(S, 3) metres: from room to room, and through the middle of the doors between them, back and forth along the rows."""
+    """(S, 3) metres: the path through the middles of rooms and doors, alternating in direction from row to row."""
     columns = scan.columns
     order = [row * columns + (across if row % 2 == 0 else columns - 1 - across)
              for row in range(-(-scan.rooms // columns)) for across in range(columns)]
@@ -42,20 +46,22 @@ def _stops(scan: ProceduralScan, first: int, step: int) -> np.ndarray:
     for here, there in itertools.pairwise(order):
         low, axis = min(here, there), 0 if abs(here - there) == 1 else 1
         begin = scan.doors[low, 2 * axis + 1]
-        if begin < 0:  # the rows' ends need not face each other where the last row is short
+        if begin < 0:  # in a short last row, there may be no door at this end
             break
         door = scan.room_middle(low) - PITCH * (0.5, 0.5, 0) + (0, 0, EYE)
         door[axis] += PITCH[axis]
-        door[1 - axis] += begin + _DOOR_WIDTH / 2
+        door[1 - axis] += begin + DOOR[0] / 2
         stops += [door, scan.room_middle(there) + (0.0, 0.0, EYE)]
-    if len(stops) == 1:  # a room without a way out: to its wall
+    if len(stops) == 1:  # a room without a door: towards its wall
         stops.append(stops[0] + (0.4 * PITCH[0], 0.0, 0.0))
     return np.array(stops)
 
 
 def walk(scan: ProceduralScan, size: tuple[int, int], frames: int) -> tuple[list[Camera], int]:
-    """Cameras on foot through the rooms, looking left and right, and the number of the frame that a jump to the other end
-    of the floor, walked backwards, comes before."""
+    """Cameras of a walk through the rooms, looking left and right, and the index of the first frame after a jump.
+
+    The jump is to the other end of the floor, from which the walk goes backwards.
+    """
     jump = frames * 2 // 3
     cameras: list[Camera] = []
     for stops, count in ((_stops(scan, 0, 1), jump), (_stops(scan, scan.rooms - 1, -1), frames - jump)):
@@ -65,7 +71,7 @@ def walk(scan: ProceduralScan, size: tuple[int, int], frames: int) -> tuple[list
         headings = np.diff(stops, axis=0) / legs[:, None]
         leg = np.minimum(np.searchsorted(np.cumsum(legs), at, side="right"), len(legs) - 1)
         angle = np.unwrap(np.arctan2(headings[leg, 1], headings[leg, 0]))
-        angle = np.convolve(np.pad(angle, 4, mode="edge"), np.full(9, 1 / 9), mode="valid")  # nobody turns at once
+        angle = np.convolve(np.pad(angle, 4, mode="edge"), np.full(9, 1 / 9), mode="valid")  # smooth turns
         angle = angle + _SWAY * np.sin(at * (2 * np.pi / 5.0))
         for eye, a in zip(path[:count], angle[:count]):
             ahead = eye + (np.cos(a), np.sin(a), -0.1)
@@ -75,22 +81,22 @@ def walk(scan: ProceduralScan, size: tuple[int, int], frames: int) -> tuple[list
 
 def compare(renderer: "Renderer", cameras: list[Camera], settings: Settings, meter=lambda: None, keep: int | None = None
             ) -> tuple[list[dict], list[np.ndarray]]:
-    """One row a frame: share of wrong pixels, points drawn and milliseconds with and without history.
+    """A row for each frame: share of wrong pixels, and drawn points and milliseconds with and without history.
 
-    keep: a frame whose pictures without, with, and whose wrong pixels are returned too.
+    keep: index of a frame; its pictures without and with history, and its wrong pixels, are returned too.
     """
     from viewer.render.occlusion import Occlusion
 
     history = Occlusion()
     rows, kept = [], []
-    renderer.render(cameras[0], settings, VIEWS, Occlusion())  # compiles
+    renderer.render(cameras[0], settings, VIEWS, Occlusion())  # compiles the shaders
 
     def made(camera: Camera, past: "Occlusion | None") -> tuple[dict, np.ndarray, np.ndarray]:
         frame = renderer.render(camera, settings, VIEWS, past)
         return frame.stats, frame.mask().copy(), frame.image("filled").copy()
 
     for number, camera in enumerate(cameras):
-        if number % 2:  # in turn: whichever comes second finds points in the caches that the first has brought there
+        if number % 2:  # alternating, as the second frame finds points in the caches
             stats, other, picture = made(camera, history)
             plain, mask, filled = made(camera, None)
         else:
@@ -112,7 +118,7 @@ def compare(renderer: "Renderer", cameras: list[Camera], settings: Settings, met
 
 
 def summary(rows: list[dict], jump: int) -> dict:
-    """The figures that count: the worst frame, that after the jump, what is saved in the frames that have a past."""
+    """Summary: errors of the worst frame and after the jump, and the savings in frames with a history."""
     steady = [row for number, row in enumerate(rows) if number not in (0, jump)]
 
     def share(a: str, b: str) -> float:
@@ -137,9 +143,9 @@ def summary(rows: list[dict], jump: int) -> dict:
 
 def run_occlusion(rooms: int = ROOMS, points: int = 100_000_000, size: tuple[int, int] = (960, 720), frames: int = FRAMES,
                   *, seed: int = 1, scene: "Scene | None" = None, lod: float | None = None) -> dict:
-    """The walk: a summary, and ``rows``, one a frame.  ``failed`` where a frame has too many wrong pixels.
+    """The walk: a summary, and ``rows``, one per frame.  ``failed``: whether a frame has too many wrong pixels.
 
-    scene: that of this very scan, where it is at hand.  lod: as in Settings.
+    scene: of the same scan, if it exists already.  lod: as in Settings.
     """
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
@@ -162,7 +168,7 @@ def run_occlusion(rooms: int = ROOMS, points: int = 100_000_000, size: tuple[int
 
 
 def rows(result: dict) -> list[tuple[str, str]]:
-    """The table: what is wrong at worst, what is saved."""
+    """The table."""
     rows, jump = result["rows"], result["jump"]
     heaviest = max((row for number, row in enumerate(rows) if number not in (0, jump)), key=lambda row: row["points"])
 
@@ -170,9 +176,9 @@ def rows(result: dict) -> list[tuple[str, str]]:
         return f"{row[kind + '_with']:,.0f} ms of {row[kind]:,.0f}"
 
     return [
-        ("frames, and the jump before number", f"{result['frames']}, {jump}"),
+        ("frames, first frame after the jump", f"{result['frames']}, {jump}"),
         ("wrong pixels, worst frame", f"{100 * result['wrong_worst']:.4f} % (limit {100 * result['limit']:g} %)"),
-        ("wrong pixels, worst of three from the jump on", f"{100 * result['wrong_after_jump']:.4f} %"),
+        ("wrong pixels, worst of three after the jump", f"{100 * result['wrong_after_jump']:.4f} %"),
         ("wrong pixels, mean of all frames", f"{100 * result['wrong_mean']:.4f} %"),
         ("points drawn, median", f"{100 * result['points_drawn_share']:.0f} % of those without history"),
         ("raster stage, median", f"{result['raster_ms_with']:,.0f} ms of {result['raster_ms']:,.0f}"),
@@ -181,12 +187,12 @@ def rows(result: dict) -> list[tuple[str, str]]:
         ("all frames together", f"{100 * result['all_time_share']:.0f} % of the time"),
         (f"the heaviest frame, {heaviest['points'] / 1e6:.1f}M points", times(heaviest, "total_ms")),
         ("the frame after the jump", times(rows[jump], "total_ms")),
-        ("frames too light to look for hidden cells", str(result["frames_light"])),
+        ("frames with too few points to test for hidden cells", str(result["frames_light"])),
     ]  # fmt: skip
 
 
 def plot(result: dict, path: Path) -> None:
-    """Wrong pixels, points and milliseconds along the walk."""
+    """Wrong pixels, points and milliseconds of each frame."""
     from viewer.bench.plots import INK, figure, save
 
     made, (upper, middle, lower) = figure(8, 7, rows=3)
@@ -202,5 +208,5 @@ def plot(result: dict, path: Path) -> None:
         axes.legend(fontsize="small")
     for axes in (upper, middle, lower):
         axes.axvline(result["jump"], color="grey", linewidth=0.5)
-    lower.set_xlabel("frame; the line: a jump to the other end of the floor")
+    lower.set_xlabel("frame; vertical line: jump to the other end of the floor")
     save(made, path, result)

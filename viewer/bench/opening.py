@@ -1,4 +1,4 @@
-"""How long opening takes: from files without a cache, and from the cache to the first picture and to full quality."""
+"""Time to open a scan: from files without a cache, and from the cache to the first picture and to full quality."""
 
 import os
 import tempfile
@@ -11,14 +11,14 @@ from viewer.settings import Settings
 from viewer.tools.viewpoints import named_views
 
 FIRST, EVERY, FULL = "cache to first picture", "cache to every point in view", "cache to full quality"
+"""Names of the totals."""
 
 
 def run_open(subject: Subject, size: tuple[int, int], settings: Settings) -> dict:
-    """Opens in a temporary cache folder: first from the files, then again from the cache, then pictures: the first to be
-    seen, raw, of the coarse layers, as the window shows it; raw with every point; neural, in full quality.
+    """Opens a scan in a temporary cache folder, first from the files, then from the cache, and renders three pictures.
 
-    ``first_picture``: the share of the points in view that the first one has.  The files of the cache have just been
-    written and may still be in memory.
+    They are the first raw picture of the coarse layers, as in the window; raw with all points; and neural.  ``first_picture``:
+    share of the visible points in the first picture.  The cache has just been written and may still be in memory.
     """
     from viewer.bench.procedural_scan import procedural_scene
     from viewer.grid.open_scene import open_scene
@@ -82,7 +82,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 
 def plot(result: dict, path: Path) -> None:
-    """One bar a step."""
+    """A bar for each step."""
     made, axes = figure(7.0, 3.2)
     axes.barh(list(result["milliseconds"]), list(result["milliseconds"].values()), color=INK[0])
     axes.set_xscale("log")

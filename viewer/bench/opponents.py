@@ -1,8 +1,8 @@
-"""Whom we are timed against: the paper's pipeline as published, and Open3D's window.  Each takes a camera and says how long.
+"""The compared pipelines: the paper's as published, and Open3D.  Each returns the time of a frame for a camera.
 
-The paper's gets every benefit of the doubt.  All its points are drawn each frame, as its authors do, but by our compute
-rasteriser; its network runs with batch normalisation folded in, channels last, fp16 and as a CUDA graph on CUDA, in the
-fastest precision measured on a CPU.  Its weights are random: they decide a picture, not a run time.
+The paper's pipeline is optimised where possible.  All points are drawn each frame, as published, but with our compute
+rasteriser.  Its network runs with folded batch normalisation and channels last: on CUDA in fp16 as a CUDA graph, on a CPU in
+the fastest precision measured.  Its weights are random, which does not affect the run time.
 """
 
 import time
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from viewer.render.cull import Culler, DrawList
 
 COUNTED = ("raster", "filter", "network")
-"""Stages in the paper's total."""
+"""Stages in the total of the paper's pipeline."""
 LEFT_OUT = ("draw list", "hand over")
-"""Timed beside them: what only joins the parts here."""
-_FLATTER = 1e-9
+"""Stages outside the total, which only connect the parts of this implementation."""
+_LEAST_RANGE = 1e-9
+"""Least range of depth, file units, against division by 0."""
 
 
 def paper_input(colour: "torch.Tensor", depth: "torch.Tensor", mask: "torch.Tensor") -> "torch.Tensor":
-    """What the published program feeds its network: RGB 0..1, keep-mask, and depth spread over this frame's own range, -1
-    where empty.
+    """Input of the published network: RGB 0..1, keep-mask, and depth normalised by the range of the frame, -1 where empty.
 
     colour: (H, W, 4) uint8.  depth: (H, W) float32, +inf where empty.  mask: (H, W) bool.  Returns
     (1, 5, H, W) float32.
@@ -42,14 +42,14 @@ def paper_input(colour: "torch.Tensor", depth: "torch.Tensor", mask: "torch.Tens
     known = torch.isfinite(depth)
     near = depth.amin()
     far = torch.where(known, depth, torch.full_like(depth, -torch.inf)).amax()
-    spread = torch.where(known, (depth - near) / (far - near).clamp_min(_FLATTER), torch.full_like(depth, -1.0))
+    spread = torch.where(known, (depth - near) / (far - near).clamp_min(_LEAST_RANGE), torch.full_like(depth, -1.0))
     return torch.cat([colour[..., :3].permute(2, 0, 1) / 255.0, mask.float()[None], spread[None]])[None]
 
 
 class PaperNetwork:
-    """The paper's network of 31 million parameters with random weights, on fixed buffers of one size.
+    """The paper's network of 31 million parameters with random weights, with fixed buffers of one size.
 
-    ``load`` copies a frame in, ``run`` makes the picture (H, W, 3) uint8 on the device.
+    ``load`` copies a frame into the buffers; ``run`` computes ``picture``, (H, W, 3) uint8, on the device.
     """
 
     def __init__(self, size: tuple[int, int], device: str, dtype: "torch.dtype", seed: int = 1):
@@ -76,7 +76,7 @@ class PaperNetwork:
             try:
                 self._capture()
             finally:
-                torch.backends.cudnn.benchmark = before  # what is timed beside it runs as it does in the application
+                torch.backends.cudnn.benchmark = before  # other pipelines run with the settings of the application
 
     def _capture(self) -> None:
         import torch
@@ -101,7 +101,7 @@ class PaperNetwork:
             self.picture = (made.permute(1, 2, 0) * 255.0 + 0.5).to(torch.uint8)
 
     def load(self, colour: np.ndarray, depth: np.ndarray, mask: np.ndarray) -> None:
-        """A frame's arrays, shapes and types as in :func:`paper_input`."""
+        """Copies a frame to the device.  Shapes and types: see :func:`paper_input`."""
         import torch
 
         for held, given in ((self.colour, colour), (self.depth, depth), (self.mask, mask)):
@@ -109,7 +109,7 @@ class PaperNetwork:
         synchronise(self.device)
 
     def run(self) -> None:
-        """Makes ``picture`` and waits for it."""
+        """Computes ``picture`` and waits until it is finished."""
         if self._graph is not None:
             self._graph.replay()
         else:
@@ -118,7 +118,7 @@ class PaperNetwork:
 
 
 class EveryPoint:
-    """In a renderer's culler's place: draws every point of the scene, whatever the camera sees."""
+    """Replacement of a renderer's culler that draws all points of the scene."""
 
     def __init__(self, inner: "Culler"):
         scene = inner.scene
@@ -133,7 +133,7 @@ class EveryPoint:
         }
 
     def select(self, camera: "Camera", lod: float | None = None) -> "DrawList":
-        """The draw list of all points; ``lod`` is not heeded."""
+        """The draw list of all points; ``lod`` is ignored."""
         scene = self.scene
         view = np.zeros((len(self._corners), 4), np.float32)
         view[:, :3] = (self._corners + (0.5 * scene.step + scene.origin - camera.position)) @ camera.view_rotation.T
@@ -142,7 +142,7 @@ class EveryPoint:
 
 
 class Published:
-    """The published pipeline on our passes: every point drawn, the published soft z-buffer and filter, its network."""
+    """The published pipeline with our passes: all points, the published soft z-buffer, filter and network."""
 
     settings = Settings(view="filtered", filter="paper-code", soft_z="paper-code", raster="compute")
 
@@ -150,11 +150,11 @@ class Published:
         from viewer.render.renderer import Renderer
 
         self.network = network
-        self._renderer = Renderer(context, scene, device="cpu")  # of no use to it: torch is called here
+        self._renderer = Renderer(context, scene, device="cpu")  # not used, as the network runs here
         self._renderer._culler = EveryPoint(self._renderer._culler)  # type: ignore[assignment]
 
     def frame(self, camera: "Camera") -> dict[str, float]:
-        """Milliseconds by stage, COUNTED and LEFT_OUT."""
+        """Milliseconds of a frame by stage: COUNTED and LEFT_OUT."""
         frame = self._renderer.render(camera, self.settings, views=("raw", "filtered"))
         start = time.perf_counter()
         self.network.load(frame.image("raw"), frame.depth(), frame.mask())
@@ -172,8 +172,8 @@ class Published:
 
 
 def fastest_precision(device: str, size: tuple[int, int]) -> tuple[str, dict[str, float]]:
-    """The precision the paper's network runs fastest in, by running it on a small picture: its name, and milliseconds of
-    all tried.  On CUDA fp16, as published."""
+    """The fastest precision of the paper's network, measured on a small picture, and milliseconds of each.  On CUDA fp16, as
+    published."""
     from model.reconstruct import PRECISIONS
 
     if device == "cuda":
@@ -190,8 +190,11 @@ def fastest_precision(device: str, size: tuple[int, int]) -> tuple[str, dict[str
 
 
 class Open3DContender:
-    """Open3D's window in its own process.  Its time holds what the others leave out, reading back its picture: there is no
-    other way to know when it is done.  ``reason``: why it does not draw, None while it does."""
+    """Open3D in a child process.
+
+    Its time includes reading the picture back, without which the end of a frame is unknown.  reason: why it cannot render, or
+    None.
+    """
 
     name = f"Open3D, {POINT_SIZES[0]:g} px points, read back"
 
@@ -207,7 +210,7 @@ class Open3DContender:
             self.reason = str(error)
 
     def frame(self, camera: "Camera") -> dict[str, float] | None:
-        """Milliseconds by point size, once the points are uploaded; None where it cannot draw."""
+        """Milliseconds by point size, without the upload of the points; None if Open3D cannot render."""
         if self.reason is not None:
             return None
         seen = ((self._xyz - camera.position) @ camera.view_rotation.T).astype(np.float32)

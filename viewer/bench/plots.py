@@ -1,4 +1,4 @@
-"""Plots of the benches: one look, the facts underneath, labels that keep out of each other's way."""
+"""Plots of the benches: common style, facts of the machine below, and labels that do not overlap."""
 
 import textwrap
 from collections.abc import Sequence
@@ -12,11 +12,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK = ("#1f5fa8", "#c2571a", "#2f7d4f", "#8a3f8f", "#b3282d", "#6b6b6b", "#a08400", "#2a8c94", "#d1497f", "#455a8c")
+"""Colours of the series."""
 MARKS = "osD^vPX<>h"
+"""Marks of the series, as matplotlib names them."""
 
 
 def figure(width: float = 8.0, height: float = 5.0, rows: int = 1, columns: int = 1) -> "tuple[Figure, Any]":
-    """A figure without a window, and its axes."""
+    """A figure without a window, and its axes.  width, height: inches."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -26,7 +28,7 @@ def figure(width: float = 8.0, height: float = 5.0, rows: int = 1, columns: int 
 
 
 def save(made: "Figure", path: Path, result: dict) -> None:
-    """Writes a figure with the facts of ``result`` under it, whole or not at all."""
+    """Writes a figure with the facts of ``result`` below it, with an atomic write."""
     from matplotlib import pyplot as plt
 
     from model.common.atomic_write import write_atomic
@@ -39,8 +41,10 @@ def save(made: "Figure", path: Path, result: dict) -> None:
 
 
 def label_points(axes: "Axes", at: Sequence[tuple[float, float]], texts: Sequence[str], size: float = 6.0) -> None:
-    """Names points, each where no other label or point is: of several places around it the first free one, else further
-    off with a line."""
+    """Labels points at the first position around them that is free of labels and points; distant labels have a line.
+
+    at: data coordinates.  size: of the font, points.
+    """
     import numpy as np
     from matplotlib.transforms import Bbox
 
@@ -50,11 +54,11 @@ def label_points(axes: "Axes", at: Sequence[tuple[float, float]], texts: Sequenc
     dots = [Bbox.from_extents(x - 4, y - 4, x + 4, y + 4) for x, y in pixels]
     taken: list[Bbox] = []
     frame = axes.get_window_extent()
-    places = [(reach * dx, reach * dy) for reach in (5, 10, 18, 28, 40, 54, 70, 90)
+    offsets = [(reach * dx, reach * dy) for reach in (5, 10, 18, 28, 40, 54, 70, 90)
               for dx, dy in ((1, 0.4), (1, -1), (-1, 0.4), (-1, -1), (0, 1.2), (0, -1.6))]
     for number, text in enumerate(texts):
         label, line = None, None
-        for dx, dy in places:
+        for dx, dy in offsets:
             if label is not None:
                 label.remove()
             far = max(abs(dx), abs(dy)) > 12
@@ -74,7 +78,7 @@ def label_points(axes: "Axes", at: Sequence[tuple[float, float]], texts: Sequenc
 
 
 def _text_box(label: Any) -> Any:
-    """The box of an annotation's text alone, without its line."""
+    """The bounding box of an annotation's text without its line."""
     from matplotlib.text import Text
 
     return Text.get_window_extent(label)

@@ -1,9 +1,9 @@
-"""A made-up scan of any size, made on the spot: a floor of furnished rooms, scanned from two stations in each.
+"""A procedural scan of any size: a floor of furnished rooms, scanned from two stations in each.
 
-Frame: metres, z up, floor at 0.  Rooms of 6 x 5 x 2.8 m lie in rows of a square, doors join neighbours.  A station sends
-rays at even angles, column by column as a scanner does, so that density falls with the square of the distance, and sees
-through doors into the rooms beyond.  Every ray hits something: a scan of n points has exactly n.  A point depends on the
-seed and its running number alone, so that any chunk can be made at any time, on any thread, and memory stays bounded.
+Frame: metres, z up, floor at 0.  Rooms of 6 x 5 x 2.8 m form a square grid; doors connect neighbours.  A station emits rays at
+equal angles, column by column as a scanner does, so that the density falls with the square of the distance; rays pass through
+doors into other rooms.  Each ray hits a surface, so that a scan of n points has exactly n.  A point depends only on the seed
+and its index: any chunk can be made at any time, on any thread, and the memory is bounded.
 """
 
 import math
@@ -22,32 +22,37 @@ from viewer.readers.source import Chunk, ScanInfo, Source
 from viewer.text import counted
 
 POINTS_PER_ROOM = 5_000_000
-"""Of two stations: still few.  The real rooms of such a size that we have hold 3 and 12 million."""
+"""Default number of points per room, from two stations.  Two real rooms of this size have 3 and 12 million."""
 PITCH = np.array([6.0, 5.0, 2.8])
-"""Metres from room to room, and the height of one."""
+"""Distance of rooms along x and y, and their height, metres.  This and the sizes below were chosen by hand."""
 WALL = 0.2
+"""Thickness of walls, metres."""
 EYE = 1.5
+"""Height of stations and cameras, metres."""
 STATIONS = ((-0.9, -0.5), (0.9, 0.6))
-"""Of each room, metres from its middle."""
+"""x and y of the stations in each room, metres from its middle."""
 NOISE = 0.0015
-"""Metres, standard deviation along the ray."""
-_DOOR = 0.9, 2.05  # width, height
+"""Noise standard deviation along the ray, metres."""
+DOOR = 0.9, 2.05
+"""Width and height of a door, metres."""
 _CHUNK = 1 << 19
-_STEEPEST = math.radians(-65.0)  # the tripod hides what is below
+"""Points per chunk, which limits the memory."""
+_STEEPEST = math.radians(-65.0)
+"""Lowest elevation of a ray, radians: the tripod occludes the cone below."""
 _ROOMS_THROUGH = 64
-"""More than any ray passes: one that ended in a doorway would hang there, and a few of them look like a veil."""
+"""Limit of rooms that a ray passes, more than any ray needs: rays that end in a doorway would form a visible veil."""
 
 
 def rooms_for(points: int) -> int:
-    """As many rooms as give each about POINTS_PER_ROOM."""
+    """Number of rooms with about POINTS_PER_ROOM points each."""
     return max(1, round(points / POINTS_PER_ROOM))
 
 
 class ProceduralScan(Source):
     """``points`` points of ``rooms`` rooms (default: by POINTS_PER_ROOM).  The same seed gives the same scan.
 
-    doors: (rooms, 4) metres, where each room's doors begin along its walls (at x low, x high, y low, y high), -1 where there
-    is none.  Raises InputError where there is less than a point a station.
+    doors: (rooms, 4) metres, start of the door along each wall of a room (at x low, x high, y low, y high), -1 without a door.
+    Raises InputError for fewer than one point per station.
     """
 
     def __init__(self, points: int, rooms: int | None = None, seed: int = 1):
@@ -67,26 +72,26 @@ class ProceduralScan(Source):
 
     @property
     def label(self) -> str:
-        """What it is, for every figure made with it."""
+        """Description for results."""
         return f"procedural scan, {self.count:,} points, {self.rooms} rooms, seed {self.seed}"
 
     @property
     def middle_room(self) -> int:
-        """The room in the middle of the floor: its neighbours are on all sides where there are enough of them."""
+        """Index of the room in the middle of the floor."""
         rows = -(-self.rooms // self.columns)
         return min((rows // 2) * self.columns + self.columns // 2, self.rooms - 1)
 
     def room_middle(self, room: int) -> np.ndarray:
-        """(3,) metres: the middle of a room's floor."""
+        """(3,) middle of a room's floor, metres."""
         return np.array([room % self.columns + 0.5, room // self.columns + 0.5, 0.0]) * PITCH
 
     def station(self, number: int) -> np.ndarray:
-        """(3,) metres: where a station stands."""
+        """(3,) scanner position of a station, metres."""
         room, which = divmod(number, len(STATIONS))
         return self.room_middle(room) + (*STATIONS[which], EYE)
 
     def points(self, start: int, stop: int) -> tuple[np.ndarray, np.ndarray]:
-        """Points start to stop of the scan: xyz (n, 3) float64 metres, rgb (n, 3) uint8."""
+        """Points start to stop - 1 of the scan: xyz (n, 3) float64 metres, rgb (n, 3) uint8."""
         xyz, rgb = np.empty((stop - start, 3)), np.empty((stop - start, 3), np.uint8)
         total = self.count or 0
         number = start * self.stations // total
@@ -103,7 +108,7 @@ class ProceduralScan(Source):
         return xyz, rgb
 
     def chunks(self) -> Iterator[Chunk]:
-        """Made on all processors, a few chunks ahead."""
+        """All points in order, made by all processors a few chunks ahead."""
         edges = range(0, self.count or 0, _CHUNK)
         with ThreadPoolExecutor(processors(), "procedural") as pool:
             coming: deque = deque()
@@ -116,8 +121,10 @@ class ProceduralScan(Source):
 
 
 def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
-    """The scan's grid: in memory (a nameless file where it is large), or written to ``folder`` and opened from there, where
-    ``viewer.grid.open_scene`` finds it like any that ``convert`` made.  Raises InputError where the folder has no room."""
+    """The scan's grid: in memory (a large one in an unnamed file), or written to ``folder`` and opened from there.
+
+    The folder has the format of ``convert``.  Raises InputError if the disk has too little space.
+    """
     from viewer.grid import cache
     from viewer.grid.open_scene import in_memory
     from viewer.grid.two_passes import build_grid
@@ -125,7 +132,7 @@ def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
     def build(_files, allocate) -> Scene:
         facts = {
             "sources": [scan.label], "format": scan.format, "units": scan.units, "metres_per_unit": scan.metres_per_unit,
-            "crs": None, "colour": {"source": "rgb", "bits": 8, "note": "made up"}, "warnings": [],
+            "crs": None, "colour": {"source": "rgb", "bits": 8, "note": "procedural"}, "warnings": [],
             "procedural": {"points": scan.count, "rooms": scan.rooms, "seed": scan.seed},
         }
         return build_grid([scan], colours=None, allocate=allocate, facts=facts)
@@ -134,8 +141,7 @@ def procedural_scene(scan: ProceduralScan, folder: Path | None = None) -> Scene:
 
 
 def _furnish(rooms: int, columns: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """(rooms, B, 6) low and high corners of the furniture, metres; (rooms, 4) where each room's doors begin along their
-    wall (at x low, x high, y low, y high), -1 where there is none."""
+    """(rooms, B, 6) low and high corners of the furniture, metres; (rooms, 4) doors of :class:`ProceduralScan`."""
     random = np.random.default_rng(seed)
     across = np.arange(rooms) % columns
     middle = np.stack([across + 0.5, np.arange(rooms) // columns + 0.5, np.zeros(rooms)], 1) * PITCH
@@ -149,7 +155,7 @@ def _furnish(rooms: int, columns: int, seed: int) -> tuple[np.ndarray, np.ndarra
         return random.uniform(low, high, (rooms, len(ranges)))
 
     parts = []
-    for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1)):  # cupboards in the corners, clear of the doors
+    for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1)):  # cupboards in the corners, away from the doors
         size = spread((0.5, 1.4), (0.35, 0.6), (0.7, 2.2))
         corner = np.array([sx, sy, 0.0])
         parts.append(box(middle + corner * (half - size / 2) + size * (0, 0, 0.5), size))
@@ -171,7 +177,7 @@ def _furnish(rooms: int, columns: int, seed: int) -> tuple[np.ndarray, np.ndarra
     here = np.arange(rooms)
     for axis, neighbour in ((0, here + 1), (1, here + columns)):
         there = (neighbour < rooms) & ((across < columns - 1) | (axis == 1))
-        begin = PITCH[1 - axis] * random.uniform(0.45, 0.55, rooms) - _DOOR[0] / 2
+        begin = PITCH[1 - axis] * random.uniform(0.45, 0.55, rooms) - DOOR[0] / 2
         doors[here[there], 2 * axis + 1] = begin[there]
         doors[neighbour[there], 2 * axis] = begin[there]
     return np.ascontiguousarray(np.stack(parts, axis=1)), doors
@@ -179,7 +185,7 @@ def _furnish(rooms: int, columns: int, seed: int) -> tuple[np.ndarray, np.ndarra
 
 @compiled(inline="always")
 def _mixed(a, b):
-    """64 well-mixed bits of two numbers (splitmix64)."""
+    """64-bit hash of two numbers (SplitMix64)."""
     z = np.uint64(a) * np.uint64(0x9E3779B97F4A7C15) + np.uint64(b) * np.uint64(0xD1B54A32D192ED03) + np.uint64(0x632BE5AB)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
@@ -188,13 +194,13 @@ def _mixed(a, b):
 
 @compiled(inline="always")
 def _part(bits, number):
-    """0..1 from one of the four 16-bit parts of 64 bits."""
+    """Number in [0, 1) from one of the four 16-bit parts of 64 bits."""
     return np.float64((bits >> np.uint64(16 * number)) & np.uint64(0xFFFF)) * (1.0 / 65536.0)
 
 
 @compiled(inline="always")
 def _smooth(u, v, salt):
-    """Value noise 0..1 that changes over one unit of u and v."""
+    """Value noise 0..1 with lattice cells of side 1 in u and v."""
     i, j = math.floor(u), math.floor(v)
     s, t = u - i, v - j
     a, b = np.int64(i), np.int64(j)
@@ -206,15 +212,16 @@ def _smooth(u, v, salt):
 
 @compiled(nogil=True)
 def _scan_rays(station, room, skip, rays, first, seed, columns, boxes, doors, xyz, rgb):
-    """Rays skip, skip + 1, ... of a station with ``rays`` in all; first: running number of the first of them.
+    """Traces rays skip, skip + 1, ... of a station with ``rays`` rays.
 
-    station (3,) metres; boxes, doors as in _furnish.  Writes xyz (n, 3) float64 and rgb (n, 3) uint8.
+    first: index in the scan of the first point; station (3,) metres; boxes, doors as in _furnish.  Writes xyz (n, 3) float64
+    and rgb (n, 3) uint8.
     """
     rows = max(1, int(math.sqrt(rays * (0.5 * math.pi - _STEEPEST) / (2 * math.pi))))
     across = (rays + rows - 1) // rows
     high, rise = 0.5 * math.pi, (0.5 * math.pi - _STEEPEST) / rows
     ox, oy, oz = station[0], station[1], station[2]
-    wall, width, tall = WALL / 2, _DOOR[0], _DOOR[1]
+    wall, width, tall = WALL / 2, DOOR[0], DOOR[1]
     px, py, pz = PITCH[0], PITCH[1], PITCH[2]
     for k in range(xyz.shape[0]):
         ray = skip + k
@@ -259,7 +266,7 @@ def _scan_rays(station, room, skip, rays, first, seed, columns, boxes, doors, xy
                     best, face, what = near, side, b
             if what >= 0 or face >= 4 or doors[here, face] < 0:
                 break
-            # a wall with a door: through the opening, against its frame, or beside it
+            # a wall with a door: the ray passes the opening, or hits the frame or the wall
             along = oy + best * dy - y0 if face < 2 else ox + best * dx - x0
             if not (0 < along - doors[here, face] < width and oz + best * dz < tall):
                 break
@@ -277,7 +284,7 @@ def _scan_rays(station, room, skip, rays, first, seed, columns, boxes, doors, xy
         t = best + spread * (NOISE * 1.7320508)
         x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
         xyz[k, 0], xyz[k, 1], xyz[k, 2] = x, y, z
-        # colour: paint, grain and pattern of the surface, under the lamp of the room the point lies in
+        # colour: paint, grain and pattern of the surface, lit by the lamp of the point's room
         u, v = (y, z) if face < 2 else ((x, z) if face < 4 else (x, y))
         salt = here * 131 + (what + 2) * 17 + (face if what < 0 else 0)
         paint = _mixed(salt, seed)

@@ -1,6 +1,6 @@
-"""The two rasterisers on the worst there is: points at random in a box, every one at another pixel than the one before.
+"""Both rasterisers in the worst case of memory access: random points, so that successive points fall on unrelated pixels.
 
-Both draw the same picture (on a GPU within a tolerance), so that the ratio of their times says which to take.
+Both draw the same picture (on a GPU within a tolerance).
 Frame: metres, the camera looks along +y.
 """
 
@@ -11,10 +11,11 @@ import numpy as np
 from viewer.settings import Settings
 
 KINDS = ("compute", "points")
+"""Names of the rasterisers."""
 
 
 def run_rasters(count: int, size: tuple[int, int], repeats: int, seed: int = 1) -> dict:
-    """Milliseconds of both passes of each rasteriser for ``count`` points that all lie in the picture."""
+    """Milliseconds of both passes of each rasteriser for ``count`` points within the picture."""
     from viewer.camera import from_fov, look_at
     from viewer.grid.open_scene import scene_from_arrays
     from viewer.progress import progress
@@ -45,7 +46,7 @@ def run_rasters(count: int, size: tuple[int, int], repeats: int, seed: int = 1) 
     software = renderer.device.software
     middle = {kind: float(np.median(times[kind])) for kind in KINDS}
     result = {
-        "scans": [f"{count:,} points at random, seed {seed}"], "points": scene.count, "size": list(size), "repeats": repeats,
+        "scans": [f"{count:,} random points, seed {seed}"], "points": scene.count, "size": list(size), "repeats": repeats,
         "opengl": renderer.device.renderer, "driver": renderer.device.version, "milliseconds": middle,
         "ratio": float(np.median(np.divide(times["points"], times["compute"]))),
         "software": software, "workgroup": str(renderer._rasterisers["compute"].workgroup),  # type: ignore[attr-defined]
@@ -61,9 +62,9 @@ def run_rasters(count: int, size: tuple[int, int], repeats: int, seed: int = 1) 
 def rows(result: dict) -> list[tuple[str, str]]:
     """The table."""
     found = [(f"both passes, {kind}", f"{result['milliseconds'][kind]:.1f} ms") for kind in KINDS]
-    return [*found, ("points against compute", f"{result['ratio']:.1f} times the time"),
+    return [*found, ("points / compute", f"{result['ratio']:.1f} times the time"),
             ("workgroup", f"{result['workgroup']} (lanes x batches)"),
-            ("pictures", "NOT the same" if result["failed"] else "the same to the bit" if not result["differing_pixels"]
+            ("pictures", "NOT the same" if result["failed"] else "identical" if not result["differing_pixels"]
              else f"{result['differing_pixels']} pixels differ, within the tolerance for GPUs")]
 
 
@@ -74,5 +75,5 @@ def plot(result: dict, path: Path) -> None:
     made, axes = figure(7.0, 1.8)
     axes.barh(list(KINDS), [result["milliseconds"][kind] for kind in KINDS], color=INK[0])
     axes.invert_yaxis()
-    axes.set_xlabel(f"milliseconds for both passes, {result['points']:,} points at random")
+    axes.set_xlabel(f"milliseconds for both passes, {result['points']:,} random points")
     save(made, path, result)

@@ -1,11 +1,10 @@
-"""Time and memory against size, from 1M to 1G points: once by more rooms, once by more points in the same rooms.
+"""Time and memory against scan size, from 1M to 1G points: with more rooms, and with more points in the same rooms.
 
-The camera turns inside one room, so that what it sees of a larger floor stays the same.  Each size is made on the spot into
-a folder of its own, opened from there as any scan is, drawn, and removed again, unless it is to be kept.  Points are streamed
-into a pool of fixed size and, but for raw pictures, hidden cells left out, as the window does; frames are timed once all that
-they need has come.
-Each frame of a larger scan is timed between two of the 10M one, so that how far time grows is told by neighbours in time.
-What would not fit into the memory or on the disk at hand is computed beforehand, said, and not attempted.
+The camera rotates inside one room, so that its view does not depend on the number of rooms.  Each scan is written to a folder
+of its own, opened, rendered and deleted, unless it is kept.  As in the window, points are streamed into a pool of fixed size,
+and all views but raw use occlusion culling.  A frame is timed once all its points are resident.
+Frames of larger scans are timed alternately with those of the 10M scan; growth is the median ratio of such pairs, so that other
+load on the machine cancels.  Scans that would not fit into memory or on the disk are reported and skipped.
 """
 
 import gc
@@ -36,29 +35,34 @@ if TYPE_CHECKING:
     from viewer.render.renderer import Renderer
 
 LADDER = (1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000, 300_000_000, 1_000_000_000)
+"""Default numbers of points.  This and the values below were chosen by hand."""
 SERIES = ("rooms", "density")
+"""The two series: more rooms, and more points per room."""
 DENSITY_ROOMS = 2
-"""Rooms of the density series; the two meet at this many times POINTS_PER_ROOM."""
+"""Rooms of the density series.  Both series have the same scan at DENSITY_ROOMS * POINTS_PER_ROOM points."""
 YARDSTICK = 10_000_000
-"""Points of the scan whose frames those of larger ones are taken beside."""
+"""Number of points of the scan with which larger ones are compared."""
 WARM_POINTS = 100_000
-"""Points of a scan that is opened and drawn before the first that counts."""
+"""Number of points of a scan that is opened and drawn first, for warm-up."""
 LOD = 1.0
+"""Default level of detail, points per pixel."""
 VIEWS = ("raw", "filled", "neural")
+"""Views that are timed."""
 TURNS, TURN = 24, 3.75
-"""Frames, and degrees from one to the next: a brisk look around."""
-_PATIENCE = 60.0  # seconds for the points of one picture to come
+"""Number of frames, and degrees between them."""
+_TIME_LIMIT_S = 60.0
+"""Time limit of streaming the points of one picture, seconds."""
 
 
 def scan_of(series: str, points: int, seed: int) -> ProceduralScan:
-    """A scan of one series."""
+    """The scan of a series with a number of points."""
     if series == "rooms":
         return ProceduralScan(points, seed=seed)
     return ProceduralScan(points, max(1, min(DENSITY_ROOMS, points // len(STATIONS))), seed)
 
 
 def inside(scan: ProceduralScan, size: tuple[int, int]) -> list[Camera]:
-    """Cameras that look around from a station of the middle room."""
+    """Cameras that rotate at a station of the middle room."""
     eye = scan.station(len(STATIONS) * scan.middle_room)
     angles = np.radians(TURN) * np.arange(TURNS)
     return [from_fov(*size, 60.0, look_at(eye, eye + (np.cos(a), np.sin(a), -0.1)), f"turn{n}") for n, a in enumerate(angles)]
@@ -66,8 +70,10 @@ def inside(scan: ProceduralScan, size: tuple[int, int]) -> list[Camera]:
 
 def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, repeats: int, seed: int = 1,
               keep: Path | None = None) -> dict:
-    """Both series over ``sizes``.  Level of detail: the settings', else LOD.  keep: a folder where grids stay, and where those
-    of an earlier run are found again."""
+    """Both series for the numbers of points ``sizes``.
+
+    Level of detail: that of the settings, else LOD.  keep: a folder in which grids are kept and reused; None: they are deleted.
+    """
     from viewer.render.context import create_context
 
     settings = replace(settings, lod=settings.lod or LOD)
@@ -77,7 +83,7 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
     with progress(len(SERIES) * len(sizes), "scale", "size") as meter:
         warm = False
         for series in SERIES:
-            beside: Flight | None = None
+            beside: TimedScan | None = None
             for points in sizes:
                 scan = scan_of(series, points, seed)
                 row = {"series": series, "points": points, "rooms": scan.rooms, "fits": True}
@@ -88,19 +94,20 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
                     found.append(row | {"fits": False, "why": why})
                 else:
                     parent.mkdir(parents=True, exist_ok=True)
-                    if not warm:  # what is loaded and compiled once is no part of any row
-                        first = Flight(context, scan_of(series, min(points, WARM_POINTS), seed), None, parent, size, settings)
+                    if not warm:  # warm-up: loading and compiling is not part of any row
+                        warming = scan_of(series, min(points, WARM_POINTS), seed)
+                        first = TimedScan(context, warming, None, parent, size, settings)
                         for view in VIEWS:
                             first.frame(0, view)
                         first.release()
                         warm = True
-                    flight = Flight(context, scan, kept, parent, size, settings)
-                    found.append(row | flight.measure(repeats, beside))
-                    device = flight.renderer.device
+                    timed = TimedScan(context, scan, kept, parent, size, settings)
+                    found.append(row | timed.measure(repeats, beside))
+                    device = timed.renderer.device
                     if beside is None and points >= YARDSTICK:
-                        beside = flight
+                        beside = timed
                     else:
-                        flight.release()
+                        timed.release()
                 meter.update(1)
             if beside is not None:
                 beside.release()
@@ -112,10 +119,10 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
     }
 
 
-class Flight:
-    """A look around in one scan, opened, with its first picture drawn.
+class TimedScan:
+    """A renderer of one scan, opened, with its first picture drawn.
 
-    Made into the folder ``kept`` where it is not there yet, or into one under ``parent`` that goes when this is released.
+    The grid is in the folder ``kept``, made if missing, or in a temporary folder in ``parent``, deleted on release.
     """
 
     def __init__(self, context: "moderngl.Context", scan: ProceduralScan, kept: Path | None, parent: Path,
@@ -133,7 +140,7 @@ class Flight:
             self.made_s = time.perf_counter() - start
         self.cameras, self.settings = inside(scan, size), settings
         gc.collect()
-        self.before = resident()  # with the scan that frames are taken beside, and all it has drawn, already there
+        self.before = resident()  # includes the scan that this one is compared with
         start = time.perf_counter()
         self.scene: Scene = open_scene(folder)
         self.renderer = Renderer(context, self.scene, memory=POOL)
@@ -149,15 +156,17 @@ class Flight:
             self._own.cleanup()
 
     def frame(self, number: int, view: str) -> dict:
-        """The stats of one frame, once all its points are there."""
+        """The stats of one frame, rendered once all its points are resident."""
         camera = self.cameras[number % len(self.cameras)]
         self.waited_s = max(self.waited_s, _fill(self.renderer, camera, self.settings))
         seen = self._seen if view != "raw" else None
         return self.renderer.render(camera, self.settings, (view,), seen, streaming=True).stats
 
-    def measure(self, repeats: int, beside: "Flight | None") -> dict:
-        """Seconds to make (None where it was there), to open and to draw first; frame times; memory; and ``growth``, the middle
-        ratio of its frames to those of ``beside`` from the same place, each taken next to the other."""
+    def measure(self, repeats: int, beside: "TimedScan | None") -> dict:
+        """Seconds to make (None if it existed), to open and to draw the first picture; frame times; memory; growth.
+
+        growth: median ratio of its frame times to those of ``beside`` with the same cameras, timed alternately.
+        """
         times: dict[str, dict] = {}
         growth: dict[str, float] = {}
         drawn: list[int] = []
@@ -183,18 +192,21 @@ class Flight:
 
 
 def _fill(renderer: "Renderer", camera: Camera, settings: Settings) -> float:
-    """Seconds until all points of a picture have come."""
+    """Seconds until all points of a picture are resident.  Raises InputError after _TIME_LIMIT_S."""
     start = time.perf_counter()
-    while time.perf_counter() - start < _PATIENCE:
+    while time.perf_counter() - start < _TIME_LIMIT_S:
         if not renderer.prefetch(camera, settings):
             return time.perf_counter() - start
         time.sleep(0.002)
-    raise InputError(f"the points of one picture did not come within {_PATIENCE:g} s; is the disk of the cache that slow?")
+    raise InputError(f"the points of one picture were not read within {_TIME_LIMIT_S:g} s; the disk of the cache is too slow")
 
 
 def growth(found: list[dict]) -> dict[str, dict[str, float]]:
-    """By series and view: frame time at the largest size that ran over that at YARDSTICK (or, smaller ladders, at the
-    smallest): frame by frame where they were taken side by side, else of the p50."""
+    """By series and view: frame time of the largest scan / frame time of the YARDSTICK scan, or of the smallest without larger
+    ones.
+
+    It is the median ratio of alternating frames if measured, else the ratio of the p50.
+    """
     out: dict[str, dict[str, float]] = {}
     for series in SERIES:
         ran = sorted((row for row in found if row["series"] == series and row["fits"]), key=lambda row: row["points"])
@@ -213,7 +225,7 @@ def short(points: float) -> str:
 
 
 def added(row: dict) -> int:
-    """Bytes of memory that the process holds more than before this scan was opened; it has drawn in every view meanwhile."""
+    """Increase of resident memory, bytes, from before opening a scan to after rendering it in all views."""
     return row["resident_bytes"] - row.get("resident_before_bytes", 0)
 
 
@@ -236,7 +248,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 
 def plot(result: dict, path: Path) -> None:
-    """Frame time, opening time and memory against size; sizes that did not fit as grey lines."""
+    """Frame time, opening time and memory against size; grey lines mark sizes that do not fit."""
     made, (left, right) = figure(9.5, 4.4, columns=2)
     ran = [row for row in result["rows"] if row["fits"]]
     for number, series in enumerate(SERIES):
@@ -257,7 +269,7 @@ def plot(result: dict, path: Path) -> None:
     for axes, label in ((left, "milliseconds, p50"), (right, "megabytes")):
         for points in sorted({row["points"] for row in result["rows"] if not row["fits"]}):
             axes.axvline(points, color="grey", linewidth=0.6, linestyle=":")
-            axes.annotate("does not fit here", (points, 0.03), xycoords=("data", "axes fraction"), rotation=90, fontsize=6,
+            axes.annotate("does not fit", (points, 0.03), xycoords=("data", "axes fraction"), rotation=90, fontsize=6,
                           color="grey", ha="right")
         axes.set_xscale("log")
         axes.set_yscale("log")

@@ -1,8 +1,8 @@
-"""The same frames, in the same run: ours, the paper's pipeline as published, and Open3D.
+"""Comparison of frame times in one run: ours, the paper's pipeline as published, and Open3D.
 
-What joins the parts of the paper's pipeline here (draw list, copies between OpenGL and torch) is timed and left out of its
-total.  Whether it is a fair opponent is measured: the share its network reaches of the device's own matrix rate must be at
-least FAIR.
+Stages that only connect the parts of this implementation of the paper's pipeline (draw list, copies between OpenGL and torch)
+are not in its total.  The comparison counts as fair if the paper's network reaches at least the share FAIR of the device's
+measured matrix rate.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,24 +30,27 @@ if TYPE_CHECKING:
     from viewer.render.renderer import Renderer
 
 FAIR = 0.4
+"""Least share of the matrix rate that the paper's network must reach.  Chosen by hand."""
 PAPER = "paper, as published"
+"""Name of the paper's pipeline in tables."""
 QUALITIES = ("balanced", "fast")
+"""Our networks that are compared."""
 FRAMES = {"cuda": 48, "cpu": 4}
-"""Of the path, by default: on a CPU the paper's network takes many seconds a frame."""
+"""Default number of cameras by device: on a CPU, a frame of the paper's network takes seconds."""
 
 
 def run_versus(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Settings, repeats: int,
                frames: int | None = None) -> dict:
-    """Every contender on the same cameras, in turn camera by camera, so that a noisy machine is noisy for all.
+    """Times all pipelines on the same cameras, alternating camera by camera, so that other load on the machine affects all.
 
-    frames: cameras along the path; default by device (FRAMES).  On a CPU the paper's network and Open3D see each once.
+    frames: number of cameras along the path; default: FRAMES.  On a CPU, the paper's network and Open3D render each once.
     """
     from model.reconstruct import cuda_problem
     from viewer.errors import DeviceError
     from viewer.render.context import create_context
     from viewer.render.renderer import Renderer
 
-    problem = "not asked for" if settings.device == "cpu" else cuda_problem()
+    problem = "not requested" if settings.device == "cpu" else cuda_problem()
     if settings.device == "cuda" and problem:
         raise DeviceError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
     device = "cpu" if problem else "cuda"
@@ -66,19 +69,20 @@ def run_versus(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
         open3d.close()
         renderer.release()
         context.release()
-    few = "" if device == "cuda" else ", few, and the paper's and Open3D once each: its network takes seconds a frame on a CPU"
-    back = "" if open3d.reason else "; Open3D's time holds reading back its picture as floats, the others' ends before that"
+    few = "" if device == "cuda" else ("; the paper's pipeline and Open3D render each once, as the paper's network takes "
+                                       "seconds per frame on a CPU")
+    back = "" if open3d.reason else "; Open3D's time includes the read-back of its picture, the others' do not"
     return {
         **facts, "sizes": [list(size) for size in sizes], "device": device, "frames": count, "repeats": repeats,
         "open3d": open3d.reason or "drew", "runs": runs,
-        "said": "random weights in the paper's network, which do not change its run time; "
+        "note": "random weights in the paper's network, which do not change its run time; "
                 f"{count} cameras of the path{few}{back}",
     }
 
 
 def _run(context: "moderngl.Context", scene: "Scene", renderer: "Renderer", open3d: Open3DContender, cameras: "list[Camera]",
          settings: Settings, device: str, repeats: int, done: Callable[[], object]) -> dict:
-    """One size."""
+    """The comparison at one picture size."""
     from model.reconstruct import PRECISIONS
 
     size = cameras[0].width, cameras[0].height
@@ -91,7 +95,7 @@ def _run(context: "moderngl.Context", scene: "Scene", renderer: "Renderer", open
     before = _rates(network, size)
     paper.frame(cameras[0])
     for name, mine in ours.items():
-        for number in (0, 1):  # warm: each keeps its network, the renderer one of them at a time
+        for number in (0, 1):  # warm-up of both networks
             names[name] = renderer.render(cameras[number % len(cameras)], mine).stats["network"]
     for camera in cameras:
         for name, mine in ours.items():
@@ -122,12 +126,12 @@ def _run(context: "moderngl.Context", scene: "Scene", renderer: "Renderer", open
 
 
 def _rates(network: PaperNetwork, size: tuple[int, int]) -> dict[str, float]:
-    """Operations a second of the device, in the precision of ``network``."""
+    """Operations per second of the device in the precision of ``network``."""
     return {"matmul": matmul_rate(network.device, network.dtype), "convolution": conv_rate(network.device, network.dtype, size)}
 
 
 def ratios(contenders: dict[str, dict]) -> dict[str, dict[str, float]]:
-    """By each of ours: how many times as long every other takes, p50 of whole frames."""
+    """For each of our networks: time of each other pipeline / our time, p50 of whole frames."""
     middle = {name: held["milliseconds"]["total"]["p50"] for name, held in contenders.items()}
     return {
         mine: {other: middle[other] / middle[mine] for other in middle if not other.startswith("ours")}
@@ -136,7 +140,8 @@ def ratios(contenders: dict[str, dict]) -> dict[str, dict[str, float]]:
 
 
 def fairness(milliseconds: float, size: tuple[int, int], rates: dict[str, float]) -> dict:
-    """Operations a second that the paper's network reached in its best frame, their share of the device's best, a verdict."""
+    """Operations per second of the paper's network in its best frame, their share of the device's rates, and whether it is
+    fair."""
     from model.unet import PaperUNet, mac_per_pixel
 
     mac = mac_per_pixel(PaperUNet(), 32)
@@ -150,7 +155,7 @@ def fairness(milliseconds: float, size: tuple[int, int], rates: dict[str, float]
 
 def rows(result: dict) -> list[tuple[str, str]]:
     """For the table on the terminal."""
-    out = [("said", result["said"])]
+    out = [("note", result["note"])]
     if result["open3d"] != "drew":
         out.append(("Open3D", f"left out: {result['open3d']}"))
     for run in result["runs"]:
@@ -162,16 +167,16 @@ def rows(result: dict) -> list[tuple[str, str]]:
         for mine, others in run["ratios"].items():
             out.append((f"{size} {mine}", ", ".join(f"{ratio:.2f}x the speed of {other}" for other, ratio in others.items())))
         fair = run["fairness"]
-        out.append((f"{size} the opponent", f"{fair['operations_per_s'] / 1e12:.2f} TFLOP/s in {run['precision']}, "
+        out.append((f"{size} the paper's network", f"{fair['operations_per_s'] / 1e12:.2f} TFLOP/s in {run['precision']}, "
                     f"{fair['share_of_matmul']:.0%} of the matrix rate {fair['matmul_rate'] / 1e12:.2f}, "
                     f"{fair['share_of_convolution']:.0%} of one large convolution's; at least {fair['needed']:.0%} needed: "
-                    f"{'a fair one' if fair['fair'] else 'NOT a fair one'}"
-                    + (" (more than all: the device was busy when its rate was measured; run again)" if fair["busy"] else "")))
+                    f"{'fair' if fair['fair'] else 'NOT fair'}"
+                    + (" (above 100 %: the device was busy when its rate was measured; run again)" if fair["busy"] else "")))
     return out
 
 
 def plot(result: dict, path: Path) -> None:
-    """Stages of every contender, stacked."""
+    """Stacked stages of each pipeline."""
     bars = [(f"{name}\n{run['size'][0]}x{run['size'][1]}", held["milliseconds"]) for run in result["runs"]
             for name, held in run["contenders"].items()]
     made, axes = figure(8.0, 1.4 + 0.5 * len(bars))
@@ -187,6 +192,6 @@ def plot(result: dict, path: Path) -> None:
     axes.set_xlim(0, 1.15 * left.max())
     axes.invert_yaxis()
     axes.tick_params(labelsize=7)
-    axes.set_xlabel("milliseconds a frame, p50 by stage")
+    axes.set_xlabel("milliseconds per frame, p50 by stage")
     axes.legend(ncols=4, fontsize="x-small")
     save(made, path, result)
