@@ -78,7 +78,7 @@ def open_outside(folders: dict[str, Path], views: Sequence[RoomView], frames: Se
     """
     stems = [Path(shot.rgb_file).stem for shot in (*views, *frames)]
     if folders and len(set(stems[: len(views)])) < len(views):
-        raise DataError("two views of this scene share a file name; pictures of outside methods cannot be told apart")
+        raise DataError("two views of this scene share a file name; pictures of outside methods cannot be distinguished")
     found, problems = [], []
     for name, folder in folders.items():
         if not folder.is_dir():

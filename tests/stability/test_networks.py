@@ -57,4 +57,4 @@ def test_the_masks_are_what_they_are_called(seed):
     made = {kind: packed[..., 3].float() for kind, packed in masks(seed, SIZE).items()}
     assert made["empty"].sum() == 0 and made["one point"].sum() == 1 and made["full"].min() == 1
     assert np.abs(np.diff(made["checkerboard"].numpy(), axis=0)).min() == 1
-    assert len(made["trusted in part"].unique()) > 200 and 0.4 < made["trusted in part"].mean() < 0.6
+    assert len(made["partial confidence"].unique()) > 200 and 0.4 < made["partial confidence"].mean() < 0.6

@@ -1,1 +1,1 @@
-"""``pointglass bench stability``: scale, origin, lens, size, precision and difficult points, each with a limit (``table``)."""
+"""``pointglass bench stability``: effects of scale, origin, lens, size, precision and difficult points, each with a limit."""

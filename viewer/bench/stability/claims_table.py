@@ -1,7 +1,7 @@
-"""``pointglass bench stability``: what scale, origin, lens, size, precision and hard points do to a picture, with limits.
+"""Runs all claims of ``pointglass bench stability``.
 
-The same measurements as ``tests/stability``, over wider ranges: a table of rows (name, value, limit, ok), the curves over
-scale and origin, the networks' precision table, and a plot of both.
+These are the measurements of ``tests/stability`` over wider ranges: rows (name, value, limit, ok), curves over scale and
+origin, a table of the networks' precision, and a plot of both.
 """
 
 import itertools
@@ -19,11 +19,13 @@ from viewer.progress import progress
 from viewer.stream.residency import available_memory
 
 LARGEST = (16384, 16384)
-_LARGEST_NEEDS = 10 << 30  # bytes: colour, depth, and both once more on the way back, doubled
+"""Largest picture size that OpenGL 4.3 guarantees, pixels."""
+_LARGEST_NEEDS = 10 << 30
+"""Memory for a picture of that size, bytes: colour and depth, their copies when read back, and a factor of two."""
 
 
 def largest_picture(stand: frame_claims.Stand, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
-    """The raw view at the device's largest size; where memory does not allow it, a row that says so."""
+    """The raw view at the largest size; a row with ``skipped``, the reason, if there is too little memory."""
     name = f"pixels wrong at {size[0]}x{size[1]}, raw"
     free = available_memory() or 0
     if free < _LARGEST_NEEDS:
@@ -37,7 +39,10 @@ def largest_picture(stand: frame_claims.Stand, seed: int, size: tuple[int, int] 
 
 
 def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path | None = None) -> dict:
-    """All rows.  size: of most pictures.  Returns rows, failed (their names), curves, network, opengl, size, seed."""
+    """Runs all claims.  size: of most pictures, pixels.  plot: file for the plot.
+
+    Returns rows, failed (their names), curves, network (table), opengl, size, seed.
+    """
     from model.weights import shipped, weights_name
     from viewer.render.context import create_context, describe_device
 
@@ -83,7 +88,7 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
         "the same again": lambda: point_claims.repeats(stand, other, seed, size),
     }
     try:
-        context.__enter__()  # the second to be made is the current one
+        context.__enter__()  # the other context, created last, is current
         with progress(len(sections), "stability", "section") as meter:
             for group, measure in sections.items():
                 rows += [{"group": group, **row} for row in measure()]
@@ -125,7 +130,7 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
         axis.plot(np.maximum(worst, 1e-6), range(len(kinds)), ".", label=precision)
     if table:
         axis.set_yticks(range(len(kinds)), kinds, fontsize=6)
-        axis.set(xscale="log", xlim=(1e-6, 1e-2), xlabel="mean difference from float64, the worst of all networks")
+        axis.set(xscale="log", xlim=(1e-6, 1e-2), xlabel="mean difference from float64, worst of all networks")
         axis.legend(fontsize="x-small")
     write_atomic(path, lambda p: figure.savefig(p, format=path.suffix.lstrip(".") or "png", dpi=150))
     plt.close(figure)

@@ -1,8 +1,8 @@
-"""The exact picture of a stress scene, and how far a drawn one is from it.
+"""The exact picture of a stress scene, and errors of a rendered one.
 
-The truth is drawn in float64 from the points as they were given, before packing, relative to the camera.  Two judgements:
-``agreement`` compares pictures, in which a point on the border of two pixels may fall either way; ``depth_faults`` allows
-just that and nothing else: every pixel's depth must lie between what its points could give and what they must.
+The exact picture is computed in float64 from the points before packing, relative to the camera.  ``agreement`` compares
+pictures statistically, as a point on the border of two pixels may fall into either.  ``depth_faults`` allows only such
+rounding: the depth of each pixel must lie within the bounds given by its points.
 File units; the view frame is x right, y down, z forward.
 """
 
@@ -15,14 +15,17 @@ if TYPE_CHECKING:
     from viewer.camera import Camera
     from viewer.grid.scene import Scene
 
-_FLOAT32 = 2.0**-21  # of the largest coordinate that enters: eight roundings to 2**-24 of it
-_HALF_DIAGONAL = 0.87  # of a step: how far packing may move a point
-_RATIO = 2.0**-19  # of a pixel coordinate: 1/z by a GPU's reciprocal, two products and a sum
+_FLOAT32 = 2.0**-21
+"""Largest rounding error relative to the largest coordinate: eight roundings of 2**-24 each."""
+_HALF_DIAGONAL = 0.87
+"""Largest displacement by packing, packed steps: half the diagonal of a unit cube, sqrt(3) / 2, rounded up."""
+_RATIO = 2.0**-19
+"""Largest rounding error relative to a pixel coordinate: a GPU's reciprocal of z, two products and a sum."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """depth (H, W) float64, +inf where empty; mask (H, W) bool; filled (H, W, 3) float64, 0..255."""
+    """An exact picture: depth (H, W) float64, +inf where empty; mask (H, W) bool; filled (H, W, 3) float64, 0..255."""
 
     depth: np.ndarray
     mask: np.ndarray
@@ -30,15 +33,16 @@ class Truth:
 
 
 def exact_view(xyz: np.ndarray, camera: "Camera") -> np.ndarray:
-    """(N, 3) float64 view coordinates of points as given."""
+    """(N, 3) float64 view coordinates of points xyz (N, 3)."""
     return (xyz - camera.position) @ camera.view_rotation.T
 
 
 def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: float, scan: np.ndarray | None = None,
                   places: np.ndarray | None = None) -> Truth:
-    """The picture by ``model.projection`` in float64 from unpacked points, with the presets ``auto``.  spacing: file units.
+    """The picture by ``model.projection`` in float64 from unpacked points, with presets ``auto``.  spacing: file units.
 
-    scan, places: (N,) and (S, 3) file coordinates, where points count by where their scanners stood; None: all alike.
+    scan, places: (N,) station of each point and (S, 3) scanner positions, file coordinates, for view-dependent blending; None:
+    equal weights.
     """
     import torch
 
@@ -59,11 +63,11 @@ def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: f
 
 @dataclass(frozen=True)
 class Agreement:
-    """A drawn picture against its truth.
+    """Errors of a rendered picture against the exact one.
 
-    depth, depth_99: median and 99th percentile of |z - truth|, over the pixels both hold, in units of ``unit``.
-    moved: share of pixels that only one holds, or whose depth differs by more than ``unit``: another point is in front.
-    mask: share of pixels where the keep-masks differ.  filled: PSNR in dB.  void: share of pixels left open.
+    depth, depth_99: median and 99th percentile of |z - truth| over the pixels with a depth in both, in units of ``unit``.
+    moved: share of pixels with a depth in one only, or whose depth differs by more than ``unit``, as another point is in front.
+    mask: share of pixels where the keep-masks differ.  filled: PSNR in dB.  background: share of pixels left empty.
     """
 
     depth: float
@@ -71,11 +75,11 @@ class Agreement:
     moved: float
     mask: float
     filled: float
-    void: float
+    background: float
 
 
 def agreement(depth: np.ndarray, mask: np.ndarray, filled: np.ndarray, truth: Truth, unit: float) -> Agreement:
-    """depth (H, W), mask (H, W) bool, filled (H, W, 4) uint8: as a Frame gives them.  unit: point spacing, file units."""
+    """depth (H, W), mask (H, W) bool, filled (H, W, 4) uint8: of a Frame.  unit: point spacing, file units."""
     both = np.isfinite(depth) & np.isfinite(truth.depth)
     gap = np.abs(depth[both].astype(np.float64) - truth.depth[both]) / unit
     alone = np.isfinite(depth) != np.isfinite(truth.depth)
@@ -89,16 +93,16 @@ def agreement(depth: np.ndarray, mask: np.ndarray, filled: np.ndarray, truth: Tr
 
 
 def depth_faults(depth: np.ndarray, xyz: np.ndarray, camera: "Camera", scene: "Scene") -> int:
-    """Number of pixels whose depth no point explains, or that miss a point they must hold.
+    """Number of pixels whose depth is outside the bounds given by the points.
 
-    depth: (H, W) float32 as drawn, +inf where empty.  xyz: (N, 3) the points as given.  The one freedom is the rounding
-    of a point: half a packed step, and float32 of coordinates relative to the camera.
+    depth: (H, W) float32 as rendered, +inf where empty.  xyz: (N, 3) points before packing.  Allowed are the rounding of
+    packing, half a step, and float32 rounding of coordinates relative to the camera.
     """
     view = exact_view(xyz, camera)
     x, y, z = view.T
     error = _HALF_DIAGONAL * scene.step + _FLOAT32 * (np.abs(view).max(axis=1) + 2 * scene.cell_size)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-        certain = z > 2 * error  # the others may be in front of the camera or behind
+        certain = z > 2 * error  # the others may be in front of or behind the camera
         centre, reach = [], []
         for a, focal, offset in ((x, camera.fx, camera.cx), (y, camera.fy, camera.cy)):
             at = focal * a / z + offset
@@ -112,7 +116,7 @@ def depth_faults(depth: np.ndarray, xyz: np.ndarray, camera: "Camera", scene: "S
     possible &= (high[0] >= 0) & (low[0] < depth.shape[1]) & (high[1] >= 0) & (low[1] < depth.shape[0])
     faults, allowed = _missing(depth, possible & certain, low, high, far), _Allowed(depth)
     wide = possible & ((high[0] - low[0] > 1) | (high[1] - low[1] > 1))
-    for i in np.flatnonzero(wide):  # points within an epsilon of the camera plane, and little else: few
+    for i in np.flatnonzero(wide):  # few points, mostly near the camera plane
         allowed.add_box(low[0][i], high[0][i], low[1][i], high[1][i], near[i])
     narrow = possible & ~wide
     for column in (low[0], high[0]):
@@ -122,7 +126,7 @@ def depth_faults(depth: np.ndarray, xyz: np.ndarray, camera: "Camera", scene: "S
 
 
 def _missing(depth, certain, low, high, far) -> int:
-    """Pixels farther away than a point that certainly lies in them."""
+    """Number of pixels whose depth is larger than that of a point certainly within them."""
     height, width = depth.shape
     sure = certain & (low[0] == high[0]) & (low[1] == high[1])
     sure &= (low[0] >= 0) & (low[0] < width) & (low[1] >= 0) & (low[1] < height)
@@ -131,7 +135,7 @@ def _missing(depth, certain, low, high, far) -> int:
 
 
 class _Allowed:
-    """Collects what may explain the pixels that hold something; the memory it takes grows with those, not the picture."""
+    """Least possible depth of each pixel with a depth.  The memory grows with their number, not with the picture size."""
 
     def __init__(self, depth: np.ndarray):
         self._shape = depth.shape
@@ -140,7 +144,7 @@ class _Allowed:
         self._nearest = np.full(len(self._index), np.inf)
 
     def add(self, column: np.ndarray, row: np.ndarray, near: np.ndarray) -> None:
-        """Points that may lie in a pixel, at depth ``near`` or behind."""
+        """Adds points that may fall into a pixel, at depth ``near`` or behind."""
         inside = (column >= 0) & (column < self._shape[1]) & (row >= 0) & (row < self._shape[0])
         index = row[inside] * self._shape[1] + column[inside]
         at = np.searchsorted(self._index, index)
@@ -149,11 +153,11 @@ class _Allowed:
         np.minimum.at(self._nearest, at[known], near[inside][known])
 
     def add_box(self, left: int, right: int, top: int, bottom: int, near: float) -> None:
-        """One point that may lie anywhere in a box of pixels."""
+        """Adds a point that may fall into any pixel of a box."""
         row, column = np.divmod(self._index, self._shape[1])
         inside = (column >= left) & (column <= right) & (row >= top) & (row <= bottom)
         self._nearest[inside] = np.minimum(self._nearest[inside], near)
 
     def unexplained(self) -> int:
-        """Pixels that are not a number, not in front of the camera, or nearer than anything that may lie in them."""
+        """Number of pixels whose depth is NaN, not positive, or less than possible."""
         return int((~((self._depth > 0) & (self._depth >= self._nearest))).sum())

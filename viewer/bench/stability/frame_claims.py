@@ -1,7 +1,7 @@
-"""Frames under stress, measured: scales and origins, lenses, sizes, camera planes, hard points, the same frame again.
+"""Measurements of frames at extreme scales, origins, lenses, sizes and camera positions, each with a limit.
 
-Every function takes a :class:`Stand` and a seed and returns rows (see ``row``); the tests assert them, the bench prints
-them.  Each row's limit is a claim about the renderer and stands where it is measured.
+Each function takes a :class:`Stand` and a seed and returns rows (see ``row``).  The tests assert them; the bench prints them.
+The limit of a row is a claim about the renderer.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -25,31 +25,37 @@ if TYPE_CHECKING:
     from viewer.camera import Camera
 
 VIEWS = ("raw", "filtered", "filled")
+"""Views that are rendered.  This and the ranges below were chosen by hand, well beyond those of real scans."""
 SCALES = (1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e5, 1e6)
+"""File units per place unit."""
 ORIGINS = (0.0, 1.0, 1e3, 1e5, 1e6, 1e7, 1e9)
+"""Distances of a place from zero, file units."""
 FOVS = (1.0, 2.0, 5.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0)
+"""Vertical fields of view, degrees."""
 SIZES = ((4, 4), (5, 4), (4, 7), (7, 7), (13, 31), (101, 97), (211, 3), (3, 211), (16384, 16), (16, 16384))
-LIMITS = {"depth": 0.005, "depth_99": 0.01, "moved": 0.005, "mask": 0.005, "filled": 40.0, "void": 0.04}
-"""Of :class:`Agreement`, at any scale and origin; ``filled`` is a least value, in dB.  Packing moves a point by about 1/1000
-of the spacing, and so one pixel in a thousand changes hands.  The depth filter decides by whole blocks: where one stands on
-the edge, a single pixel turns up to 1 % of a picture, hence medians over views.  The room is closed, but that it is seen to
-be hangs on which points the skeleton of viewer.render.enclosed_directions happens to hold: near a wall a few degrees may stay
-open."""
+"""Picture sizes, pixels."""
+LIMITS = {"depth": 0.005, "depth_99": 0.01, "moved": 0.005, "mask": 0.005, "filled": 40.0, "background": 0.04}
+"""Limits of :class:`Agreement` at any scale and origin; that of ``filled`` is a minimum, dB.
 
+Packing moves a point by about 1/1000 of the spacing, so that one pixel in a thousand shows another point.  The depth filter
+decides for blocks of pixels: at a threshold, a single pixel can change up to 1 % of a picture, therefore medians over views are
+compared.  The room is closed, but whether viewer.render.enclosed_directions detects this depends on the points of its sample:
+near a wall, a few degrees may remain open."""
 
 HELD, LOST = 8.0, 2.0
-"""Steps of float64 (2**-52 of the largest coordinate) to a point spacing: with HELD of them or more a place must be drawn,
-with LOST or fewer refused.  In between either may be: the spacing is itself measured from places so rounded."""
+"""Point spacings in steps of float64 (2**-52 of the largest coordinate).  A scan with at least HELD must be rendered, one with
+at most LOST refused.  In between both are allowed, as the spacing itself is measured from rounded positions.  Chosen by
+hand."""
 
 
 def row(name: str, value: float, limit: float, *, least: bool = False, **more: object) -> dict:
-    """One line of the table.  ok: value <= limit, or >= where ``least``; never for NaN."""
+    """A row of the table.  ok: value <= limit, or >= if ``least``; False for NaN.  more: further entries."""
     ok = bool(value >= limit if least else value <= limit)
     return {"name": name, "value": float(value), "limit": float(limit), "least": least, "ok": ok, **more}
 
 
 class Stand:
-    """Draws scenes in one OpenGL context."""
+    """Renders scenes in one OpenGL context."""
 
     def __init__(self, context: "moderngl.Context"):
         self.context = context
@@ -68,35 +74,35 @@ class Stand:
             return renderer.render(camera, settings or Settings(), views=("raw",)).depth()
 
     def pictures(self, scene: Scene, camera: "Camera", settings: Settings | None = None) -> dict[str, np.ndarray]:
-        """The views, the mask and the depth by name."""
+        """Views, mask and depth by name."""
         with self.renderer(scene) as renderer:
             return arrays_of(renderer, camera, settings or Settings())
 
 
 def arrays_of(renderer: Renderer, camera: "Camera", settings: Settings) -> dict[str, np.ndarray]:
-    """Views, mask and depth of one frame, copied."""
+    """Copies of the views, mask and depth of one frame, by name."""
     frame = renderer.render(camera, settings, views=VIEWS)
     return {**{view: frame.image(view) for view in VIEWS}, "mask": frame.mask(), "depth": frame.depth()}
 
 
 def different(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> int:
-    """Bytes that differ between two frames, over all their pictures."""
+    """Number of bytes that differ between two frames, over all pictures."""
     return sum(int((x.reshape(-1).view(np.uint8) != y.reshape(-1).view(np.uint8)).sum()) for x, y in
                ((a[key], b[key]) for key in a))
 
 
-# The same place anywhere, at any scale
+# The same place at any origin and scale
 
 
 def place_at(seed: int, scale: float, away: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """xyz and rgb of the place in file coordinates, and its origin: ``away`` from zero."""
+    """xyz, rgb and origin of the place in file coordinates.  away: distance of the origin from zero, file units."""
     place, rgb = walls(seed)
     origin = direction(seed) * away
     return place * scale + origin, rgb, origin
 
 
 def agree_at(stand: Stand, seed: int, scale: float, away: float, size=(160, 120), views: int = 4) -> Agreement | str:
-    """The median agreement over some views (void: the mean), or the line with which the scan was refused."""
+    """Median agreement over views (background: mean), or the error message if the scan is refused."""
     xyz, rgb, origin = place_at(seed, scale, away)
     try:
         scene = scene_from_arrays(xyz, rgb)
@@ -109,13 +115,13 @@ def agree_at(stand: Stand, seed: int, scale: float, away: float, size=(160, 120)
             made = arrays_of(renderer, camera, Settings())
             truth = exact_picture(xyz, rgb, camera, scene.spacing)
             found.append(agreement(made["depth"], made["mask"], made["filled"], truth, scene.spacing))
-    over = {name: np.mean if name == "void" else np.median for name in LIMITS}
+    over = {name: np.mean if name == "background" else np.median for name in LIMITS}
     return Agreement(**{name: float(over[name]([getattr(one, name) for one in found])) for name in LIMITS})
 
 
 def curves(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[float] = SCALES,
            origins: Sequence[float] = ORIGINS) -> tuple[list[dict], list[dict]]:
-    """Rows, the worst over all scales by origin; and every point of the curves: scale, origin, Agreement or ``refused``."""
+    """Rows, the worst over all scales for each origin, and the curves: scale, origin, and Agreement or ``refused``."""
     points, rows = [], []
     unit = scene_from_arrays(*walls(seed)).spacing
     for away in origins:
@@ -127,12 +133,12 @@ def curves(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[floa
             worst = (min if least else max)(getattr(made, name) for made in good)
             rows.append(row(f"{name}, scales {min(scales):g} to {max(scales):g}, origin {away:g}", worst, limit, least=least))
         resolution = float(np.abs(direction(seed)).max() * away * 2.0**-52)
-        said = [(scale * unit, isinstance(made, str)) for scale, made in found]
-        if away:  # one spacing that just is held, and one that just is not
-            said += [(s * resolution, _is_refused(seed, s * resolution / unit, away)) for s in (HELD, LOST)]
+        outcomes = [(scale * unit, isinstance(made, str)) for scale, made in found]
+        if away:  # the spacings at both limits
+            outcomes += [(s * resolution, _is_refused(seed, s * resolution / unit, away)) for s in (HELD, LOST)]
         wrong = sum(refused if spacing >= HELD * resolution else spacing <= LOST * resolution and not refused
-                    for spacing, refused in said)
-        rows.append(row(f"scales refused that float64 holds, or drawn that it does not, origin {away:g}", wrong, 0))
+                    for spacing, refused in outcomes)
+        rows.append(row(f"scales refused though representable in float64, or vice versa, origin {away:g}", wrong, 0))
     return rows, points
 
 
@@ -147,9 +153,9 @@ def _is_refused(seed: int, scale: float, away: float) -> bool:
 def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, -3, 7, 20),
               shifts: Sequence[int] = (4, 12, 23, 30), scene_at: Callable[[float, np.ndarray], Scene] | None = None,
               what: str = "bytes changed") -> list[dict]:
-    """Powers of two of the scale, and shifts by whole cells (2**n file units): bytes that differ.
+    """Bytes that differ after scaling by powers of two, and after shifts by whole cells (2**n file units).
 
-    scene_at: the place at a scale and an origin (3,), None: that of ``walls``.  what: a row says, changed by which of them.
+    scene_at: the place at a scale and an origin (3,); None: that of ``walls``.  what: start of the rows' names.
     """
     place, rgb = walls(seed)
     at = scene_at or (lambda factor, origin: scene_from_arrays(place * factor + origin, rgb))
@@ -162,7 +168,7 @@ def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequenc
         made["depth"] = made["depth"] / np.float32(factor)
         rows.append(row(f"{what} by scaling by 2^{exponent}", different(base, made), 0))
     for shift in shifts:
-        origin = np.round(direction(seed + shift) * 2.0 ** (shift - 4)) * 16.0  # whole cells: none is larger than 16
+        origin = np.round(direction(seed + shift) * 2.0 ** (shift - 4)) * 16.0  # whole cells, which are at most 16 wide
         rows.append(row(f"{what} by a shift of about 2^{shift}",
                         different(base, stand.pictures(at(1.0, origin), placed(camera, 1.0, origin))), 0))
     return rows
@@ -172,7 +178,7 @@ def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequenc
 
 
 def wide_range(stand: Stand, seed: int, size: tuple[int, int] = (320, 240)) -> list[dict]:
-    """1 cm to 100 km in one frame."""
+    """Depths from 1 cm to 100 km in one frame."""
     xyz, rgb, camera = panels(seed, size)
     scene = scene_from_arrays(xyz, rgb)
     made = stand.pictures(scene, camera)
@@ -189,7 +195,7 @@ def wide_range(stand: Stand, seed: int, size: tuple[int, int] = (320, 240)) -> l
 
 
 def lenses(stand: Stand, seed: int, size: tuple[int, int], fovs: Sequence[float] = FOVS) -> list[dict]:
-    """Fields of view, principal points outside the picture, pixels that are not square."""
+    """Fields of view, a principal point outside the picture, pixels that are not square."""
     xyz, rgb, origin = place_at(seed, 1.0, 1e5)
     scene = scene_from_arrays(xyz, rgb)
     rows = []
@@ -208,7 +214,7 @@ def _faults(renderer: Renderer, camera: "Camera", xyz: np.ndarray) -> int:
 
 
 def cell_faces(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
-    """Cameras in a cell's middle, on its face, edge and corner, and the next float to either side."""
+    """Cameras inside a cell, on its face, edge and corner, and at the next float64 on either side of the corner."""
     xyz, rgb, _ = place_at(seed, 1.0, 1e5)
     scene = scene_from_arrays(xyz, rgb)
     rng = np.random.default_rng(seed)
@@ -232,7 +238,7 @@ def cell_faces(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
 
 
 def camera_plane(stand: Stand, seed: int, size: tuple[int, int] = (64, 48)) -> list[dict]:
-    """Points at, behind and within an epsilon of the camera's plane: every depth drawn is in front, none is missed."""
+    """Points in, behind and very near the camera's plane: all rendered depths are positive, and no point is missing."""
     rng = np.random.default_rng(seed)
     base = np.round(rng.uniform(-1, 1, (4000, 3)) * 2**12) / 2**12
     base[:2000, 1] = 0.5  # half of them in one plane
@@ -258,7 +264,7 @@ def camera_plane(stand: Stand, seed: int, size: tuple[int, int] = (64, 48)) -> l
 
 
 def sizes(stand: Stand, seed: int, wanted: Sequence[tuple[int, int]] = SIZES) -> list[dict]:
-    """Pictures from 4x4 up; all views are made, the depth is judged."""
+    """Pictures from 4x4 pixels: all views are rendered, and the depth is checked."""
     xyz, rgb, origin = place_at(seed, 1.0, 1e3)
     scene = scene_from_arrays(xyz, rgb)
     rows = []
@@ -274,7 +280,7 @@ def sizes(stand: Stand, seed: int, wanted: Sequence[tuple[int, int]] = SIZES) ->
 
 
 def rolled(stand: Stand, seed: int, size: tuple[int, int] = (96, 96)) -> list[dict]:
-    """A camera rolled by quarter turns shows the same picture turned: pixels that another point fills."""
+    """Share of pixels that differ from the rotated picture when the camera is rolled by quarter turns."""
     xyz, rgb, origin = place_at(seed, 1.0, 1e6)
     scene = scene_from_arrays(xyz, rgb)
     camera = placed(view_inside(seed, size, 70.0), 1.0, origin)

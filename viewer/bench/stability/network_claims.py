@@ -1,9 +1,9 @@
-"""The networks under stress, measured: every precision on every kind of picture, against the network in float64.
+"""Errors of the networks in each precision on ordinary and extreme inputs, against the network in float64.
 
-What is measured is what a frame runs: on a CPU convolutions in that precision and blends in compiled loops.  The float64
-network is the plain one of :mod:`model.unet`, without any of that.
-Pictures are the network's packed input (see :mod:`model.reconstruct`) as float32 and, rounded, as the half floats that the
-renderer hands over: a procedural place at scales from 1e-3 to 1e6, and masks that no scan has.
+The networks run as in a frame: on a CPU, convolutions in that precision and blends in compiled loops.  The float64 network is
+the reference implementation in :mod:`model.unet`.
+Inputs are packed half floats as from the renderer (see :mod:`model.reconstruct`): a procedural place at scales from 1e-3 to
+1e6, and synthetic masks that no scan produces.
 """
 
 from collections.abc import Sequence
@@ -21,16 +21,17 @@ from viewer.bench.stability.frame_claims import SCALES, row
 from viewer.bench.stability.scenes import view_inside, walls
 
 PRECISION_LIMITS = {"fp32": (5e-4, 1.5e-4), "bf16": (0.12, 0.01), "fp16": (0.02, 0.002)}
-"""Largest and mean absolute difference from float64, of a picture in 0..1.  A result is stored in half floats, which alone
-makes 2.4e-4 of the largest, and nearly all that fp32 has of either."""
+"""Limits of the largest and mean absolute difference from float64, colours in 0..1.  Results are stored in half floats, which
+causes 2.4e-4 of the largest difference and nearly all differences of fp32."""
 NOISE = 0.02
-"""Standard deviation of a point's colour that the network is told of the procedural place: a usual one of real scans."""
-SCALE_LIMIT = 0.02  # mean difference of a picture from the same place at scale 1; a pixel in thousands changes hands
+"""Noise standard deviation in the network's input, colours in 0..1: a common value of real scans."""
+SCALE_LIMIT = 0.02
+"""Limit of the mean difference between scales.  One pixel in thousands shows another point.  Chosen by hand."""
 
 
 def masks(seed: int, size: tuple[int, int]) -> dict[str, torch.Tensor]:
-    """(H, W, 8) half floats by kind: noise under masks that are empty, full, a checkerboard, one point, shares of trust, and
-    extremes."""
+    """(H, W, 8) half floats by kind: random colours with masks that are empty, full, a checkerboard, one point, random or of
+    partial confidence; and extreme values."""
     rng = np.random.default_rng(seed)
     width, height = size
     board = (np.indices((height, width)).sum(axis=0) % 2).astype(bool)
@@ -45,19 +46,19 @@ def masks(seed: int, size: tuple[int, int]) -> dict[str, torch.Tensor]:
         packed[..., 3] = mask
         packed[..., 4] = rng.uniform(-2, 2, (height, width)) if mask.any() else 0
         made[name] = torch.from_numpy(packed)
-    trusted = made["full"].clone()  # of points with weights: how far each pixel is trusted, in steps of 1/255
-    trusted[..., 3] = torch.from_numpy(rng.integers(0, 256, (height, width)) / 255.0)
-    made["trusted in part"] = trusted
+    confidence = made["full"].clone()  # of view-dependent blending, in steps of 1/255
+    confidence[..., 3] = torch.from_numpy(rng.integers(0, 256, (height, width)) / 255.0)
+    made["partial confidence"] = confidence
     extreme = np.zeros((height, width, PACKED_IN), np.float16)
     extreme[..., :6] = rng.choice([0.0, 1.0], (height, width, 6)) * [1, 1, 1, 1, 4, 2] - [0, 0, 0, 0, 2, 0]
     return {**made, "extremes": torch.from_numpy(extreme)}
 
 
 def scaled(seed: int, size: tuple[int, int], scales: Sequence[float] = SCALES) -> dict[float, torch.Tensor]:
-    """(H, W, 8) half floats by scale: one view of the procedural place, by model.projection in float32."""
+    """(H, W, 8) half floats by scale: one view of the procedural place, projected in float32."""
     place, rgb = walls(seed)
     camera = view_inside(seed, size)
-    spacing = float(np.sqrt(208.0 / len(place)))  # of the room's own walls; only its changing with the scale matters
+    spacing = float(np.sqrt(208.0 / len(place)))  # of the walls, whose area is 208; only proportionality to the scale matters
     made = {}
     for scale in scales:
         view = torch.from_numpy((exact_view(place, camera) * scale).astype(np.float32))
@@ -72,22 +73,22 @@ def scaled(seed: int, size: tuple[int, int], scales: Sequence[float] = SCALES) -
 
 @torch.inference_mode()
 def in_float64(network: torch.nn.Module, packed: torch.Tensor) -> torch.Tensor:
-    """(H, W, 8) -> (H, W, 4) float64, within 0..1.  network: as trained, in float64."""
+    """(H, W, 4) float64 in 0..1: output of the network in float64 for packed (H, W, 8)."""
     made = network(packed[None, ..., :INPUT_CHANNELS].permute(0, 3, 1, 2).double())[0].permute(1, 2, 0).clamp(0.0, 1.0)
     made[..., 3] = torch.maximum(made[..., 3], packed[..., CLOSED].double())
     return made
 
 
 def _faulty(made: torch.Tensor) -> int:
-    """Values that are not numbers or lie outside 0..1."""
+    """Number of values that are NaN or outside 0..1."""
     made = made.float()
     return int((~((made >= 0) & (made <= 1))).sum())
 
 
 def network_rows(seed: int, size: tuple[int, int], quality: str = "fast", scales: Sequence[float] = SCALES,
                  precisions: Sequence[str] = tuple(PRECISIONS), *, filtered: bool = True) -> tuple[list[dict], list[dict]]:
-    """Rows with limits, and the table: kind, precision, largest and mean difference from float64, values that are
-    faulty."""
+    """Rows with limits, and the table: kind, precision, largest and mean difference from float64, and numbers of faulty
+    values."""
     inputs: dict[str | float, torch.Tensor] = {**masks(seed, size), **scaled(seed, size, scales)}
     which = weights_name(quality, filtered=filtered)
     exact = fitting_weights(quality, filtered=filtered)[1].double().eval()

@@ -1,5 +1,7 @@
-"""Points that are hard to draw, measured: a crowd in one pixel, one alone in a million, doubles, no numbers, colours at
-their ends; and the same frame twice.  Rows as in :mod:`viewer.bench.stability.frame_claims`.
+"""Difficult points: many in one pixel, one in a million pixels, duplicates, NaN and infinity, all colour levels; and repeated
+frames.
+
+Rows as in :mod:`viewer.bench.stability.frame_claims`.
 """
 
 from dataclasses import replace
@@ -20,17 +22,18 @@ if TYPE_CHECKING:
     import moderngl
 
 DOUBLES = 0.0035
-"""Share of the pixels that hold points, some 640: two of them.  None moved in tens of seeds; a point may stand on a border."""
+"""Limit of the share of pixels that change when points are duplicated: two of about 640 pixels with points.  None changed in
+tens of seeds, but a point may lie on a pixel border."""
 
 
 def mean_level(rgb: np.ndarray) -> np.ndarray:
-    """(3,) uint8: the whole-number mean in linear light of sRGB levels (N, 3), rounded half up."""
+    """(3,) uint8: mean in linear light, in integers rounded half up, of sRGB levels (N, 3)."""
     sums = TO_LINEAR[rgb].astype(np.int64).sum(axis=0)
     return TO_SRGB[(2 * sums + len(rgb)) // (2 * len(rgb))].astype(np.uint8)
 
 
 def crowd(stand: Stand, seed: int, points: int = 1_000_000, colour: int | None = None) -> list[dict]:
-    """Many points in one pixel: the largest error of its colour, by rasteriser.  colour: of all; None = random."""
+    """Largest colour error of many points in one pixel, by rasteriser.  colour: level of all points; None: random."""
     rng = np.random.default_rng(seed)
     rgb = rng.integers(0, 256, (points, 3)).astype(np.uint8) if colour is None else np.full((points, 3), colour, np.uint8)
     spread = np.round(rng.uniform(-1, 1, (points, 3)) * 2**20) * 2.0**-30
@@ -48,7 +51,7 @@ def crowd(stand: Stand, seed: int, points: int = 1_000_000, colour: int | None =
 
 
 def lonely(stand: Stand, seed: int, size: tuple[int, int] = (1000, 1000)) -> list[dict]:
-    """One point in a million pixels: pixels that are not what they must be in any view."""
+    """Wrong pixels, over all views, of one point in a million pixels."""
     rng = np.random.default_rng(seed)
     column, line = (int(rng.integers(1, side - 1)) for side in size)
     colour = rng.integers(0, 256, 3).astype(np.uint8)
@@ -62,15 +65,15 @@ def lonely(stand: Stand, seed: int, size: tuple[int, int] = (1000, 1000)) -> lis
     wrong += int((made["mask"] != (expected[..., 3] > 0)).sum())
     wrong += int((made["filled"][line, column] != expected[line, column]).any())
     shown = made["filled"][made["filled"][..., 3] > 0]
-    wrong += int((shown[:, :3] != colour).any(axis=1).sum())  # whatever is filled has the only colour there is
+    wrong += int((shown[:, :3] != colour).any(axis=1).sum())  # filled pixels have the colour of the only point
     return [row(f"pixels wrong of one point in {size[0]}x{size[1]}", wrong, 0)]
 
 
 def doubles(stand: Stand, seed: int, size=(64, 48)) -> list[dict]:
-    """Every point a thousand times, and one point alone a thousand times: colour errors, and pixels moved.
+    """Changed pixels with each point duplicated a thousand times, and errors with one point a thousand times.
 
-    ``auto`` averages points within so many spacings, and a spacing is an estimate, of other points in a larger scan: both are
-    drawn with that of the points that are there once.
+    The soft z-buffer ``auto`` depends on the point spacing, whose estimate differs with duplicates; both are rendered with the
+    spacing of the scan without duplicates.
     """
     rng = np.random.default_rng(seed)
     camera = axis_camera(size)
@@ -93,25 +96,25 @@ def doubles(stand: Stand, seed: int, size=(64, 48)) -> list[dict]:
 
 
 def no_numbers(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
-    """Coordinates that are not finite change no byte of the picture; absurd ones are dropped and counted."""
+    """Bytes changed by coordinates that are not finite, or outliers, which are dropped; and errors in their count."""
     rng = np.random.default_rng(seed)
     xyz, rgb = walls(seed)
     bad = rng.choice([np.nan, np.inf, -np.inf], (500, 3))
     partly = xyz[:500].copy()
     partly[np.arange(500), rng.integers(0, 3, 500)] = rng.choice([np.nan, np.inf, -np.inf], 500)
-    wild = rng.choice([-1.0, 1.0], (20, 3)) * 10.0 ** rng.uniform(12, 307, (20, 3))  # strays far out of any place
+    wild = rng.choice([-1.0, 1.0], (20, 3)) * 10.0 ** rng.uniform(12, 307, (20, 3))  # outlier points far outside the place
     camera = view_inside(seed, size)
     clean = stand.pictures(scene_from_arrays(xyz, rgb), camera)
     scene = scene_from_arrays(np.concatenate([xyz, bad, partly, wild]), np.concatenate([rgb, rgb[:1020]]))
     lost = scene.meta["dropped"]
     return [
-        row("bytes changed by coordinates that are no numbers", different(clean, stand.pictures(scene, camera)), 0),
-        row("coordinates that are no numbers, not counted as dropped", abs(lost["nan"] - 1000) + abs(lost["stray"] - 20), 0),
+        row("bytes changed by coordinates that are not finite", different(clean, stand.pictures(scene, camera)), 0),
+        row("coordinates that are not finite or outliers, not counted as dropped", abs(lost["nan"] - 1000) + abs(lost["stray"] - 20), 0),
     ]
 
 
 def levels(stand: Stand, seed: int) -> list[dict]:
-    """Each of the 256 levels fills a pixel of its own, many times over, and comes out as it went in."""
+    """Largest error of the 256 colour levels, each in a pixel of its own with many points."""
     rng = np.random.default_rng(seed)
     order = rng.permutation(256)
     camera = axis_camera((16, 16))
@@ -124,7 +127,7 @@ def levels(stand: Stand, seed: int) -> list[dict]:
     expected = np.stack([order, 255 - order, order[::-1]], axis=1).reshape(16, 16, 3)
     rows = []
     with stand.renderer(scene_from_arrays(xyz, rgb)) as renderer:
-        for soft in ("auto", "paper-text"):  # the third draws half a pixel further: a level falls into four pixels
+        for soft in ("auto", "paper-text"):  # paper-code shifts by half a pixel, which would mix levels
             made = arrays_of(renderer, camera, Settings(soft_z=soft, filter="off"))
             error = max(int(np.abs(made[view][..., :3].astype(int) - expected).max()) for view in ("raw", "filtered", "filled"))
             rows.append(row(f"largest error of any of 256 levels, soft depth {soft}", error, 0))
@@ -132,16 +135,19 @@ def levels(stand: Stand, seed: int) -> list[dict]:
 
 
 def repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int, int]) -> list[dict]:
-    """The same frame again, of the place by every filter, and of one that says where its scanners stood."""
+    """Repeated frames: of the place with each filter, and of a place with scanner positions."""
     xyz, rgb, _ = place_at(seed, 1.0, 1e5)
-    weighed = scanned(seed, 1.0, 1e5).scene
+    weighted = scanned(seed, 1.0, 1e5).scene
     return [*_repeats(stand, other, seed, size, scene_from_arrays(xyz, rgb), {name: f"filter {name}" for name in FILTERS}),
-            *_repeats(stand, other, seed, size, weighed, {"auto": "weighed by scanners"})]
+            *_repeats(stand, other, seed, size, weighted, {"auto": "view-dependent blending"})]
 
 
 def _repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int, int], scene: Scene,
              filters: dict[str, str]) -> list[dict]:
-    """Twice, after another, by another renderer, in another context, by the other rasteriser.  filters: and what a row says."""
+    """Bytes that differ when a frame is repeated: twice, after another frame, by another renderer, rasteriser or context.
+
+    filters: filter -> its text in the rows.
+    """
     origin = direction(seed) * 1e5
     camera, elsewhere = (placed(view_inside(seed + n, size), 1.0, origin) for n in (0, 1))
     rows = []
@@ -155,7 +161,7 @@ def _repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int
         changed["by another renderer"] = different(first, stand.pictures(scene, camera, settings))
         for kind in RASTERISERS:
             changed[f"by {kind}"] = different(first, stand.pictures(scene, camera, Settings(filter=name, raster=kind)))
-        other.__enter__()  # makes it the current one; leaving would leave none
+        other.__enter__()  # makes it current; leaving it would make none current
         try:
             changed["in another context"] = different(first, Stand(other).pictures(scene, camera, settings))
         finally:

@@ -1,8 +1,8 @@
-"""What the stress tests draw: one procedural place at any scale and origin, panels from 1 cm to 100 km, cameras for both.
+"""Scenes of the stability claims: a procedural place at any scale and origin, panels from 1 cm to 100 km, and cameras.
 
-Frame: a place is made in units of its own (a room of 8 x 6 x 4 with its corner in the origin), then written in file
-coordinates as ``place * scale + origin``.  Its coordinates are multiples of 2**-20, so that powers of two and shifts by
-whole cells are exact.  All of it is random, float64, and depends on the seed alone.
+Frame: a place is defined in place units (a room of 8 x 6 x 4 with a corner at the origin); its file coordinates are
+``place * scale + origin``.  Place coordinates are multiples of 2**-20, so that scaling by powers of two and shifts by whole
+cells are exact.  Everything is random, float64, and depends only on the seed.
 """
 
 import numpy as np
@@ -10,10 +10,13 @@ import numpy as np
 from viewer.camera import Camera, from_fov, look_at
 
 ROOM = np.array([8.0, 6.0, 4.0])
-_GRAIN = 2.0**20
-_NOISE = 24  # of 255, on top of the pattern: no two neighbours are alike, as in a scan
+"""Size of the room, place units.  Chosen by hand."""
+GRAIN = 2.0**20
+"""Steps of coordinates per place unit."""
+_NOISE = 24
+"""Largest noise added to a colour channel, 0 to 255, so that neighbours differ as in a scan.  Chosen by hand."""
 DECADES = 7
-"""Panels of :func:`panels` behind the first, each ten times as far as the one before."""
+"""Number of panels of :func:`panels` behind the first, each ten times farther than the previous one."""
 
 
 def walls(seed: int, points: int = 40_000) -> tuple[np.ndarray, np.ndarray]:
@@ -31,23 +34,22 @@ def walls(seed: int, points: int = 40_000) -> tuple[np.ndarray, np.ndarray]:
         axis = rng.choice(3, count, p=sides / sides.sum())
         xyz[np.arange(count), axis] = np.where(rng.random(count) < 0.5, low[axis], high[axis])
         parts.append(xyz)
-    xyz = np.round(np.concatenate(parts) * _GRAIN) / _GRAIN
+    xyz = np.round(np.concatenate(parts) * GRAIN) / GRAIN
     return xyz, _painted(rng, xyz)
 
 
 def _painted(rng: np.random.Generator, xyz: np.ndarray) -> np.ndarray:
-    """A pattern of waves with noise, (N, 3) uint8: a point that lands one pixel off costs little, one that lands on
-    another surface much."""
+    """(N, 3) uint8: smooth waves with noise, so that a shift by a pixel is a small error, and another surface a large one."""
     waves = rng.normal(0, 2.0, (3, 3))
     colour = 128 + 70 * np.sin(xyz @ waves.T + rng.uniform(0, 6, 3)) + rng.uniform(-_NOISE, _NOISE, xyz.shape)
     return np.clip(np.rint(colour), 0, 255).astype(np.uint8)
 
 
 def panels(seed: int, size: tuple[int, int], near: float = 0.01, points: int = 24_000) -> tuple[np.ndarray, np.ndarray, Camera]:
-    """Panels at ``near`` times 1, 10, ... 10**DECADES, each filling a column of the picture of its own.
+    """Panels at depths ``near`` times 1, 10, ... 10**DECADES, each in a column of the picture.
 
-    points: of the nearest; each further panel has half as many, at least 1000, since a scan thins out with distance.
-    Returns xyz (N, 3), rgb (N, 3) and the camera, in the origin, looking along +x with +z up.
+    points: number of the nearest panel; each farther panel has half as many, at least 1000, as the density of scans falls with
+    distance.  Returns xyz (N, 3), rgb (N, 3) and the camera at the origin, which looks along +x with +z up.
     """
     rng = np.random.default_rng(seed)
     camera = from_fov(*size, 50.0, look_at((0, 0, 0), (1, 0, 0)))
@@ -64,9 +66,9 @@ def panels(seed: int, size: tuple[int, int], near: float = 0.01, points: int = 2
 
 
 def view_inside(seed: int, size: tuple[int, int], fov: float | None = None) -> Camera:
-    """A camera above the boxes, looking anywhere, in place units; its position a multiple of 2**-20."""
+    """A random camera in the room, place units; its position is a multiple of 2**-20.  fov: vertical, degrees; None: random."""
     rng = np.random.default_rng(seed)
-    eye, target = (np.round(rng.uniform((0.1, 0.1, low), 0.9) * ROOM * _GRAIN) / _GRAIN for low in (0.5, 0.1))
+    eye, target = (np.round(rng.uniform((0.1, 0.1, low), 0.9) * ROOM * GRAIN) / GRAIN for low in (0.5, 0.1))
     return from_fov(*size, fov or rng.uniform(40, 100), look_at(eye, target), f"view{seed}")
 
 
@@ -78,13 +80,17 @@ def placed(camera: Camera, scale: float, origin: np.ndarray) -> Camera:
 
 
 def direction(seed: int) -> np.ndarray:
-    """(3,) where an origin lies when it lies a given distance away: no axis, none of its coordinates round."""
+    """(3,) random direction of an origin, not along an axis, with coordinates that are not round numbers."""
     rng = np.random.default_rng(seed)
     return rng.choice([-1.0, 1.0], 3) * rng.uniform(0.3, 1.0, 3)
 
 
 def axis_camera(size: tuple[int, int], position=(0.0, 0.0, 0.0), focal: float | None = None) -> Camera:
-    """Looks along +y with +z up: a rotation whose entries are 0 and 1, so that view coordinates are differences."""
+    """A camera that looks along +y with +z up.  Its rotation has entries 0 and 1, so that view coordinates are exact
+    differences.
+
+    focal: pixels; None: half the width.
+    """
     pose = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     pose[:3, 3] = position
     width, height = size

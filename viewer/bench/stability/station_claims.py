@@ -1,8 +1,8 @@
-"""Scans that say where their scanners stood, under stress: weights by the eye's direction, trust, and the tones it brings.
+"""Measurements of view-dependent blending at extreme scales, origins and scanner positions.
 
-The place of :mod:`viewer.bench.stability.scenes`, each point seen by one of some scanners in it, each of which saw it in a
-light of its own: a wrong weight shows in the picture.  Rows as in :mod:`viewer.bench.stability.frame_claims`; the truth takes
-its weights in float64 from the points and the scanner positions as given.
+Each point of the place of :mod:`viewer.bench.stability.scenes` belongs to one of several stations with different exposures, so
+that a wrong weight changes the picture.  Rows as in :mod:`viewer.bench.stability.frame_claims`.  The weights of the exact
+picture are computed in float64 from the original points and scanner positions.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from model.station_constants import HEAVIEST
 from viewer.bench.stability import frame_claims
 from viewer.bench.stability.exact_claims import Agreement, agreement, exact_picture
 from viewer.bench.stability.frame_claims import Stand, arrays_of, different, place_at, row
-from viewer.bench.stability.scenes import ROOM, axis_camera, direction, placed, view_inside, walls
+from viewer.bench.stability.scenes import GRAIN, ROOM, axis_camera, direction, placed, view_inside, walls
 from viewer.errors import InputError
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.grid.scene import Scene
@@ -22,14 +22,18 @@ from viewer.render.renderer import RASTERISERS
 from viewer.settings import Settings
 
 LEAST = 40.0
-"""dB, of filled pictures against their truth: weights are whole numbers, and here and there one is rounded the other way."""
-_GRAIN = 2.0**20  # places, too, are multiples of 2**-20: powers of two and shifts by whole cells are exact
-_DULLEST = 0.5  # of a channel, as the scanner with the oddest light saw it
+"""Least PSNR of filled pictures against the exact ones, dB.  Weights are integers, some of which are rounded differently."""
+_DULLEST = 0.5
+"""Least gain of a colour channel of a station.  Chosen by hand."""
 
 
 @dataclass(frozen=True)
 class Scanned:
-    """xyz (N, 3) float64, rgb (N, 3) uint8, scan (N,) uint8, places (S, 3) float64 file coordinates, and the scene of them."""
+    """A scan with scanner positions.
+
+    xyz (N, 3) float64, rgb (N, 3) uint8, scan (N,) uint8 station of each point, places (S, 3) float64, file coordinates; and
+    its scene.
+    """
 
     xyz: np.ndarray
     rgb: np.ndarray
@@ -38,22 +42,22 @@ class Scanned:
     scene: Scene
 
     def truth(self, camera):
-        """The exact picture; scanners whose place the scene refuses are unknown."""
+        """The exact picture; scanner positions that the scene rejects count as unknown."""
         places = np.where(np.isnan(self.scene.station_places), np.nan, self.places[:255])
         return exact_picture(self.xyz, self.rgb, camera, self.scene.spacing, self.scan, places)
 
     def agreement(self, made: dict[str, np.ndarray], camera) -> Agreement:
-        """Of a frame of the scene with its truth."""
+        """Agreement of a frame with the exact picture."""
         return agreement(made["depth"], made["mask"], made["filled"], self.truth(camera), self.scene.spacing)
 
 
 def standing(seed: int, stations: int) -> np.ndarray:
-    """(S, 3) places in the room, in place units."""
-    return np.round(np.random.default_rng(seed).uniform(0.1, 0.9, (stations, 3)) * ROOM * _GRAIN) / _GRAIN
+    """(S, 3) random scanner positions in the room, place units, multiples of 2**-20."""
+    return np.round(np.random.default_rng(seed).uniform(0.1, 0.9, (stations, 3)) * ROOM * GRAIN) / GRAIN
 
 
 def lit(seed: int, rgb: np.ndarray, stations: int) -> tuple[np.ndarray, np.ndarray]:
-    """rgb (N, 3) as some station's light shows it, and which one's, (N,) uint8; those from the 256th on share a number."""
+    """rgb (N, 3) with the exposure of a random station, and its number (N,) uint8; stations from the 256th share a number."""
     rng = np.random.default_rng(seed)
     scan = rng.integers(0, stations, len(rgb))
     lights = rng.uniform(_DULLEST, 1.0, (stations, 3))
@@ -61,14 +65,14 @@ def lit(seed: int, rgb: np.ndarray, stations: int) -> tuple[np.ndarray, np.ndarr
 
 
 def scene_of(xyz: np.ndarray, rgb: np.ndarray, scan: np.ndarray, places: np.ndarray) -> Scene:
-    """A scene that knows where its scanners stood; NaN: not of this one."""
+    """A scene with scanner positions; NaN: unknown."""
     scans = [{"name": f"station {number}", "count": int((scan == number).sum()),
               "position": None if np.isnan(place).any() else place.tolist()} for number, place in enumerate(places)]
     return scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
 
 
 def scanned(seed: int, scale: float = 1.0, away: float = 0.0, stations: int = 3, places: np.ndarray | None = None) -> Scanned:
-    """The place at any scale and origin.  places: (S, 3) place units, NaN where unknown; None: somewhere in the room."""
+    """The scanned place at a scale and origin.  places: (S, 3) place units, NaN if unknown; None: random in the room."""
     xyz, rgb, origin = place_at(seed, scale, away)
     places = (standing(seed, stations) if places is None else places) * scale + origin
     rgb, scan = lit(seed, rgb, len(places))
@@ -77,7 +81,7 @@ def scanned(seed: int, scale: float = 1.0, away: float = 0.0, stations: int = 3,
 
 def anywhere(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[float], origins: Sequence[float],
              views: int = 3) -> list[dict]:
-    """The worst filled picture over all scales, by origin; what float64 cannot hold, and is refused, aside."""
+    """PSNR of the worst filled picture over all scales, by origin, without scales that are refused as beyond float64."""
     rows = []
     for away in origins:
         worst = []
@@ -85,59 +89,59 @@ def anywhere(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[fl
             try:
                 scan = scanned(seed, scale, away)
             except InputError:
-                continue  # stress_frames.curves says which may be
+                continue  # frame_claims.curves checks which may be refused
             cameras = [placed(view_inside(seed + n, size), scale, direction(seed) * away) for n in range(views)]
             with stand.renderer(scan.scene) as renderer:
                 found = [scan.agreement(arrays_of(renderer, camera, Settings()), camera).filled for camera in cameras]
             worst.append(float(np.median(found)))
-        rows.append(row(f"weighed, filled, scales {min(scales):g} to {max(scales):g}, origin {away:g}", min(worst), LEAST,
+        rows.append(row(f"weighted, filled, scales {min(scales):g} to {max(scales):g}, origin {away:g}", min(worst), LEAST,
                         least=True))
     return rows
 
 
 def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, 20),
               shifts: Sequence[int] = (12, 30)) -> list[dict]:
-    """Powers of two of the scale, and shifts by whole cells: bytes that differ."""
+    """Bytes that differ after scaling by powers of two, and after shifts by whole cells."""
     place, rgb = walls(seed)
     places, (rgb, scan) = standing(seed, 3), lit(seed, rgb, 3)
 
     def scene_at(factor: float, origin: np.ndarray) -> Scene:
         return scene_of(place * factor + origin, rgb, scan, places * factor + origin)
 
-    return frame_claims.exactness(stand, seed, size, exponents, shifts, scene_at, "weighed, bytes changed")
+    return frame_claims.exactness(stand, seed, size, exponents, shifts, scene_at, "weighted, bytes changed")
 
 
 def hard_places(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
-    """Scanners where no scanner is, and eyes where a scanner is: the filled picture against its truth."""
+    """Filled pictures with unrealistic scanner positions, and with the camera at a scanner, against the exact ones."""
     base, eye = standing(seed, 3), view_inside(seed, size)
     point = walls(seed)[0][7]
     rows = []
     for name, places in {
-        "the eye in a scanner": np.vstack([eye.position, base]),
+        "the camera in a scanner": np.vstack([eye.position, base]),
         "the next float beside a scanner": np.vstack([np.nextafter(eye.position, 9.0), base]),
         "a scanner in a point of the scan": np.vstack([point, base]),
         "a scanner ten extents away": np.vstack([base, direction(seed) * 10 * ROOM.max()]),
         "a scanner at 1e30": np.vstack([base, direction(seed) * 1e30]),
         "scanners unknown but two": np.vstack([base[:2], np.full((3, 3), np.nan)]),
-        "all scanners in one line with the eye": eye.position + np.outer((-2.0, -1.0, 1.0, 2.0), direction(seed)),
+        "all scanners in one line with the camera": eye.position + np.outer((-2.0, -1.0, 1.0, 2.0), direction(seed)),
         "255 scanners": standing(seed, 255),
         "400 scanners": standing(seed, 400),
     }.items():
         scan = scanned(seed, places=places)
         made = stand.pictures(scan.scene, eye)
-        rows.append(row(f"weighed, filled, {name}", scan.agreement(made, eye).filled, LEAST, least=True))
+        rows.append(row(f"weighted, filled, {name}", scan.agreement(made, eye).filled, LEAST, least=True))
     alike = scanned(seed, places=np.repeat(base[:1], 3, axis=0))
     plain = stand.pictures(alike.scene, eye, Settings(stations="equal"))
-    rows.append(row("bytes changed by scanners that stood in one place", different(plain, stand.pictures(alike.scene, eye)), 0))
+    rows.append(row("bytes changed by scanners at one position", different(plain, stand.pictures(alike.scene, eye)), 0))
     return rows
 
 
 def heavy(stand: Stand, seed: int, points: int = 1_000_000) -> list[dict]:
-    """Many white points, of the heaviest weight and of the least, in one pixel: errors of its colour, by rasteriser."""
+    """Colour errors of many white points of the largest or the smallest weight in one pixel, by rasteriser."""
     spread = np.round(np.random.default_rng(seed).uniform(-1, 1, (points, 3)) * 2**20) * 2.0**-30
     xyz, scan = np.array([0.0, 5.0, 0.0]) + spread, (np.arange(points) % 2).astype(np.uint8)
     rows = []
-    for name, behind in (("heaviest", 0.0), ("least", 10.0)):  # the scanners beside the eye, or behind the points
+    for name, behind in (("heaviest", 0.0), ("least", 10.0)):  # scanners beside the camera, or behind the points
         places = np.array([[-0.01, behind, 0.0], [0.01, behind, 0.0]])
         scene = scene_of(xyz, np.full(xyz.shape, 255, np.uint8), scan, places)
         with stand.renderer(scene) as renderer:
