@@ -19,7 +19,7 @@ layout(r16f, binding = 0) uniform writeonly image2D level;
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     if (any(greaterThanEqual(at, imageSize(level)))) return;
-    float told = 0.0;
+    float sigma_of_mean = 0.0;
     if (texelFetch(mask, at, 0).x > 0.0) {
         float z = texelFetch(depth, at, 0).x;
         vec3 view = vec3((vec2(at) + 0.5 - lens.zw) / lens.xy * z, z);
@@ -28,7 +28,7 @@ void main() {
         int below = min(int(knot), KNOTS - 2);
         float factor = mix(curve[below], curve[below + 1], knot - float(below));
         float points = max(floor(texelFetch(weight, at, 0).x * 255.0 + 0.5) / point_weight, 1.0);
-        told = scale * factor * texelFetch(sigma, voxel, 0).x * inversesqrt(points);
+        sigma_of_mean = scale * factor * texelFetch(sigma, voxel, 0).x * inversesqrt(points);
     }
-    imageStore(level, at, vec4(told));
+    imageStore(level, at, vec4(sigma_of_mean));
 }

@@ -1,4 +1,4 @@
-"""How a folder that holds a built grid is told from any other, for the grid's side and for the readers."""
+"""Recognises a folder that holds a built grid; used by the grid and by the readers."""
 
 import json
 from pathlib import Path

@@ -169,7 +169,7 @@ def colour_errors(photo, xyz: np.ndarray, rgb: np.ndarray) -> np.ndarray:
     height, width = photo.picture.shape[:2]
     inside = ahead & (column >= 0) & (column < width) & (row >= 0) & (row < height)
     at = row[inside].astype(int), column[inside].astype(int)
-    valid = np.ones(inside.sum(), bool) if photo.trusted is None else photo.trusted[at]
+    valid = np.ones(inside.sum(), bool) if photo.valid is None else photo.valid[at]
     return np.abs(photo.picture[at].astype(int) - rgb[inside].astype(int)).max(1)[valid]
 
 
@@ -182,7 +182,7 @@ def test_pinhole_gives_back_camera_pose_and_scan(points, tmp_path):
     given = pinhole((0.3, -0.4, 0.2), 0.7, 0.3, roll=0.2, offset=(4.0, -6.5), name="north", guid="{scan 0}")
     photos, warnings = read_photographs(write_photos(tmp_path / "a.e57", [given], *points))
     (photo,) = photos
-    assert warnings == [] and photo.name == "north" and photo.scan == 0 and photo.trusted is None
+    assert warnings == [] and photo.name == "north" and photo.scan == 0 and photo.valid is None
     assert photo.picture.shape == (72, 96, 3) and photo.picture.dtype == np.uint8
     assert np.allclose((photo.fl, photo.cx, photo.cy), (60.0, 52.0, 29.5))
     assert np.allclose(photo.camera_to_world[:3, :3], turn(0.7, 0.3, 0.2)[0])
@@ -236,9 +236,9 @@ def test_panorama_becomes_cube_faces_whose_points_have_their_colours(points, tmp
 @pytest.mark.parametrize("around", [True, False])
 def test_a_panorama_is_sampled_between_the_middles_of_its_pixels(seed, around):
     rng = np.random.default_rng(seed)
-    picture, trusted = rng.integers(0, 256, (7, 12, 3)).astype(np.uint8), rng.random((7, 12)) < 0.8
+    picture, inside = rng.integers(0, 256, (7, 12, 3)).astype(np.uint8), rng.random((7, 12)) < 0.8
     column, row = rng.uniform(0, 12, (40, 50)), rng.uniform(0, 7, (40, 50))
-    face, valid = e57_images._sampled(picture, trusted, column, row, around)
+    face, valid = e57_images._sampled(picture, inside, column, row, around)
     for (j, i), x, y in zip(np.ndindex(40, 50), column.ravel(), row.ravel(), strict=True):
         left, top = int(np.floor(x - 0.5)), int(np.floor(y - 0.5))
         across, down = x - 0.5 - left, y - 0.5 - top
@@ -246,7 +246,7 @@ def test_a_panorama_is_sampled_between_the_middles_of_its_pixels(seed, around):
         lines = [np.clip(top + k, 0, 6) for k in (0, 1)]
         a, b = (picture[line, sides[0]] * (1 - across) + picture[line, sides[1]] * across for line in lines)
         assert np.abs(face[j, i] - (a * (1 - down) + b * down)).max() < 0.51
-        assert valid[j, i] == trusted[int(y), int(x)]
+        assert valid[j, i] == inside[int(y), int(x)]
 
 
 def test_part_of_a_sphere_is_valid_only_inside_its_range(points, tmp_path):
@@ -258,7 +258,7 @@ def test_part_of_a_sphere_is_valid_only_inside_its_range(points, tmp_path):
     named = {photo.name.split()[-1]: photo for photo in photos}
     assert "back" not in named and "front" in named
     front = named["front"]
-    assert front.trusted is not None and front.trusted[len(front.trusted) // 2].all() and not front.trusted[0, 80]
+    assert front.valid is not None and front.valid[len(front.valid) // 2].all() and not front.valid[0, 80]
     assert np.median(colour_errors(front, *points)) <= 4
 
 
@@ -276,7 +276,7 @@ def test_masks_limit_the_valid_pixels(points, tmp_path):
     mask[10:60, 20:80] = 1
     given.blobs["imageMask"] = encoded(mask)
     (photo,), _ = read_photographs(write_photos(tmp_path / "a.e57", [given], *points))
-    assert np.array_equal(photo.trusted, mask > 0)
+    assert np.array_equal(photo.valid, mask > 0)
 
 
 @pytest.mark.parametrize(("change", "told"), [

@@ -118,9 +118,9 @@ def _meeting(middle: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """The point closest to all planes; along directions that they leave open, closest to the mean of their centres."""
     mean = middle.mean(axis=0)
     square, axes = np.linalg.eigh(normal.T @ normal / len(normal))
-    told = square > 0.01
+    determined = square > 0.01
     towards = (normal * ((middle - mean) * normal).sum(axis=1)[:, None]).mean(axis=0) @ axes
-    return mean + axes[:, told] @ (towards[told] / square[told])
+    return mean + axes[:, determined] @ (towards[determined] / square[determined])
 
 
 def _through(places: np.ndarray, middle: np.ndarray, normal: np.ndarray) -> np.ndarray:

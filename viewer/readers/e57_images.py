@@ -34,7 +34,7 @@ FACES = {
 class Photo:
     """A photograph of a pinhole camera.
 
-    picture: (H, W, 3) uint8 sRGB.  fl, cx, cy: pixels.  camera_to_world: (4, 4) float64.  trusted: (H, W) bool, where the
+    picture: (H, W, 3) uint8 sRGB.  fl, cx, cy: pixels.  camera_to_world: (4, 4) float64.  valid: (H, W) bool, where the
     picture holds anything; None: everywhere.  scan: index of the E57 scan it belongs to, None where the file does not say.
     """
 
@@ -44,7 +44,7 @@ class Photo:
     cx: float
     cy: float
     camera_to_world: np.ndarray
-    trusted: np.ndarray | None = None
+    valid: np.ndarray | None = None
     scan: int | None = None
 
 
@@ -199,8 +199,8 @@ def decoded(entry: _Entry, scale: tuple[float, float]) -> tuple[np.ndarray, np.n
         kept = [part.convert("RGB")] if number == 0 else [part.convert("L").point(lambda v: 255 * (v > 0))]
         kept += [alpha.point(lambda v: 255 * (v > 0))] if alpha is not None else []
         parts += [np.asarray(p.resize(size, Image.Resampling.BOX, box)) for p in kept]
-    trusted = np.logical_and.reduce([mask == 255 for mask in parts[1:]]) if len(parts) > 1 else None
-    return parts[0], trusted
+    valid = np.logical_and.reduce([mask == 255 for mask in parts[1:]]) if len(parts) > 1 else None
+    return parts[0], valid
 
 
 def _pinhole(entry: _Entry, longest: int) -> Photo:
@@ -214,8 +214,8 @@ def _pinhole(entry: _Entry, longest: int) -> Photo:
         raise InputError(f"{entry.label}: principal point {cx:g}, {cy:g} far outside its picture; export it again")
     fl = min(fx, fy)  # pixels that are not square are made so
     fl *= min(1.0, longest / max(width * fl / fx, height * fl / fy))
-    picture, trusted = decoded(entry, (fl / fx, fl / fy))
-    return Photo(entry.name, picture, fl, cx * fl / fx, cy * fl / fy, entry.pose, trusted, entry.scan)
+    picture, valid = decoded(entry, (fl / fx, fl / fy))
+    return Photo(entry.name, picture, fl, cx * fl / fx, cy * fl / fy, entry.pose, valid, entry.scan)
 
 
 def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
@@ -232,7 +232,7 @@ def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
         raise InputError(f"{entry.label} spans {width:.4g} x {height:.4g} degrees; export it again")
     side = int(min(longest, np.ceil(2 / pitch.max())))
     scale = np.maximum(1, np.rint(full * np.minimum(1.0, pitch * side / 2))) / full  # a face's middle has 2 / side rad a pixel
-    picture, trusted = decoded(entry, (float(scale[0]), float(scale[1])))
+    picture, valid = decoded(entry, (float(scale[0]), float(scale[1])))
     pitch = pitch / scale
     around = spans[0] > 2 * np.pi * 0.999
     photos = []
@@ -242,16 +242,16 @@ def _sphere(entry: _Entry, longest: int, warnings: list[str]) -> list[Photo]:
         ray = np.stack([i / (side / 2) - 1, 1 - j / (side / 2), -np.ones_like(i)], -1) @ turn.T
         column = full[0] * scale[0] / 2 - np.arctan2(ray[..., 1], ray[..., 0]) / pitch[0]
         row = full[1] * scale[1] / 2 - np.arctan2(ray[..., 2], np.hypot(ray[..., 0], ray[..., 1])) / pitch[1]
-        face, valid = _sampled(picture, trusted, column, row, around)
-        if valid.any():
+        face, inside = _sampled(picture, valid, column, row, around)
+        if inside.any():
             pose = entry.pose.copy()
             pose[:3, :3] = entry.pose[:3, :3] @ turn
             photos.append(Photo(f"{entry.name} {name}", face, side / 2, side / 2, side / 2, pose,
-                                None if valid.all() else valid, entry.scan))  # fmt: skip
+                                None if inside.all() else inside, entry.scan))  # fmt: skip
     return photos
 
 
-def _sampled(picture: np.ndarray, trusted: np.ndarray | None, column: np.ndarray, row: np.ndarray, around: bool):
+def _sampled(picture: np.ndarray, valid: np.ndarray | None, column: np.ndarray, row: np.ndarray, around: bool):
     """Bilinear samples (H, W, 3) uint8 at pixel positions and where they are valid; around: the columns close a circle."""
     from scipy.ndimage import map_coordinates
 
@@ -265,7 +265,7 @@ def _sampled(picture: np.ndarray, trusted: np.ndarray | None, column: np.ndarray
         picture = np.pad(picture, ((0, 0), (1, 1), (0, 0)), mode="edge")
     where = np.stack([np.clip(row - 0.5, 0, height - 1), np.clip(column + 0.5, 0, width + 1)])
     face = np.stack([map_coordinates(picture[..., c], where, np.float32, order=1, mode="nearest") for c in range(3)], -1)
-    if trusted is not None:
+    if valid is not None:
         at = np.clip(row.astype(int), 0, height - 1), np.clip(column.astype(int), 0, width - 1)
-        inside &= trusted[at]
+        inside &= valid[at]
     return np.rint(face).astype(np.uint8), inside

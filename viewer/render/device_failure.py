@@ -24,12 +24,12 @@ def device_failure(error: BaseException) -> DeviceError | None:
     """The error to raise where ``error`` came from the CUDA device or its memory; None for any other error (a bug)."""
     if isinstance(error, DeviceError):
         return error
-    name, said = type(error).__name__, first_line(error)
+    name, reason = type(error).__name__, first_line(error)
     if name == "OutOfMemoryError":
-        return DeviceMemoryError(f"the GPU has not enough memory left for the network ({said}); choose a smaller size or "
+        return DeviceMemoryError(f"the GPU has not enough memory left for the network ({reason}); choose a smaller size or "
                                  "--quality fast")
-    if name in _CUDA_TYPES or (isinstance(error, RuntimeError) and _OF_DEVICE.search(said)):
-        return DeviceError(f"the GPU failed while the network ran ({said}); start again, or use --device cpu")
+    if name in _CUDA_TYPES or (isinstance(error, RuntimeError) and _OF_DEVICE.search(reason)):
+        return DeviceError(f"the GPU failed while the network ran ({reason}); start again, or use --device cpu")
     return None
 
 

@@ -196,15 +196,15 @@ class PointPages:
     @property
     def approximations(self) -> list[str]:
         """Points that the last prepared picture lacks, in words."""
-        said = []
+        reasons = []
         asked = max(1, int(self.residency.tally.sum()))
         if self.missing:
-            said.append(f"{_share(self.missing / asked)} of the points still loading")
+            reasons.append(f"{_share(self.missing / asked)} of the points still loading")
         if self.left_out:
-            said.append(f"{_share(self.left_out / asked)} of the points beyond the memory for points")
+            reasons.append(f"{_share(self.left_out / asked)} of the points beyond the memory for points")
         if self.lost:
-            said.append(f"{_share(self.lost / asked)} of the points cannot be read")
-        return said
+            reasons.append(f"{_share(self.lost / asked)} of the points cannot be read")
+        return reasons
 
     def prepare(self, first: np.ndarray, count: np.ndarray, *, streaming: bool = False) -> list[Round]:
         """The rounds in which a draw list is drawn (first, count: (R,) int64, runs of points): ``load`` one, draw its part.

@@ -69,10 +69,10 @@ def find_ghosts(scene: "Scene") -> np.ndarray:
     places = scene.station_places
     known = np.flatnonzero(np.isfinite(places).all(axis=1))
     if len(known) < 2 or not (np.ptp(places[known], axis=0) > 0).any():
-        raise InputError("ghosts are told by what other stations saw through them; "
+        raise InputError("passers-by are found by what other stations saw through them; "
                          f"this scan has {len(known)} station{'s' * (len(known) != 1)} with a known position: open two or more")
     if len(scene.meta.get("scans") or []) >= 255:
-        raise InputError("ghosts need a station number of their own; this scan has 255 stations or more")
+        raise InputError("passers-by need a station number of their own; this scan has 255 stations or more")
     candidates, width = _candidates(scene, known, places[known])
     return candidates[_coherent(scene, candidates, width)]
 

@@ -61,14 +61,14 @@ def _columns(session: Session, fps: float | None) -> list[_Column]:
     rough = ", approximate" if approximations and state != "refining…" else ""
     drawn, total = stats.get("points_drawn", 0), stats.get("points_total", 0)
     rate = f"{fps:.0f} frames/s" if fps else ""
-    said = "; ".join(approximations) if approximations else "Nothing is left out."
+    text = "; ".join(approximations) if approximations else "Nothing is left out."
     return [
         _Column(coordinates_text(session.point, meta.get("metres_per_unit")), 270,
                 "The measured point under the pointer, in the file's coordinates"),
         _Column(units_text(meta), 0, "Unit and coordinate reference system: of the file, or assigned with the Scene tool"),
         _Column(("on foot, " if session.flight.walker is not None else "") + session.speed_text, 116,
                 "Flying or walking speed; the wheel changes it, G walks on the floor or flies again"),
-        _Column(state + rough, 176, said, bool(approximations)),
+        _Column(state + rough, 176, text, bool(approximations)),
         _Column(f"{count_text(drawn)} of {count_text(total)}" if total else "", 140, "Points drawn, of all points"),
         _Column(rate, 92, "Frames per second while the camera moves; F3 shows where the time goes"),
     ]

@@ -109,8 +109,8 @@ def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
     seen = project_scan(scan, picture)
     raster = raster_of(seen, torch.ones(len(seen.z), dtype=torch.bool), spacing)
     front = keep_mask(raster.depth).numpy()
-    if photo.trusted is not None:
-        front &= photo.trusted
+    if photo.valid is not None:
+        front &= photo.valid
     if front.sum() < 0.02 * front.size:
         return Agreement(float("nan"), 0.0, picture, np.ones(3))
     points, weight = raster.colour.numpy().transpose(1, 2, 0).round().astype(np.uint8), front.astype(np.float32)
@@ -130,8 +130,8 @@ def agreement(photo: Photo, scan: Scan, spacing: float) -> Agreement:
     known &= ~np.asarray(binary_dilation(np.abs(differ).max(0) > LARGEST_DIFFERENCE, iterations=2), bool)
     if gain.min() < 0.95:
         known &= photo.picture.max(2) < 254  # the photograph is clipped there
-    if photo.trusted is not None:
-        known &= photo.trusted
+    if photo.valid is not None:
+        known &= photo.valid
     known = np.asarray(binary_erosion(known, border_value=1), bool)
     picture = MemoryPicture(matched, photo.fl, photo.camera_to_world, usable=known, centre=(photo.cx, photo.cy))
     return Agreement(correlation, offset, picture, gain)

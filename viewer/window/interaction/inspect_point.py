@@ -18,16 +18,16 @@ def lines_of(picked: Picked, context: ToolContext) -> list[str]:
     assert context.scene is not None
     unit, around = unit_of(context), surface_around(context.scene, picked.position)
     x, y, z = picked.position
-    told = [f"x {x:.4f}   y {y:.4f}   z {z:.4f} {unit}", f"scan: {picked.station}", f"intensity: {picked.intensity}"]
+    lines = [f"x {x:.4f}   y {y:.4f}   z {z:.4f} {unit}", f"scan: {picked.station}", f"intensity: {picked.intensity}"]
     if picked.classification is not None:
         name = CLASSES.get(picked.classification, ("user-defined",))[0]
-        told.append(f"class: {picked.classification} ({name})")
-    told.append("colour: {}, {}, {}".format(*picked.rgb))
-    told.append(f"distance from the camera: {picked.distance:.3f} {unit}")
+        lines.append(f"class: {picked.classification} ({name})")
+    lines.append("colour: {}, {}, {}".format(*picked.rgb))
+    lines.append(f"distance from the camera: {picked.distance:.3f} {unit}")
     if np.isfinite(around.spacing):
-        told.append(f"density: {around.density:,.0f} points/{unit}² (spacing {around.spacing:.4f} {unit})")
-        told.append(f"scatter from the local plane: {around.noise:.4f} {unit} (1 sigma)")
-    return told
+        lines.append(f"density: {around.density:,.0f} points/{unit}² (spacing {around.spacing:.4f} {unit})")
+        lines.append(f"scatter from the local plane: {around.noise:.4f} {unit} (1 sigma)")
+    return lines
 
 
 class UnderPointer(Overlay):

@@ -144,7 +144,7 @@ class Measure(Tool):
         fewest, most, _ = KINDS[self.kind]
         if len(points) >= fewest and (most is None or len(points) <= most):
             made = Measurement(self.kind, tuple(points), "", context.document.up)
-            result = replace(evaluate(made), uncertainty=0.0)  # not told before the last point is set
+            result = replace(evaluate(made), uncertainty=0.0)  # unknown until the last point is set
             draw_measurement(overlay, made, text_of(result, unit_of(context)), "warn")
         else:
             overlay.polyline([point.position for point in points], "warn")

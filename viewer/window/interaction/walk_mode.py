@@ -64,8 +64,8 @@ class WalkMode:
         if flight.walker is None:
             self._flying_speed = flight.state.speed
         flight.walk(walker, PACE * self._map.metre)
-        said = "Walking; G flies again" if metres else "Walking; one unit of the file is taken for a metre"
-        context.session.notices.toast(said, instead_of=_FINDING)
+        message = "Walking; G flies again" if metres else "Walking; one unit of the file is taken for a metre"
+        context.session.notices.toast(message, instead_of=_FINDING)
 
     def _fly(self, context: "ToolContext", text: str) -> None:
         flight, self.on = context.session.flight, False

@@ -49,14 +49,14 @@ class WhatIsReal(Tool):
         """(provenance, text) of the legend's rows; repainted only where there is such a pixel."""
         if self.shares is None:
             return []
-        told = []
+        rows = []
         for key, name in NAMES.items():
             percent = self.shares.percent[key]
             if key == 2 and percent == 0:
                 continue
             by = f" by {self.shares.change:.0f}/255 levels" if key == 2 and self.shares.change is not None else ""
-            told.append((key, f"{percent:5.1f} %  {name}{by}"))
-        return told
+            rows.append((key, f"{percent:5.1f} %  {name}{by}"))
+        return rows
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         self._count(context)
