@@ -1,4 +1,4 @@
-"""The torch twin run on the very points and draw list the renderer used, for comparison pixel by pixel."""
+"""The reference implementation in torch, on the points and draw list of the renderer, for comparison pixel by pixel."""
 
 from dataclasses import dataclass
 

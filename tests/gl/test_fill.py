@@ -1,4 +1,5 @@
-"""The fill's passes against their torch twins: on masks of all kinds, and what they hand the network, channel by channel."""
+"""The passes of the fill against their reference implementations in torch: masks of all kinds, and the network's input by
+channel."""
 
 import numpy as np
 import pytest
@@ -135,30 +136,30 @@ def without_roof(scene, share=0.6):
 
 
 @pytest.mark.parametrize("size", [(97, 61), (320, 241)])
-@pytest.mark.parametrize("weighed", [False, True])
+@pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("cut", [False, True])
-def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weighed, cut):
+def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weighted, cut):
     """In a closed room, and in one that lacks its upper part; spacings that take the depth past both its limits."""
-    scene = scanned(seed) if weighed else room(seed)
+    scene = scanned(seed) if weighted else room(seed)
     if cut:
         scene = without_roof(scene)
     camera, settings = camera_in(scene, seed, size), Settings()
     renderer = Renderer(context, scene)
     try:
         renderer.render(camera, settings, views=("filled",))
-        twin, towards = reference_frame(scene, camera, settings), directions(scene, camera)
-        mask = torch.from_numpy(twin.mask)
-        sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(mask, twin.met).numpy())
+        reference, towards = reference_frame(scene, camera, settings), directions(scene, camera)
+        mask = torch.from_numpy(reference.mask)
+        sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(mask, reference.met).numpy())
         (rasteriser,), around = renderer._rasterisers.values(), renderer._enclosure.around(camera.position)
         colour, trusted = renderer._fill_input(rasteriser, renderer._filter.mask)
         for factor, limit in ((1e-7, 1), (1.0, 0), (1e7, -1)):
             spacing = factor * scene.spacing
             got = sent(context, renderer._fill, colour, trusted, rasteriser.depth,
                        camera=camera, around=around, spacing=spacing)  # fmt: skip
-            wanted = network_input(twin.raster, mask, camera.fx, spacing).numpy()
+            wanted = network_input(reference.raster, mask, camera.fx, spacing).numpy()
             assert np.abs(got[:6] - wanted).max() < CLOSE
             assert (got[CLOSED] != sealed).mean() <= FEW
-            assert (np.abs(got[BACKGROUND] - (1 - twin.alpha)) > SOFT).mean() <= FEW
+            assert (np.abs(got[BACKGROUND] - (1 - reference.alpha)) > SOFT).mean() <= FEW
             assert not limit or np.abs(wanted[4] - limit * DEPTH_FEATURE_LIMIT).max() < CLOSE
     finally:
         renderer.release()

@@ -1,4 +1,4 @@
-"""The OpenGL frame against its torch twin on the same packed points, and against itself."""
+"""The OpenGL frame against its reference implementation in torch on the same packed points, and against itself."""
 
 from dataclasses import replace
 
@@ -28,23 +28,23 @@ def drawn(context):
     renderer.release()
 
 
-def assert_agrees(frame, twin):
+def assert_agrees(frame, reference):
     """Depth to the bit; colour and mask exact; the filled picture to the rounding of one level.
 
     On a GPU within the tolerance stated in viewer/render/device_class.py; and a confidence or a tone between two steps.
     """
-    wrong = frame.depth() != twin.raster.depth.numpy()
-    colour = twin.raster.colour.permute(1, 2, 0).numpy()
+    wrong = frame.depth() != reference.raster.depth.numpy()
+    colour = reference.raster.colour.permute(1, 2, 0).numpy()
     wrong |= (frame.image("raw")[..., :3] != colour).any(-1)
     software = describe_device(frame.depth_texture.ctx).software
     assert wrong.sum() <= (0 if software else max(2, DIFFERING_PIXELS * wrong.size))
     around = FOLLOWING_PIXELS * wrong.size if wrong.any() else 0
     between = 0 if software else 1e-3 * wrong.size
-    assert (frame.mask() != twin.mask).sum() <= around
+    assert (frame.mask() != reference.mask).sum() <= around
     image = frame.image("filled")
-    same_alpha = np.abs(image[..., 3] / 255 - twin.alpha) < 0.51 / 255
+    same_alpha = np.abs(image[..., 3] / 255 - reference.alpha) < 0.51 / 255
     assert (~same_alpha).sum() <= 2e-4 * same_alpha.size + 2 + around  # float32 rays on the border of a direction cell
-    filled = np.clip(twin.filled[:3], 0, 1).transpose(1, 2, 0) * 255 * twin.alpha[..., None]
+    filled = np.clip(reference.filled[:3], 0, 1).transpose(1, 2, 0) * 255 * reference.alpha[..., None]
     assert (np.abs(image[..., :3] - filled)[same_alpha].max(-1) > 0.51).sum() <= max(around, between)
 
 

@@ -43,14 +43,14 @@ def test_the_noise_level_is_that_of_the_reference(context, seed, weighted, detai
         level = np.frombuffer(made.level.read(alignment=1), np.float16).reshape(camera.height, camera.width).astype(float)
     finally:
         renderer.release()
-    twin = reference_frame(scene, camera, settings)
-    sigma = pixel_noise(scene.noise, twin.raster, camera, camera.view_rotation.T, camera.position).numpy()
-    averaged = averaging(twin.raster.count, weighted=twin.raster.weighted).numpy()
-    wanted = (2 - detail) * NOISE_SCALE * sigma * averaged * twin.mask
-    assert twin.raster.weighted == weighted and twin.mask.mean() > 0.003
+    reference = reference_frame(scene, camera, settings)
+    sigma = pixel_noise(scene.noise, reference.raster, camera, camera.view_rotation.T, camera.position).numpy()
+    averaged = averaging(reference.raster.count, weighted=reference.raster.weighted).numpy()
+    wanted = (2 - detail) * NOISE_SCALE * sigma * averaged * reference.mask
+    assert reference.raster.weighted == weighted and reference.mask.mean() > 0.003
     wrong = np.abs(level - wanted) > 2e-3 * wanted + 1e-4
     assert wrong.mean() <= AT_EDGES
-    assert (level[~twin.mask] == 0).all() and (detail == 2.0) == (not level.any())
+    assert (level[~reference.mask] == 0).all() and (detail == 2.0) == (not level.any())
 
 
 def test_a_scan_of_unknown_noise_tells_none(context):

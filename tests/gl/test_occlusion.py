@@ -134,7 +134,7 @@ def test_what_the_tally_says_is_what_was_listed(floor):
 
 
 def what_hides(scene, frame) -> np.ndarray:
-    """(H, W): the inverse depth below which a point shows nowhere, by the filter's twin in torch."""
+    """(H, W): the inverse depth below which a point shows nowhere, by the filter's reference in torch."""
     depth = torch.from_numpy(frame.depth().copy())
     near, support = depth_filter._near_pyramid(depth, GAP_LEVELS)
     threshold = depth_filter._hiding_threshold(near[-1], support[-1], 1.0, len(near) - 1)

@@ -1,4 +1,4 @@
-"""The OpenGL frame against its twin on real scans: a room, a pump, a statue and an aerial survey in feet."""
+"""The OpenGL frame against its reference on real scans: a room, a pump, a statue and an aerial survey in feet."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Points that count by where their scanners stood: the OpenGL frame against its torch twin, and against itself."""
+"""View-dependent blending: the OpenGL frame against its reference implementation in torch, and against itself."""
 
 import numpy as np
 import pytest

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gl"))  # the twin of a frame
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "gl"))  # the reference of a frame
 
 
 @pytest.fixture(autouse=True)

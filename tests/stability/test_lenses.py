@@ -1,4 +1,5 @@
-"""Lenses, picture sizes, poses and the camera's plane at their ends, against float64 and against the torch twin."""
+"""Extreme lenses, picture sizes, poses and points near the camera plane, against float64 and against the reference
+implementation in torch."""
 
 import numpy as np
 import pytest
@@ -49,10 +50,10 @@ def test_the_cameras_plane_is_the_same_in_both_rasterisers_and_the_twin(stand, s
     with stand.renderer(scene) as renderer:
         for side in (-1, 1):
             camera = axis_camera((41, 29), (0.0, packed + side * (2.0**-power if power else 0.0), 0.0))
-            twin = reference_frame(scene, camera, Settings())
+            reference = reference_frame(scene, camera, Settings())
             for kind in ("compute", "points"):
                 frame = renderer.render(camera, Settings(raster=kind), views=frame_claims.VIEWS)
-                assert np.array_equal(frame.depth(), twin.raster.depth.numpy())
+                assert np.array_equal(frame.depth(), reference.raster.depth.numpy())
                 assert (frame.depth() > 0).all()
 
 

@@ -153,8 +153,8 @@ def test_bench_error(tmp_path, monkeypatch, capsys):
     assert {f"level of detail: {p} points a pixel" for p in ("0.5", "1", "2", "4", "8")} <= rows.keys()
     assert {"soft depth: 1/32 of depth", "filter: npbg++", "precision: fp16", "network: fast"} <= rows.keys()
     assert "precision: int8" in rows or any(why.startswith("int8") for why in made["left_out"])
-    twin = rows["exact: against the float64 reference"]
-    assert twin["mask"] < 0.02 and (twin["psnr"] is None or twin["psnr"] > 40), twin
+    reference = rows["exact: against the float64 reference"]
+    assert reference["mask"] < 0.02 and (reference["psnr"] is None or reference["psnr"] > 40), reference
     assert rows["filter: off"]["psnr"] < 60 and rows["packing: 10 bits"]["psnr"] < 60
     assert all(row["milliseconds"] > 0 and row["time"] > 0 for row in made["rows"])
     assert set(made["front"]) == {"filled", "neural"} and all(rows.keys() >= set(names) for names in made["front"].values())
@@ -174,8 +174,8 @@ def test_leaving_out_void_is_timed_apart_and_changes_no_pixel(tmp_path, monkeypa
 @pytest.mark.gl
 def test_weighing_by_scanners_is_judged_where_the_scan_knows_them(monkeypatch):
     monkeypatch.setattr(errors, "named_views", lambda scene, size: views.named_views(scene, size)[:1])
-    weighed = SimpleNamespace(scene=lambda: scanned(3).scene, facts=lambda *_: {})
-    row = next(row for row in errors.run_errors(weighed, SIZE, 1, "stations")["rows"] if row["group"] == "stations")
+    weighted = SimpleNamespace(scene=lambda: scanned(3).scene, facts=lambda *_: {})
+    row = next(row for row in errors.run_errors(weighted, SIZE, 1, "stations")["rows"] if row["group"] == "stations")
     assert 15 < row["psnr"] < 40 and row["mask"] == 0, "all points alike show another light, on the same surfaces"
     nobody = SimpleNamespace(scene=lambda: scanned(3, places=np.full((3, 3), np.nan)).scene, facts=lambda *_: {})
     with pytest.raises(InputError, match="expected one of"):
@@ -214,10 +214,10 @@ def test_bench_raster(tmp_path):
 
 @pytest.mark.gl
 def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
-    """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the twin's picture with 1/4, and not
+    """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the reference's picture with 1/4, and not
     that with the usual tolerance."""
     from model.projection import SoftZ
-    from viewer.bench import float64_reference as twin64
+    from viewer.bench import float64_reference
     from viewer.render.context import create_context
 
     _, scene = small
@@ -229,12 +229,12 @@ def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
     patch = pytest.MonkeyPatch()
     patch.setattr("model.projection.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
     try:
-        twin = twin64.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
+        reference = float64_reference.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     finally:
         patch.undo()
-    usual = twin64.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
+    usual = float64_reference.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     gap = {(a, b): (np.abs(made[..., :3] - truth) > 1).mean()  # more than rounding
-           for a, made in (("1/4", other), ("usual", plain)) for b, truth in (("1/4", twin), ("usual", usual))}
+           for a, made in (("1/4", other), ("usual", plain)) for b, truth in (("1/4", reference), ("usual", usual))}
     assert gap["1/4", "1/4"] < 0.01 and gap["usual", "usual"] < 0.01, gap
     assert gap["1/4", "usual"] > 0.02 and gap["usual", "1/4"] > 0.02, gap
     renderer.release()

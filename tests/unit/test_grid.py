@@ -59,7 +59,7 @@ def morton(cell):
     return sum((int(v) >> bit & 1) << (3 * bit + axis) for axis, v in enumerate(cell) for bit in range(32))
 
 
-def twin(xyz, rgb, intensity, scan):
+def reference(xyz, rgb, intensity, scan):
     """The reference implementation of the build in NumPy, for small clouds."""
     n = len(xyz)
     middle = np.sort(xyz, axis=0)[[int(0.02 * n), int(0.98 * n)]]
@@ -96,7 +96,7 @@ def attributes(n, seed=0):
 
 
 @SLOW
-# a subnormal origin is left out: -5e-324 divided by a cell of 2 is no longer negative, here and in the twin
+# a subnormal origin is left out: -5e-324 divided by a cell of 2 is no longer negative, here and in the reference
 @given(n=st.integers(200, 90_000), exponent=st.floats(-3, 6), origin=st.floats(-1e7, 1e7, allow_subnormal=False),
        seed=st.integers(0, 1000))
 def test_the_grid_equals_its_numpy_reference_bit_for_bit(n, exponent, origin, seed):
@@ -104,7 +104,7 @@ def test_the_grid_equals_its_numpy_reference_bit_for_bit(n, exponent, origin, se
     xyz = xyz * 10**exponent + origin * np.array([1, -0.7, 0.01])
     intensity, scan = attributes(n, seed)
     scene = scene_from_arrays(xyz, rgb, intensity=intensity, scan=scan)
-    points, cells, offsets, base, size = twin(xyz, rgb, intensity, scan)
+    points, cells, offsets, base, size = reference(xyz, rgb, intensity, scan)
     assert scene.cell_size == size
     np.testing.assert_array_equal(scene.origin, base)
     np.testing.assert_array_equal(scene.cell_coords, cells)

@@ -59,21 +59,21 @@ def test_the_pool_agrees_with_its_reference_implementation(seed):
     chunks, slots = int(rng.integers(1, 120)), int(rng.integers(2, 60))
     pinned = int(rng.integers(0, slots // 2 + 1))
     residency = Residency(chunks * 64 - int(rng.integers(0, 64)), slots, chunk_points=64, pinned=pinned)
-    twin = PlainPool(residency.chunks, residency.slots, residency.pinned)
+    reference = PlainPool(residency.chunks, residency.slots, residency.pinned)
     for _ in range(60):
         needed = some(rng, chunks, slots)
         limit = None if rng.random() < 0.5 else int(rng.integers(0, 8))
         to_load, into = residency.plan(needed, limit)
-        expected = twin.frame(needed.tolist(), limit)
+        expected = reference.frame(needed.tolist(), limit)
         assert dict(zip(to_load.tolist(), into.tolist(), strict=True)) == expected
         arrive = rng.permutation(len(to_load))[: rng.integers(0, len(to_load) + 1)]
         pinned_before = set(np.flatnonzero(residency.slot_of_chunk[: residency.pinned] >= 0))
         for i in arrive:
             residency.place(int(to_load[i]), int(into[i]))
-            twin.load(int(to_load[i]), int(into[i]))
-        twin.used(needed.tolist())
+            reference.load(int(to_load[i]), int(into[i]))
+        reference.used(needed.tolist())
         held = {c: int(s) for c, s in enumerate(residency.slot_of_chunk) if s >= 0}
-        assert held == dict(twin.held) and len(set(held.values())) == len(held) <= slots
+        assert held == dict(reference.held) and len(set(held.values())) == len(held) <= slots
         assert {int(c): s for s, c in enumerate(residency.chunk_of_slot) if c >= 0} == held
         assert pinned_before <= set(held)
         assert residency.absent == chunks - len(held) and residency.complete == (len(held) == chunks)

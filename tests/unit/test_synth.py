@@ -1,4 +1,4 @@
-"""The synthetic place and its scanner: the kernel against a plain twin, the scanner's mistakes against their claims."""
+"""The synthetic place and its scanner: the kernel against a plain reference, the scanner's mistakes against their claims."""
 
 import dataclasses
 import itertools
@@ -57,7 +57,7 @@ def shell(radius: float):
 # --- the kernel -----------------------------------------------------------------------------------------------------
 
 
-def twin(kind, params, origins, rays):
+def reference(kind, params, origins, rays):
     """(N,) first t > 0 of local rays on one local shape, by all candidate roots in float64 NumPy; inf for none."""
     p = params
     roots = []
@@ -137,7 +137,7 @@ def test_kernel_equals_the_plain_twin(seed):
     rays[:50] = np.eye(3)[rng.integers(0, 3, 50)]  # along the axes: divisions by zero
     t, primitive, normal, _ = scene.trace(origins, rays)
     each = np.stack([
-        twin(k, p, (origins - c) @ r.T, rays @ r.T)
+        reference(k, p, (origins - c) @ r.T, rays @ r.T)
         for k, p, c, r in zip(scene.kind, scene.params, scene.centre, scene.rotation)
     ])
     expected = each.min(0)
