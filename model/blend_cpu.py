@@ -1,4 +1,5 @@
-"""The last part of the compact network on a CPU: blends, correction and packing in one compiled loop over rows.
+"""The first and the last part of the compact network on a CPU: its input in blocks (space to depth), and blends, correction and
+packing in one compiled loop over rows.
 
 :meth:`model.unet.CompactUNet._blend`, the reference implementation, makes a dozen torch calls, each of which reads and writes
 the full picture.  Here all steps advance together, row by row: each blur follows the previous one at the distance of its reach,
@@ -26,9 +27,10 @@ from model.blend_rows import (
     square_means,
     square_row,
     start_row,
+    unshuffled_rows,
 )
 from model.common.jit import compiled
-from model.unet import BLENDS, CONTRAST_AT, MEAN_BLOCK
+from model.unet import BLENDS, CONTRAST_AT, INPUT_CHANNELS, MEAN_BLOCK
 
 _LEAST_ROWS = 32
 """Fewest rows of a thread: 2**BLENDS - 1 = 15 rows above and below them are blurred as well.  Chosen by hand."""
@@ -112,6 +114,16 @@ class Blender:
         with self._lock:  # held until the result is copied: the next call overwrites the buffers
             made = self.made(self._float32("packed", packed), self._float32("blocks", blocks), block)
             return torch.from_numpy(made).half()
+
+    def space_to_depth(self, packed: Tensor, block: int, multiple: int) -> Tensor:
+        """(1, INPUT_CHANNELS * block**2, h, w) float32, channels last, in the order of torch's ``pixel_unshuffle``.
+
+        packed: (H, W, 8) contiguous float32, padded to sides that are multiples of ``multiple`` by repeating its edge.
+        """
+        height, width = (-(-side // multiple) * multiple // block for side in packed.shape[:2])
+        made = np.empty((height, width, INPUT_CHANNELS * block * block), np.float32)
+        self._rows(height, _LEAST_ROWS, unshuffled_rows, packed.numpy(), block, made)
+        return torch.from_numpy(made)[None].permute(0, 3, 1, 2)
 
     def _float32(self, name: str, given: Tensor) -> np.ndarray:
         """``given`` in float32, in a buffer reused by ``name``: allocating it for each picture takes longer than converting."""

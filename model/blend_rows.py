@@ -24,6 +24,21 @@ _F = np.float32
 
 
 @compiled(nogil=True)
+def unshuffled_rows(packed, block, made, first, last):
+    """Writes rows ``first`` to ``last`` of made (h, w, channels * block**2): packed (H, W, >= channels) in blocks, channel by
+    channel, edges repeated."""
+    height, width, channels = packed.shape[0], packed.shape[1], made.shape[2] // (block * block)
+    for v in range(first, last):
+        for i in range(block):
+            line = packed[min(v * block + i, height - 1)]
+            for u in range(made.shape[1]):
+                for j in range(block):
+                    x = min(u * block + j, width - 1)
+                    for c in range(channels):
+                        made[v, u, (c * block + i) * block + j] = line[x, c]
+
+
+@compiled(nogil=True)
 def start_row(packed, sums, out):
     """Initialises a row: sums (>= 4, W), weighted colours and weight, and out (3, W), the picture.  packed: (W, 8)."""
     for x in range(packed.shape[0]):

@@ -167,6 +167,8 @@ class Reconstructor:
 
     def _made_on_cpu(self, packed: Tensor, blend: Blender) -> Tensor:
         """The same, with everything but the convolutions in compiled loops."""
-        assert isinstance(self.network, CompactUNet)
-        x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS].to(self.dtype, memory_format=torch.channels_last)
-        return blend(packed, self.network.blocks(x)[0].permute(1, 2, 0), self.network.block)
+        network = self.network
+        assert isinstance(network, CompactUNet)
+        packed = packed.float().contiguous()
+        cells = blend.space_to_depth(packed, network.block, network.multiple)
+        return blend(packed, network.convolve(cells.to(self.dtype))[0].permute(1, 2, 0), network.block)

@@ -168,7 +168,11 @@ class CompactUNet(nn.Module):
         """Output of the convolutions for each block of pixels: (B, (1 + BLENDS + 1) * block**2, h, w)."""
         height, width = x.shape[-2:]
         padded = F.pad(x, (0, -width % self.multiple, 0, -height % self.multiple), mode="replicate")
-        h = self.stem(F.pixel_unshuffle(padded, self.block)).relu_()
+        return self.convolve(F.pixel_unshuffle(padded, self.block))
+
+    def convolve(self, h: Tensor) -> Tensor:
+        """The same from the padded input in blocks (space to depth): (B, 6 * block**2, h, w)."""
+        h = self.stem(h).relu_()
         skips = []
         for level, convolutions in enumerate(self.down):
             h = convolutions(h)

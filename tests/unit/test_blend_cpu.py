@@ -61,6 +61,19 @@ def test_agrees_with_torch_at_any_size(seed, block, mask):
     assert spread > 0.05
 
 
+@pytest.mark.parametrize("block", [1, 2, 4])
+def test_the_input_in_blocks_equals_torchs(seed, block):
+    rng = np.random.default_rng(seed)
+    for height, width in [(1, 1), (3, 70), (16, 8), tuple(int(side) for side in rng.integers(30, 200, 2))]:
+        packed = _packed(rng, height, width)
+        x = packed[None].permute(0, 3, 1, 2)[:, :INPUT_CHANNELS]
+        for multiple in (block, 8 * block):
+            padded = torch.nn.functional.pad(x, (0, -width % multiple, 0, -height % multiple), mode="replicate")
+            made = Blender(2).space_to_depth(packed, block, multiple)
+            assert torch.equal(made, torch.nn.functional.pixel_unshuffle(padded, block))
+            assert made.is_contiguous(memory_format=torch.channels_last)
+
+
 def test_the_result_does_not_depend_on_threads_or_callers(seed):
     rng = np.random.default_rng(seed)
     network = _network(rng)
