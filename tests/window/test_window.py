@@ -6,14 +6,14 @@ import pytest
 from drive import CHECKS, HEADLESS
 from x_server import run_with_display
 
-pytestmark = pytest.mark.window
+pytestmark = [pytest.mark.window, pytest.mark.timeout(1300)]  # minutes, more beside other work
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     """What one driven session found."""
     folder = tmp_path_factory.mktemp("window")
-    done = run_with_display("drive.py", folder, seconds=400)
+    done = run_with_display("drive.py", folder, seconds=1200)
     path = folder / "report.json"
     found = json.loads(path.read_text()) if path.exists() else {}
     assert done.returncode == 0, f"the window ended with {done.returncode}\n{done.stdout}\n{done.stderr}"
