@@ -69,3 +69,16 @@ def test_without_time_there_is_no_preview(tmp_path):
     xyz, rgb = street()
     path = write_las(tmp_path / "a.las", xyz, rgb)
     assert preview_scene([path], points=20_000, seconds=0.0, least_bytes=0) is None  # too few points to show
+
+
+def test_the_window_previews_a_cached_scan_only_where_the_cache_is_not_used(tmp_path):
+    from viewer.grid.open_scene import open_scene
+    from viewer.window import loading
+
+    rng = np.random.default_rng(1)
+    path = tmp_path / "big.xyz"
+    np.savetxt(path, np.c_[rng.random((60_000, 3)) * 5, rng.integers(0, 256, (60_000, 3))], fmt="%.9f %.9f %.9f %d %d %d")
+    assert loading.preview_scene([path]) is not None
+    open_scene(path)
+    assert loading.preview_scene([path]) is None, "it opens as fast"
+    assert loading.preview_scene([path], cache=False) is not None

@@ -108,7 +108,7 @@ class App:
         self.session = Session(
             settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
-            preview_scene=partial(preview_scene, match=match, columns=columns),
+            preview_scene=partial(preview_scene, cache=cache, match=match, columns=columns),
         )  # fmt: skip
         self.open_dialog = OpenDialog()
         self.start_page = StartPage(self.context)

@@ -68,14 +68,16 @@ def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, col
     return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns)
 
 
-def preview_scene(paths: list[Path], *, match: bool = True, columns: str | None = None) -> "Scene | None":
-    """A coarse scene within about a second; None where the complete one opens as fast."""
-    from viewer.grid import cache
+def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene | None":
+    """A coarse scene within about a second; None where the complete one opens as fast.
+
+    cache: whether the complete one is read from the cache, where it is there."""
+    from viewer.grid.cache import folder_of
     from viewer.grid.open_scene import as_paths
     from viewer.grid_folder import is_grid
 
     files = as_paths(paths)
-    if any(is_grid(file) for file in files) or (cache.folder_of(files, match, columns) / "meta.json").is_file():
+    if any(is_grid(file) for file in files) or (cache and (folder_of(files, match, columns) / "meta.json").is_file()):
         return None
     from viewer.grid.preview import preview_scene as coarse
 
