@@ -264,6 +264,12 @@ def view_worth(seen: Sampled, position: np.ndarray) -> np.ndarray:
     return seen_there * np.minimum(near.free / usual, 1.0)
 
 
+def viewpoint_worth(seen: Sampled, position: np.ndarray, direction: np.ndarray) -> float:
+    """What a view along ``direction`` (3,) from ``position`` (3,) is worth, as places to stand are compared; upright world."""
+    azimuth = int((np.arctan2(direction[1], direction[0]) / (2 * np.pi) + 0.5) * AZIMUTHS) % AZIMUTHS
+    return float(view_worth(seen, position)[azimuth]) * enclosure(seen, position) ** ENCLOSURE_POWER
+
+
 def best_direction(seen: Sampled, position: np.ndarray) -> np.ndarray:
     """(3,) the nearly level direction in which most is visible from ``position`` (3,)."""
     best = (int(np.argmax(view_worth(seen, position))) + 0.5) / AZIMUTHS * 2 * np.pi - np.pi

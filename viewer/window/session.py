@@ -266,6 +266,8 @@ class Session:
             if document.view is not None:
                 self.view_settings.request(document.settings)
                 self.view_settings.background = document.background
+        elif loaded.follows_preview:
+            visit.mend_start(document, self.area.aspect)
         self.picture.begin(loaded.scene.count)
         self.notices.leave_scene()
         if loaded.preview:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from viewer.camera import Camera
 from viewer.tools.document import Document
-from viewer.tools.standing_place import standing_view
+from viewer.tools.standing_place import standing_view, viewpoint_worth
+from viewer.tools.up_axis import turned, upright_axes
 from viewer.window.flight import Flight
 from viewer.window.loading import Loaded, scan_notices
 from viewer.window.navigation import FlyState, looking
@@ -17,6 +18,10 @@ from viewer.window.start_viewpoint import Survey, brightening, darkness, lying, 
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
+
+
+_GOOD_START = 0.75
+"""Share of the worth of the complete scan's start viewpoint from which on that of its preview is kept.  Chosen by hand."""
 
 
 class Visit:
@@ -31,6 +36,7 @@ class Visit:
         self.preview = False
         self._seen: Survey | None = None
         self._inside = False  # whether it began standing in the scan
+        self._chosen = False  # whether its start viewpoint was chosen here, not given
 
     def continues_with(self, loaded: Loaded) -> bool:
         """Whether the camera stays where it is when ``loaded`` is shown.
@@ -61,6 +67,7 @@ class Visit:
         """Puts the camera where the visit of the scene begins.  aspect: width over height of the picture."""
         assert self.scene is not None and self._seen is not None
         state = start_state(self.scene, self._seen, aspect, document.up)
+        self._chosen = self.start is None and document.view is None
         if self.start is not None:
             state, self.start = _at(self.start, state), None
         if document.view is not None:
@@ -69,6 +76,20 @@ class Visit:
         self._flight.begin(state, self._seen)
         if document.view is not None:
             self._flight.field_of_view = document.view.vertical_fov
+
+    def mend_start(self, document: Document, aspect: float) -> None:
+        """Flies to the complete scan's start viewpoint where that of its preview is much worse and nobody has moved yet."""
+        if self.scene is None or self._seen is None or not (self._chosen and self._inside and self._flight.at_home):
+            return
+        upright, old = upright_axes(document.up), self._flight.home
+        level, new = turned(self._seen, upright), start_state(self.scene, self._seen, aspect, document.up)
+
+        def worth(state: FlyState) -> float:
+            return viewpoint_worth(level, state.position @ upright, state.forward @ upright)
+
+        if worth(old) < _GOOD_START * worth(new):
+            self._flight.home = new
+            self._flight.glide_to(new)
 
     def turn_up(self, up: tuple[float, float, float], aspect: float) -> None:
         """Begins again with another direction that is up."""
