@@ -1,8 +1,6 @@
 # What a person or CI does with a checkout.  `make help` lists the targets.
 PYTHON := .venv/bin/python
 SHELL := /bin/bash
-# Tests run in two processes, file by file; more gain nothing, because software OpenGL uses all processors itself.
-WORKERS := 2
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint assets pictures wheel clean setup
@@ -19,7 +17,7 @@ demo: setup  ## set up what is missing and open the demo scan (without a display
 test: setup  ## set up what is missing, check the code, run every test
 	@$(PYTHON) -m ruff check .
 	@$(PYTHON) -m pyright --warnings
-	@$(PYTHON) -m pytest -q -n $(WORKERS) --dist loadfile
+	@$(PYTHON) -m pytest -q
 
 lint: setup  ## ruff and pyright
 	@$(PYTHON) -m ruff check .

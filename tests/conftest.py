@@ -11,7 +11,7 @@ import pytest
 from viewer.errors import DeviceError
 
 # As every command does (viewer/cli.py): waiting threads of torch sleep.  Otherwise they take the processors from software
-# OpenGL and from the other process of tests.  torch reads this when it is imported.
+# OpenGL.  torch reads this when it is imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
 ROOT = Path(__file__).resolve().parent.parent
