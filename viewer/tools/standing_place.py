@@ -184,7 +184,7 @@ def standing_place(seen: Sampled) -> np.ndarray | None:
             places = places[:: max(1, len(places) // _CANDIDATES)]
             xy = seen.low[:2] + (places + 0.5) * side
             standing = [np.array([*place, eye]) for place in xy]
-            worth = [view_worth(seen, place).max() * enclosure(seen, place) ** ENCLOSURE_POWER for place in standing]
+            worth = [place_worth(seen, place).max() for place in standing]
             return standing[int(np.argmax(worth))]
     return None
 
@@ -202,6 +202,11 @@ class Surroundings:
     lit: np.ndarray
     level: np.ndarray
     free: np.ndarray
+
+    @property
+    def enclosure(self) -> float:
+        """Share of the directions in which there are points."""
+        return float((self.nearest > 0).mean())
 
 
 def surroundings(seen: Sampled, position: np.ndarray) -> Surroundings:
@@ -230,7 +235,7 @@ def surroundings(seen: Sampled, position: np.ndarray) -> Surroundings:
 
 def enclosure(seen: Sampled, position: np.ndarray) -> float:
     """Share of the directions within 31 degrees of the horizon, around ``position`` (3,), in which there are points."""
-    return float((surroundings(seen, position).nearest > 0).mean())
+    return surroundings(seen, position).enclosure
 
 
 def detail(near: Surroundings) -> np.ndarray:
@@ -246,33 +251,38 @@ def detail(near: Surroundings) -> np.ndarray:
     return edges
 
 
-def view_worth(seen: Sampled, position: np.ndarray) -> np.ndarray:
-    """(AZIMUTHS,) how much is visible from ``position`` (3,) along azimuths from -pi to pi: the covered share of the picture,
+def view_worth(near: Surroundings, metre: float) -> np.ndarray:
+    """(AZIMUTHS,) how much is visible from a place along azimuths from -pi to pi: the covered share of the picture,
     where distant surfaces count more than near ones, up to FAR_ENOUGH, and detail more than bare walls.  Black points occlude
     and count nothing.  A direction in which the way is blocked earlier than in most counts less, so that the window at which
     one stands does not win over the room."""
-    near = surroundings(seen, position)
     held = near.nearest > 0
     far = FAR_ENOUGH * float(np.median(near.nearest[held])) if held.any() else 1.0
-    worth = near.lit * np.log1p(np.minimum(near.nearest, far) / seen.metre) * (1.0 + DETAIL_WORTH * detail(near))
+    worth = near.lit * np.log1p(np.minimum(near.nearest, far) / metre) * (1.0 + DETAIL_WORTH * detail(near))
     worth = np.where(held, worth, 0.0).sum(axis=1)
     spread = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 17)[1:-1])  # +-35 degrees, the middle counting most
     seen_there = sum((w * np.roll(worth, k - 7) for k, w in enumerate(spread)), np.zeros(AZIMUTHS))
     usual = float(np.median(near.free))  # inf in the open
     if not np.isfinite(usual):
-        usual = 2.0 * float(np.max(near.free, where=np.isfinite(near.free), initial=seen.metre))
+        usual = 2.0 * float(np.max(near.free, where=np.isfinite(near.free), initial=metre))
     return seen_there * np.minimum(near.free / usual, 1.0)
 
 
+def place_worth(seen: Sampled, position: np.ndarray) -> np.ndarray:
+    """(AZIMUTHS,) by which places to stand are compared: what is visible from ``position`` (3,), less where it is open."""
+    near = surroundings(seen, position)
+    return view_worth(near, seen.metre) * near.enclosure**ENCLOSURE_POWER
+
+
 def viewpoint_worth(seen: Sampled, position: np.ndarray, direction: np.ndarray) -> float:
-    """What a view along ``direction`` (3,) from ``position`` (3,) is worth, as places to stand are compared; upright world."""
+    """The :func:`place_worth` of a view along ``direction`` (3,) from ``position`` (3,); upright world."""
     azimuth = int((np.arctan2(direction[1], direction[0]) / (2 * np.pi) + 0.5) * AZIMUTHS) % AZIMUTHS
-    return float(view_worth(seen, position)[azimuth]) * enclosure(seen, position) ** ENCLOSURE_POWER
+    return float(place_worth(seen, position)[azimuth])
 
 
 def best_direction(seen: Sampled, position: np.ndarray) -> np.ndarray:
     """(3,) the nearly level direction in which most is visible from ``position`` (3,)."""
-    best = (int(np.argmax(view_worth(seen, position))) + 0.5) / AZIMUTHS * 2 * np.pi - np.pi
+    best = (int(np.argmax(place_worth(seen, position))) + 0.5) / AZIMUTHS * 2 * np.pi - np.pi
     return np.array([np.cos(best), np.sin(best), -0.04])
 
 
