@@ -1,0 +1,80 @@
+"""The window's preview of a scan: shown first, followed by the complete scan, or kept where loading is cancelled."""
+
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from window_session import room, session
+
+from viewer.progress import progress
+from viewer.window.loading import Loaded
+from viewer.window.navigation import looking
+from viewer.window.start_viewpoint import start_state, survey
+
+
+def test_a_preview_is_shown_first_and_the_complete_scan_follows_without_moving_the_camera():
+    gate, shown = threading.Event(), room(points=500)
+
+    def opened(paths, **_):
+        assert gate.wait(20)
+        return room()
+
+    made, _ = session()
+    made.loads.open_scene, made.loads.preview_scene = opened, lambda paths, **_: shown
+    made.open([Path("a.laz")])
+    work, loaded = made.loads.current, None
+    while loaded is None:
+        loaded = made.poll()
+    made.accept(loaded)
+    assert made.scene is shown and made.visit.preview and made.loads.current is work
+    made.flight.state = replace(made.flight.state, position=made.flight.state.position + 0.3)
+    camera = made.camera
+    gate.set()
+    assert work is not None and work.join(20)
+    loaded = made.poll()
+    assert loaded is not None
+    made.accept(loaded)
+    assert not made.visit.preview and made.scene is not shown and made.scene is not None and made.scene.count == 40_000
+    assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_who_has_not_moved_flies_from_a_poor_viewpoint_of_the_preview_to_a_good_one(moved):
+    made, clock = session()
+    assert made.scene is not None
+    complete = room()
+    good = start_state(complete, survey(complete), 1.6)
+    poor = looking(np.array([7.4, 3.0, 1.6]), np.array([1.0, 0.0, 0.0]), 1.0, np.eye(3))  # close to a wall, facing it
+    made.accept(Loaded(room(points=500), survey(complete), (Path("a.laz"),), preview=True))
+    made.flight.begin(poor, survey(complete))
+    if moved:
+        made.flight.state = replace(poor, position=poor.position - 0.2)
+    camera = made.camera
+    made.accept(Loaded(complete, survey(complete), (Path("a.laz"),), follows_preview=True))
+    for _ in range(40):
+        clock.now += 0.1
+        made.advance()
+    if moved:
+        assert np.array_equal(made.camera.camera_to_world, camera.camera_to_world)
+    else:
+        assert np.allclose(made.camera.position, good.position, atol=1e-6) and made.flight.at_home
+
+
+def test_a_preview_whose_load_is_cancelled_stays_and_offers_the_rest():
+    def endless(paths, **_):
+        with progress(0, "Reading") as meter:
+            while True:
+                meter.update(1)
+
+    made, _ = session()
+    made.loads.open_scene, made.loads.preview_scene = endless, lambda paths, **_: room(points=500)
+    made.open([Path("a.laz")])
+    work, loaded = made.loads.current, None
+    while loaded is None:
+        loaded = made.poll()
+    made.accept(loaded)
+    made.escape()
+    assert made.visit.preview and made.scene is loaded.scene and work is not None and work.join(10)
+    assert [(notice.action, notice.label) for notice in made.notices.of_scan] == [("open_fully", "Load all points")]
