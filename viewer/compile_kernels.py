@@ -40,12 +40,13 @@ def _open_scans(folder: Path) -> None:
 
     from viewer.grid.open_scene import open_scene
     from viewer.tools.demo import demo_scan
+    from viewer.tools.standing_place import sample_scene, surroundings
 
     text = folder / "points.xyz"
     rng = np.random.default_rng(0)
     np.savetxt(text, np.c_[rng.uniform(0, 4, (5000, 3)), rng.integers(0, 256, (5000, 3))], fmt="%.4f %.4f %.4f %d %d %d")
     open_scene(text, cache=False)
-    open_scene(demo_scan())
+    surroundings(sample_scene(open_scene(demo_scan())), np.zeros(3))
 
 
 def _render_demo() -> None:

@@ -155,3 +155,24 @@ def test_the_background_chosen_is_behind_what_is_shown_and_what_is_saved(context
     finally:
         context.detect_framebuffer(0).use()  # the canvas must not stay bound
         viewport.release()
+
+
+def test_a_moving_picture_is_drawn_with_the_smaller_network_of_its_plan(context, floor):
+    told = Told(floor[0])
+    told.view_settings.settings = Settings(view="neural", quality="balanced", device="cpu", raster="compute", lod=1.0)
+    viewport = Viewport(context, told, memory=Memory(), wake=lambda: None)  # type: ignore[arg-type]
+    try:
+        assert viewport.upload(SimpleNamespace(scene=floor[1]))  # type: ignore[arg-type]
+        pictures = {}
+        for quality in ("fast", "balanced"):
+            told.number = -1
+            told.go_on()
+            told.screen.plan = Plan(("neural",), 1.0, moving=True, network=quality)
+            viewport.paint()
+            assert viewport.renderer is not None and viewport.frame is not None
+            pictures[quality] = viewport.frame.image("neural")
+            exact = viewport.renderer.render(told.camera, replace(told.view_settings.settings, quality=quality), ("neural",))
+            assert np.array_equal(pictures[quality], exact.image("neural")), quality
+        assert not np.array_equal(*pictures.values())
+    finally:
+        viewport.release()

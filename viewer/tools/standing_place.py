@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from viewer.tools.surroundings_kernel import add_surroundings
 from viewer.tools.up_axis import turned
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ STEEPEST = np.radians(89.0)
 OUTSIDE_DIRECTION = (0.35, 0.8, -0.5)
 """Direction of view for a scan that nobody can stand in."""
 _SAMPLE = 400_000  # points, at most
+_NEAR_SAMPLE = 50_000  # points, at most twice as many, by which places are compared
 _TOO_COARSE = 0.12  # metres between points, from which on obstacles at eye height cannot be recognised
 _BLACK = 8  # of 255: darker points are taken for points without colour
 _CANDIDATES = 40  # places compared by what is visible from them
@@ -48,6 +50,10 @@ BODY = (-1.2, 0.1)
 """Metres from the eye: heights between which points are in a person's way."""
 WAY = 2
 """Azimuths to either side of a direction in which nothing may be in the way: with AZIMUTHS, 12 degrees each."""
+TOO_NEAR = 0.3
+"""Metres: points nearer to the place, horizontally, are left out.  Chosen by hand: a tripod."""
+STEEPEST_SLOPE = 0.6
+"""Slope, 31 degrees, of the directions around a place that are looked at; those of a picture."""
 
 
 class Sampled(Protocol):
@@ -211,25 +217,18 @@ class Surroundings:
 
 def surroundings(seen: Sampled, position: np.ndarray) -> Surroundings:
     """What lies within 31 degrees of the horizon around ``position`` (3,)."""
-    some = slice(None, None, max(1, len(seen.points) // 50_000))
-    away, level = seen.points[some] - position, seen.level[some]
-    flat = np.hypot(away[:, 0], away[:, 1])
-    slope = away[:, 2] / np.maximum(flat, 1e-9)
-    azimuth = ((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5) * AZIMUTHS).astype(int) % AZIMUTHS
-    body = (flat > 0.3 * seen.metre) & (away[:, 2] > BODY[0] * seen.metre) & (away[:, 2] < BODY[1] * seen.metre)
+    bins = AZIMUTHS * ROWS
+    nearest, held, lit, light = np.full(bins, np.inf), np.zeros(bins), np.zeros(bins), np.zeros(bins)
     obstacles = np.full(AZIMUTHS, np.inf)
-    np.minimum.at(obstacles, azimuth[body], flat[body])
+    add_surroundings(
+        seen.points, seen.level, max(1, len(seen.points) // _NEAR_SAMPLE), np.asarray(position, np.float64), ROWS,
+        STEEPEST_SLOPE, TOO_NEAR * seen.metre, BODY[0] * seen.metre, BODY[1] * seen.metre,
+        nearest, held, lit, light, obstacles,
+    )  # fmt: skip
     free = np.min([np.roll(obstacles, k) for k in range(-WAY, WAY + 1)], axis=0)
-    use = (flat > 0.3 * seen.metre) & (np.abs(slope) < 0.6)
-    at = azimuth[use]
-    height = np.clip(((slope[use] + 0.6) / 1.2 * ROWS).astype(int), 0, ROWS - 1)
-    bins = at * ROWS + height
-    held = np.maximum(np.bincount(bins, minlength=AZIMUTHS * ROWS), 1)
-    nearest = np.full(AZIMUTHS * ROWS, np.inf)
-    np.minimum.at(nearest, bins, flat[use])
     nearest[np.isinf(nearest)] = 0.0
-    lit, mean = (np.bincount(bins, values, AZIMUTHS * ROWS) / held for values in (level[use] > 0, level[use]))
-    nearest, lit, mean = (plane.reshape(AZIMUTHS, ROWS) for plane in (nearest, lit, mean))
+    points = np.maximum(held, 1)
+    nearest, lit, mean = (plane.reshape(AZIMUTHS, ROWS) for plane in (nearest, lit / points, light / points))
     return Surroundings(nearest, lit, mean, free)
 
 

@@ -21,11 +21,19 @@ def overview(seen: Sampled, aspect: float, direction: np.ndarray, speed: float) 
     return looking(overview_position(seen, aspect, direction), direction, speed)
 
 
-def framed(seen: Sampled, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
-    """Looking along ``direction`` (3,) so that the points themselves, and not their box, fill the picture."""
+def inner_points(seen: Sampled) -> np.ndarray:
+    """(n, 3): a few thousand of the points that lie in the scan's range."""
+    inside = np.flatnonzero(((seen.points >= seen.low) & (seen.points <= seen.high)).all(axis=1))
+    return seen.points[inside[:: max(1, len(inside) // _FEW)]]
+
+
+def framed(seen: Sampled, aspect: float, direction: np.ndarray, speed: float, points: np.ndarray | None = None) -> FlyState:
+    """Looking along ``direction`` (3,) so that the points themselves, and not their box, fill the picture.
+
+    points: :func:`inner_points`, where they are known.
+    """
     facing = looking(np.zeros(3), direction, speed)
-    inside = ((seen.points >= seen.low) & (seen.points <= seen.high)).all(axis=1)
-    points = seen.points[inside][:: max(1, int(inside.sum()) // _FEW)]
+    points = inner_points(seen) if points is None else points
     if len(points) < 8:
         return overview(seen, aspect, direction, speed)
     axes = facing.camera_to_world[:3, :3]
@@ -52,11 +60,12 @@ def from_outside(seen: Sampled, aspect: float, speed: float) -> FlyState:
     extent = seen.high - seen.low
     flat = extent[2] < _FLAT * max(float(extent[:2].max()), 1e-300)
     best: tuple[float, FlyState | None] = (-1.0, None)
+    points = inner_points(seen)
     for pitch in _PITCHES["tile" if flat else "object"]:
         for number in range(_OUTSIDE):
             yaw = 2 * np.pi * number / _OUTSIDE + 0.41  # along no axis: a corner shows more of a box than a side
             direction = np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), np.sin(pitch)])
-            state = framed(seen, aspect, direction, speed)
+            state = framed(seen, aspect, direction, speed, points)
             value = _visible(seen, state, aspect)
             if value > best[0] + 1e-9:
                 best = value, state

@@ -157,7 +157,7 @@ class Viewport:
         self.frame_camera = scaled(session.camera, plan.scale)
         try:
             self.frame = renderer.render(
-                self.frame_camera, replace(session.view_settings.settings, lod=plan.level),
+                self.frame_camera, self._settings(plan),
                 self._with_measured(views),
                 self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred, edits=session.work.edits,
             )  # fmt: skip

@@ -41,9 +41,9 @@ def _load() -> None:
 
         import viewer.grid.preview
         import viewer.preprocess.point_colour
-        import viewer.render.renderer
-        import viewer.tools.standing_place  # noqa: F401
+        import viewer.render.renderer  # noqa: F401
         from viewer.grid.open_scene import scene_from_arrays
+        from viewer.tools.standing_place import surroundings
         from viewer.window.start_viewpoint import survey
 
         rng = np.random.default_rng(0)
@@ -51,7 +51,7 @@ def _load() -> None:
             rng.uniform(0, 4, (_POINTS, 3)), rng.integers(0, 256, (_POINTS, 3), dtype=np.uint8),
             intensity=np.zeros(_POINTS, np.uint16), scan=np.zeros(_POINTS, np.uint8), noise=False,
         )
-        survey(scene)
+        surroundings(survey(scene), np.full(3, 2.0))
     except ImportError as error:  # the load itself names what is missing, and the remedy
         _log.info("not everything could be loaded ahead: %s", error)
     _log.info("loaded ahead in %.1f s", perf_counter() - start)
