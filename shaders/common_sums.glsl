@@ -15,10 +15,14 @@ layout(std430, binding = CARRY_BINDING) buffer Carry {
     uint carried_groups[4];  // workgroups x, y, z of the pass over pixels with carries; x is 0 while there are none
     uint carries[];          // 4 a pixel, in units of 2^16 (WIDE_SUMS: 2^32): red, green, blue, weight
 };
-layout(std430, binding = LIGHT_BINDING) readonly buffer Light {            // model/common/linear_light.py
-    uint to_linear[256];
-    uint to_srgb[1024];  // four levels a word, the first in the lowest bits
-};
+// Textures: software OpenGL takes three times as long for a word of a storage block.  SUMS_COPIED: the sums are in one as well.
+layout(binding = TO_LINEAR_UNIT) uniform usampler2D to_linear;  // (256, 1), model/common/linear_light.py
+layout(binding = TO_SRGB_UNIT) uniform usampler2D to_srgb;      // 4096 levels in rows of 64
+#ifdef SUMS_COPIED
+uniform usampler2D copied_sums;
+#endif
+
+uint linear(uint srgb) { return texelFetch(to_linear, ivec2(srgb, 0), 0).x; }
 
 void add_pair(uint word, uint low, uint high) {
 #ifdef WIDE_SUMS
@@ -40,7 +44,7 @@ void add_pair(uint word, uint low, uint high) {
 void add_colour(uint pixel, uint word, uint weight) {
     if (axis_x.w > 0.0 && (word & 0xFFFFFFu) == 0u) return;
     uvec3 colour = uvec3(word, word >> 8, word >> 16) & 0xFFu;
-    if (soft.w > 0.0) colour = uvec3(to_linear[colour.x], to_linear[colour.y], to_linear[colour.z]);
+    if (soft.w > 0.0) colour = uvec3(linear(colour.x), linear(colour.y), linear(colour.z));
     add_pair(2u * pixel, colour.x * weight, colour.y * weight);
     add_pair(2u * pixel + 1u, colour.z * weight, weight);
 }
@@ -92,14 +96,19 @@ uvec3 rounded(uvec3 sum, uint count) {
 
 uvec4 in_srgb(uvec3 mean, uint count) {
     if (soft.w > 0.0)
-        for (int c = 0; c < 3; ++c) mean[c] = (to_srgb[mean[c] >> 2] >> (8u * (mean[c] & 3u))) & 0xFFu;
+        for (int c = 0; c < 3; ++c) mean[c] = texelFetch(to_srgb, ivec2(mean[c] & 63u, mean[c] >> 6), 0).x;
     return uvec4(mean, count);
 }
 
 // Mean colour of a pixel in sRGB levels, rounded half up, and the sum of weights; zero where there is no point.
 // Valid for pixels without carries.
 uvec4 mean_colour(uint pixel) {
+#ifdef SUMS_COPIED
+    uvec2 words = texelFetch(copied_sums, ivec2(pixel % size.x, pixel / size.x), 0).xy;
+    uvec2 first = uvec2(words.x & 0xFFFFu, words.x >> 16), second = uvec2(words.y & 0xFFFFu, words.y >> 16);
+#else
     uvec2 first = low_parts(2u * pixel), second = low_parts(2u * pixel + 1u);
+#endif
     uvec3 mean = rounded(uvec3(first, second.x), max(second.y, 1u));
     return in_srgb(min(mean, uvec3(4095u)), second.y);
 }

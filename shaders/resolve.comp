@@ -1,10 +1,13 @@
 // Sums and nearest depths of one band -> the raw picture and its depth (view-space z, +inf where empty).
+// SUMS_COPIED: sums and keys were copied to textures, which software OpenGL reads faster.
 // CARRIED: only pixels whose sums overflowed, which are few in most pictures.
 #include "common_project.glsl"
 #include "common_sums.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
-#ifdef FROM_KEYS
+#if defined(FROM_KEYS) && defined(SUMS_COPIED)
+uniform usampler2D copied_keys;
+#elif defined(FROM_KEYS)
 layout(std430, binding = KEYS_BINDING) readonly buffer Keys { uint keys[]; };
 #else
 uniform sampler2D nearest;
@@ -28,7 +31,11 @@ void main() {
     imageStore(weight, at, vec4(float(min(mean.w, uint(MAX_AVERAGED))) / 255.0));
 #ifndef CARRIED
 #ifdef FROM_KEYS
+#ifdef SUMS_COPIED
+    uint key = texelFetch(copied_keys, ivec2(pixel), 0).x;
+#else
     uint key = keys[index];
+#endif
     float z = key == 0u ? uintBitsToFloat(0x7F800000u) : uintBitsToFloat(~key);
 #else
     float z = texelFetch(nearest, ivec2(pixel), 0).x;

@@ -12,6 +12,7 @@ from model.reconstruct import Reconstructor
 from viewer.camera import from_fov, look_at
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.render import neural
+from viewer.render.bridge import ReadBackBridge
 from viewer.render.renderer import Renderer
 from viewer.render.shader import Programs
 from viewer.settings import Settings
@@ -79,20 +80,23 @@ def test_outlines_in_a_void_may_be_opened_and_the_void_stays_empty(context, open
     assert border[:, :3].max() <= 129  # premultiplied
 
 
-def test_what_is_shown_of_any_output_lies_in_range_and_is_premultiplied(context, seed):
+@pytest.mark.parametrize("copied", [None, 1])
+def test_what_is_shown_of_any_output_lies_in_range_and_is_premultiplied(context, seed, copied):
     """Numbers below 0 and above 1 are cut off before they are multiplied: no colour is brighter than its alpha."""
     rng = np.random.default_rng(seed)
     made = rng.uniform(-0.5, 1.7, (37, 53, 4)).astype(np.float16)
     alpha = rng.choice([0, 255], (37, 53)).astype(np.uint8)
     programs, filled = Programs(context), context.texture((53, 37), 4, np.repeat(alpha[..., None], 4, -1).tobytes())
-    buffer, picture = context.buffer(made.tobytes()), context.texture((53, 37), 4)
-    stage = SimpleNamespace(context=context, bridge=SimpleNamespace(output=buffer), picture=picture,
-                            _unpack=programs.compute("network_output.comp"))  # fmt: skip
+    picture, bridge = context.texture((53, 37), 4), ReadBackBridge(context, (53, 37))
+    bridge.output.write(made)
+    shown_bridge = bridge if copied else SimpleNamespace(output=bridge.output)
+    stage = SimpleNamespace(context=context, bridge=shown_bridge, picture=picture,
+                            _unpack=programs.compute("network_output.comp", COPIED=copied))  # fmt: skip
     try:
-        neural.NeuralStage.present(stage, filled)
+        neural.NeuralStage.present(stage, filled)  # type: ignore[arg-type]
         shown = np.frombuffer(picture.read(), np.uint8).reshape(made.shape)
     finally:
-        for resource in (filled, buffer, picture, programs):
+        for resource in (filled, bridge, picture, programs):
             resource.release()
     wanted = made.astype(np.float64).clip(0, 1)
     wanted[..., 3] *= alpha / 255

@@ -45,6 +45,7 @@ def shown(rasteriser, sums: np.ndarray, count: np.ndarray) -> np.ndarray:
     rasteriser._bind_sums()
     rasteriser.colour.bind_to_image(0, read=False, write=True)
     rasteriser.depth.bind_to_image(1, read=False, write=True)
+    rasteriser._copy(resolve)
     resolve.run(*shader.groups(*SIZE))
     rasteriser.context.memory_barrier()
     carried.run_indirect(rasteriser.carries)

@@ -76,7 +76,6 @@ class NeuralStage:
             use_matching_device(programs.context)
         self.network = load_network(quality, filtered, weights, precision, self.device)
         self.context = programs.context
-        self._unpack = programs.compute("network_output.comp")
         self.presented: object = None
         self._thread = NetworkThread()
         self._runner: Runner | BackgroundRunner | None = None
@@ -90,6 +89,8 @@ class NeuralStage:
             if failure := device_failure(error):
                 raise failure from error
             raise
+        copied = 1 if isinstance(self.bridge, ReadBackBridge) else None
+        self._unpack = programs.compute("network_output.comp", COPIED=copied)
         self.picture = self.context.texture(size, 4, dtype="f1")
 
     @property
@@ -192,7 +193,11 @@ class NeuralStage:
 
     def present(self, filled) -> None:
         """Writes the network's pixels into ``picture``, with the filled picture's alpha."""
-        self.bridge.output.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
+        if isinstance(self.bridge, ReadBackBridge):
+            self.bridge.output_texture().use(1)
+            self._unpack["copied"] = 1
+        else:
+            self.bridge.output.bind_to_storage_buffer(shader.BINDINGS["NETWORK"])
         filled.use(0)
         self._unpack["filled"] = 0
         self.picture.bind_to_image(0, read=False, write=True)

@@ -14,7 +14,7 @@ from viewer.render.batches import BatchTable
 from viewer.render.cull import DrawList
 from viewer.render.device_class import Workgroup, workgroups
 from viewer.render.occlusion import LAG, MAX_GROUPS, HiddenCells, History
-from viewer.render.raster import Rasteriser
+from viewer.render.raster import COPIED_KEYS, Rasteriser
 from viewer.render.shader import BATCH, BINDINGS, STRETCH
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ class ComputeRasteriser(Rasteriser):
         super().__init__(programs, size, device)
         self.workgroup = workgroup = workgroup or workgroups(device.kind)[0]
         self.keys = self.context.buffer(reserve=4 * size[0] * self.band_rows)
+        self._copied_keys = self.context.texture((size[0], self.band_rows), 1, dtype="u4") if device.software else None
         self.table = BatchTable(4, (0, 1, 2), BATCH)
         self._rows, self._lag = workgroup.rows, LAG[device.software]
         self._shared = {"LANES": workgroup.lanes, "ROWS": self._rows, "STRETCH": STRETCH,
@@ -55,6 +56,13 @@ class ComputeRasteriser(Rasteriser):
         self.cells.buffer.bind_to_storage_buffer(BINDINGS["CELLS"])
         self.keys.bind_to_storage_buffer(BINDINGS["KEYS"])
         self._bind_sums()
+
+    def _copy(self, resolve: moderngl.ComputeShader) -> None:
+        super()._copy(resolve)
+        if self._copied_keys is not None:
+            self._copied_keys.write(self.keys)
+            self._copied_keys.use(COPIED_KEYS)
+            resolve["copied_keys"] = COPIED_KEYS
 
     def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
         self.zero(self.keys)
@@ -110,5 +118,7 @@ class ComputeRasteriser(Rasteriser):
     def release(self) -> None:
         super().release()
         self.keys.release()
+        if self._copied_keys is not None:
+            self._copied_keys.release()
         if self.hider is not None:
             self.hider.release()

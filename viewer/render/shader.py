@@ -23,11 +23,14 @@ one contiguous half for each of two threads; with 1 up to 1.06, because both thr
 
 BINDINGS = {
     "FRAME": 0, "STATIONS": 1, "EDITS": 2,
-    "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5, "LIGHT": 6,
+    "POINTS": 0, "BATCHES": 1, "CELLS": 2, "KEYS": 3, "SUMS": 4, "NETWORK": 5,
     "APPENDED": 2, "PYRAMID": 4, "COMMANDS": 5, "FLAGS": 7, "CARRY": 7,
 }  # fmt: skip
 """Binding points: FRAME, STATIONS and EDITS are uniform blocks, the rest storage blocks.  OpenGL 4.3 guarantees eight of
 those, so blocks that no pass uses together share a number."""
+
+UNITS = {"TO_LINEAR": 14, "TO_SRGB": 15}
+"""Texture units of the tables of linear light; passes number their own textures from 0.  OpenGL guarantees 16."""
 
 EXTENSIONS = {"WIDE_SUMS": ("GL_ARB_gpu_shader_int64", "GL_NV_shader_atomic_int64")}
 """GLSL extensions that a shader with the named define needs."""
@@ -60,6 +63,7 @@ def _expand(name: str, files: list[str]) -> list[str]:
 def source(name: str, defines: dict[str, object] | None = None) -> tuple[str, list[str]]:
     """Full text of a shader and the names behind its file numbers.  Floats among the defines keep all their digits."""
     constants: dict[str, object] = {f"{key}_BINDING": value for key, value in BINDINGS.items()}
+    constants |= {f"{key}_UNIT": value for key, value in UNITS.items()}
     constants |= {"TILE_X": TILE[0], "TILE_Y": TILE[1], **(defines or {})}
     files: list[str] = []
     body = _expand(name, files)
