@@ -13,7 +13,7 @@ import numpy as np
 
 from model.data.dataset import MemoryPicture, Scan, TruePicture
 from model.synth.demo import exposures, looking
-from model.synth.outdoors import OpenPlace, street, thing
+from model.synth.outdoors import OpenPlace, single_object, street
 from model.synth.panorama import Passer, with_passers
 from model.synth.place import Place
 from model.synth.rooms import DEPTH, WIDTH
@@ -53,7 +53,7 @@ class ProceduralPlace:
     def place(self) -> Place | OpenPlace:
         """The geometry and materials."""
         return {"room": lambda: Place(self.seed, probe_rays=24), "street": lambda: street(self.seed),
-                "thing": lambda: thing(self.seed)}[self.kind]()
+                "thing": lambda: single_object(self.seed)}[self.kind]()
 
     @property
     def views(self) -> Sequence[TruePicture]:

@@ -24,7 +24,7 @@ from model.data.dataset import Scan, TruePicture
 from model.data.heldout import HELD_OUT, Targets, targets
 from model.data.projected import Projected, project_scan
 from model.evaluation.labelled import picture_bytes
-from model.evaluation.methods import OURS, Method, Sight, sight, soft_z
+from model.evaluation.methods import OURS, Method, ViewPoints, soft_z, view_points
 from model.noise import NoiseModel
 from model.unet import LUMA
 
@@ -170,14 +170,14 @@ class Withheld:
                     self.found.setdefault((what, method.name, density), []).append(errors)
         return wanted, shown
 
-    def _sight(self, seen: Projected, held: Tensor, left: float, density: float, *, random: bool) -> Sight:
+    def _sight(self, seen: Projected, held: Tensor, left: float, density: float, *, random: bool) -> ViewPoints:
         """Input of the methods: a share ``density`` of the points that are not withheld, which are a share ``left`` of all.
 
         random: whether points are withheld by their rank.
         """
         most = density * left if random else density
-        return sight(seen.chosen(~held & (seen.rank < most)), None, self.spacing / (left * density) ** 0.5, unlit=self.unlit,
-                     noise=self.noise)
+        shown = seen.chosen(~held & (seen.rank < most))
+        return view_points(shown, None, self.spacing / (left * density) ** 0.5, unlit=self.unlit, noise=self.noise)
 
     def _noise(self, wanted: Targets) -> np.ndarray | None:
         if self.noise is None:

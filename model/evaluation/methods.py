@@ -1,8 +1,8 @@
 """The compared reconstruction methods, with and without a network, from the same projected points.
 
-A :class:`Sight` is the input of the methods: the points of one view at one density, averaged per pixel with equal weights, as
-published, and with view-dependent blending, as in the viewer (model/station_weights.py).  Masks and filled inputs are computed
-on first use and shared by all methods.
+A :class:`ViewPoints` is the input of the methods: the points of one view at one density, averaged per pixel with equal weights,
+as published, and with view-dependent blending, as in the viewer (model/station_weights.py).  Masks and filled inputs
+are computed on first use and shared by all methods.
 """
 
 import statistics
@@ -50,7 +50,7 @@ def true_visibility(depth: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
 
 
 @dataclass(frozen=True)
-class Sight:
+class ViewPoints:
     """The points of a view at one density.
 
     seen: the points; raster: their averages per pixel, with equal weights; true_depth: (H, W) float32, None if unknown;
@@ -100,7 +100,7 @@ class Sight:
             self.inputs[mask, weighted] = network_input(raster, self.mask(mask), self.seen.camera.fx, self.spacing, noise)
         return self.inputs[mask, weighted]
 
-    def fresh(self) -> "Sight":
+    def fresh(self) -> "ViewPoints":
         """A copy with empty caches, for timing."""
         return replace(self, masks={}, inputs={}, rasters={})
 
@@ -110,11 +110,11 @@ def soft_z(spacing: float, *, unlit: bool = False) -> SoftZ:
     return SoftZ.preset("auto", spacing, 1.0, unlit=unlit)
 
 
-def sight(seen: Projected, true_depth: Tensor | None, spacing: float, masks: dict[str, Tensor] | None = None, *,
-          unlit: bool = False, noise: NoiseModel | None = None) -> Sight:
-    """The sight of points ``seen``, already thinned, through the soft z-buffer.  spacing: of the thinned scan, file units."""
+def view_points(seen: Projected, true_depth: Tensor | None, spacing: float, masks: dict[str, Tensor] | None = None, *,
+                unlit: bool = False, noise: NoiseModel | None = None) -> ViewPoints:
+    """``seen``, already thinned, through the soft z-buffer.  spacing: of the thinned scan, file units."""
     raster = replace(seen, weight=None).raster(soft_z(spacing, unlit=unlit))
-    return Sight(seen, raster, true_depth, spacing, {} if masks is None else masks, unlit=unlit, noise=noise)
+    return ViewPoints(seen, raster, true_depth, spacing, {} if masks is None else masks, unlit=unlit, noise=noise)
 
 
 def thinned(seen: Projected, density: float) -> Projected:
@@ -126,30 +126,30 @@ def thinned(seen: Projected, density: float) -> Projected:
 class Method:
     """A reconstruction method.
 
-    prepare: a sight -> the input (6, H, W) of ``network``, or the picture (3, H, W) without a network.  network: (6, H, W) ->
-    (3, H, W).  mask: name of its mask, None without one.  mac: multiply-accumulate operations per pixel.  weighted: whether it
-    uses view-dependent blending.
+    prepare: view points -> the input (6, H, W) of ``network``, or the picture (3, H, W) without a network.  network: (6, H, W)
+    -> (3, H, W).  mask: name of its mask, None without one.  mac: multiply-accumulate operations per pixel.  weighted: whether
+    it uses view-dependent blending.
     """
 
     name: str
-    prepare: Callable[[Sight], Tensor]
+    prepare: Callable[[ViewPoints], Tensor]
     mask: str | None
     network: Callable[[Tensor], Tensor] | None = None
     mac: float = 0.0
     weighted: bool = False
 
-    def picture(self, sight: Sight) -> Tensor:
+    def picture(self, view_points: ViewPoints) -> Tensor:
         """(3, H, W) in 0..1."""
-        made = self.prepare(sight)
+        made = self.prepare(view_points)
         return made if self.network is None else self.network(made)
 
 
 def plain_methods() -> list[Method]:
     """Methods without a network: raw points; pull-push with each mask and equal weights; and with view-dependent blending."""
-    methods = [Method("raw", lambda sight: sight.raster.colour / 255, "no filter")]
+    methods = [Method("raw", lambda view_points: view_points.raster.colour / 255, "no filter")]
     for mask in (*PRESETS, TRUE):
-        methods.append(Method(f"pull-push, {mask}", lambda sight, mask=mask: sight.input(mask)[:3], mask))
-    return [*methods, Method(WEIGHTED, lambda sight: sight.input(OURS, weighted=True)[:3], OURS, weighted=True)]
+        methods.append(Method(f"pull-push, {mask}", lambda view_points, mask=mask: view_points.input(mask)[:3], mask))
+    return [*methods, Method(WEIGHTED, lambda view_points: view_points.input(OURS, weighted=True)[:3], OURS, weighted=True)]
 
 
 def network_method(name: str, path: Path) -> Method:
@@ -167,7 +167,7 @@ def network_method(name: str, path: Path) -> Method:
     def run(x: Tensor) -> Tensor:
         return network(x[None].contiguous(memory_format=torch.channels_last))[0, :3].clamp(0, 1)
 
-    return Method(f"network {name}", lambda sight: sight.input(mask, weighted=weighted), mask, run, mac, weighted)
+    return Method(f"network {name}", lambda view_points: view_points.input(mask, weighted=weighted), mask, run, mac, weighted)
 
 
 class Open3DMethod:
@@ -177,13 +177,13 @@ class Open3DMethod:
         self.renderer = renderer
         self.names = [f"Open3D, {size:g} px points" for size in POINT_SIZES]
 
-    def pictures(self, sight: Sight) -> dict[str, tuple[Tensor, float]]:
+    def pictures(self, view_points: ViewPoints) -> dict[str, tuple[Tensor, float]]:
         """Method name -> (picture (3, H, W) in 0..1, milliseconds).
 
         Open3D requires the principal point at the centre of the picture, so points are moved into the frame of such a camera.
         Each point is moved to the centre of its pixel, which does not change the picture for odd point sizes.
         """
-        seen, camera = sight.seen, sight.seen.camera
+        seen, camera = view_points.seen, view_points.seen.camera
         index, z = seen.index.numpy(), seen.z.numpy().astype(np.float64)
         row, column = np.divmod(index, camera.width)
         x, y = column + 0.5 - camera.width / 2, row + 0.5 - camera.height / 2
@@ -204,13 +204,13 @@ def _median_ms(work: Callable[[], object]) -> float:
     return statistics.median(spent[1:])
 
 
-def timings(methods: list[Method], view: Sight) -> dict[str, tuple[float, float | None]]:
+def timings(methods: list[Method], view: ViewPoints) -> dict[str, tuple[float, float | None]]:
     """Milliseconds of each method after warm-up, median of TIMES: (points in view to picture, network only or None).
 
     Masks come from the raster with equal weights, whose depths are the same.  Methods with view-dependent blending compute
     their own raster, which is part of their time.
     """
-    raster = _median_ms(lambda: sight(view.seen, view.true_depth, view.spacing, noise=view.noise))
+    raster = _median_ms(lambda: view_points(view.seen, view.true_depth, view.spacing, noise=view.noise))
     prepared: dict[tuple[str | None, bool], float] = {}
     result: dict[str, tuple[float, float | None]] = {}
     for method in methods:

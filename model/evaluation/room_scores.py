@@ -25,13 +25,13 @@ from model.evaluation.methods import (
     WEIGHTED,
     Method,
     Open3DMethod,
-    Sight,
+    ViewPoints,
     network_method,
     plain_methods,
-    sight,
     thinned,
     timings,
     true_visibility,
+    view_points,
 )
 from model.evaluation.metrics import WINDOW
 from model.evaluation.open3d_points import Open3DError, Open3DPoints
@@ -102,7 +102,7 @@ class Evaluation:
         assert self.solved is not None
         return dataclasses.replace(seen, rgb=matched_colours(seen.rgb, seen.station, self.solved.gains))
 
-    def _open3d(self, view: Sight, density: float) -> dict[str, Tensor]:
+    def _open3d(self, view: ViewPoints, density: float) -> dict[str, Tensor]:
         """Open3D's pictures by method; empty once it has failed, with the reason in ``absent``."""
         if self.open3d is None:
             return {}
@@ -133,7 +133,8 @@ class Evaluation:
                 for density in self.densities:
                     left, masks = thinned(seen, density), {}
                     for exposure in self.exposures:
-                        view = sight(self.exposed(left, exposure), depth, self.spacing / density**0.5, masks, noise=self.noise)
+                        spacing, shown = self.spacing / density**0.5, self.exposed(left, exposure)
+                        view = view_points(shown, depth, spacing, masks, noise=self.noise)
                         found, pictures = {}, {}
                         for name, exposed, picture, mask in self._pictures(view, shot, density, exposure):
                             kept, leaked = _mask_shares(mask, view)
@@ -159,7 +160,7 @@ class Evaluation:
                          "mac": mac.get(name), "against_filled": summary(against) if against else None})
         return rows
 
-    def _cases(self, view: Sight, truth: Truth, found: dict[str, Figures], pictures: dict[str, Tensor], shot: str,
+    def _cases(self, view: ViewPoints, truth: Truth, found: dict[str, Figures], pictures: dict[str, Tensor], shot: str,
                density: float, exposure: str) -> list[Case]:
         """Comparisons of each network's picture with the filled picture, its input.
 
@@ -180,8 +181,8 @@ class Evaluation:
                 self.worst.look(cases[-1], pictures[name], pictures[method.name], truth.rgb)
         return cases
 
-    def _pictures(self, view: Sight, shot: RoomView, density: float, exposure: str):
-        """Yields (method, exposure, picture, mask or None) of a sight; methods without exposures only for the first one."""
+    def _pictures(self, view: ViewPoints, shot: RoomView, density: float, exposure: str):
+        """Yields (method, exposure, picture, mask or None); methods without exposures only for the first one."""
         for method in self.methods:
             mask = None if method.mask is None else view.mask(method.mask)
             yield method.name, exposure, method.picture(view), mask
@@ -201,7 +202,7 @@ class Evaluation:
             depth = torch.from_numpy(shot.depth())
             pictures: dict[Key, Tensor] = {}
             for density in self.densities:
-                view = sight(thinned(seen, density), depth, self.spacing / density**0.5, noise=self.noise)
+                view = view_points(thinned(seen, density), depth, self.spacing / density**0.5, noise=self.noise)
                 pictures |= {(method.name, density): method.picture(view) for method in self.methods}
                 pictures |= {(o.name, density): o.picture(shot, density) for o in self.outside if o.path_frames}
             return pictures
@@ -218,7 +219,7 @@ def _means(values: np.ndarray) -> list[float]:
     return np.where(count > 0, np.where(known, values, 0.0).sum(0) / np.maximum(count, 1), np.nan).tolist()
 
 
-def _mask_shares(mask: Tensor | None, view: Sight) -> tuple[float, float]:
+def _mask_shares(mask: Tensor | None, view: ViewPoints) -> tuple[float, float]:
     """Share of the visible pixels that a mask keeps, and share of hidden pixels among those kept; NaN without a mask."""
     if mask is None:
         return float("nan"), float("nan")

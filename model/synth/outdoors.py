@@ -159,7 +159,7 @@ def _van(b: Builder, rng: np.random.Generator, x: float, y: float) -> None:
             b.rod((x + dx * long, y + dy - 0.1, 0.33), (x + dx * long, y + dy + 0.1, 0.33), 0.33, dark)
 
 
-def thing(seed: int) -> OpenPlace:
+def single_object(seed: int) -> OpenPlace:
     """One object up to two metres in size, without ground or surroundings: furniture, a plant, pipework, or a heap of
     solids."""
     rng = np.random.default_rng([37, seed])

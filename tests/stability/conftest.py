@@ -14,13 +14,13 @@ def all_on_one_thread(one_thread):
 
 
 @pytest.fixture
-def stand(context):
+def renderers(context):
     """Draws stress scenes; no OpenGL error before or after."""
-    from viewer.bench.stability.frame_claims import Stand
+    from viewer.bench.stability.frame_claims import Renderers
 
     context.__enter__()  # another test may have left its own context current
     assert context.error == "GL_NO_ERROR"
-    yield Stand(context)
+    yield Renderers(context)
     assert context.error == "GL_NO_ERROR"
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.bench.stability.frame_claims import Stand, arrays_of, place_at
+from viewer.bench.stability.frame_claims import Renderers, arrays_of, place_at
 from viewer.bench.stability.scenes import axis_camera, placed, view_inside
 from viewer.bench.stability.station_claims import lit, scene_of, standing
 from viewer.grid.open_scene import scene_from_arrays
@@ -28,7 +28,7 @@ SETTINGS = {
 WEIGHED = {"weighed by scanners": Settings()}
 
 
-def hashes_of(stand: Stand) -> dict[str, str]:
+def hashes_of(renderers: Renderers) -> dict[str, str]:
     """Name of the picture -> 16 hex digits of the SHA-256 of its bytes."""
     made = {}
     for seed, scale, away in PLACES:
@@ -38,7 +38,7 @@ def hashes_of(stand: Stand) -> dict[str, str]:
         cameras = {"turned": placed(view_inside(seed, (97, 61), 60.0), scale, origin),
                    "along y": placed(axis_camera((64, 48), (4.0, 0.5, 2.0)), scale, origin)}
         for scene, ways in ((scene_from_arrays(xyz, rgb), SETTINGS), (weighed, WEIGHED)):
-            with stand.renderer(scene) as renderer:
+            with renderers.renderer(scene) as renderer:
                 for where, camera in cameras.items():
                     for how, settings in ways.items():
                         pictures = arrays_of(renderer, camera, settings)
@@ -52,7 +52,7 @@ def main() -> int:
     from viewer.render.context import create_context, describe_device
 
     context = create_context()
-    name, made = describe_device(context).renderer, hashes_of(Stand(context))
+    name, made = describe_device(context).renderer, hashes_of(Renderers(context))
     context.release()
     known = json.loads(FILE.read_text()) if FILE.is_file() else {}
     before = known.get(name, {})

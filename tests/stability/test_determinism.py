@@ -13,35 +13,35 @@ from viewer.settings import Settings
 pytestmark = pytest.mark.gl
 
 
-def test_the_same_frame_again_is_byte_identical(stand, seed, claims):
+def test_the_same_frame_again_is_byte_identical(renderers, seed, claims):
     other = create_context()
-    stand.context.__enter__()
+    renderers.context.__enter__()
     try:
-        claims(point_claims.repeats(stand, other, seed, (96, 72)))
+        claims(point_claims.repeats(renderers, other, seed, (96, 72)))
     finally:
         other.__enter__()
         other.release()
-        stand.context.__enter__()
+        renderers.context.__enter__()
 
 
-def test_the_reference_pictures_are_as_they_were(stand):
+def test_the_reference_pictures_are_as_they_were(renderers):
     known = json.loads(FILE.read_text())
-    name = describe_device(stand.context).renderer
+    name = describe_device(renderers.context).renderer
     if name not in known:
         pytest.skip(f"no hashes for {name!r}; listed are {', '.join(known)}")
-    made = hashes_of(stand)
+    made = hashes_of(renderers)
     changed = [key for key in made if made[key] != known[name].get(key)]
     assert made.keys() == known[name].keys() and not changed, (
         f"{len(changed)} of {len(made)} reference pictures changed, the first is {changed[:1]}; where that is meant, renew "
         "them with `python tests/stability/hashes.py`")
 
 
-def test_a_changed_picture_changes_its_hash(stand, monkeypatch):
+def test_a_changed_picture_changes_its_hash(renderers, monkeypatch):
     monkeypatch.setattr(hashes, "PLACES", hashes.PLACES[:1])
     both = []
     for settings in (Settings(), Settings(filter="off")):
         monkeypatch.setattr(hashes, "SETTINGS", {"the same name": settings})
         monkeypatch.setattr(hashes, "WEIGHED", {"weighed": settings})
-        both.append(hashes_of(stand))
+        both.append(hashes_of(renderers))
     first, second = both
     assert first.keys() == second.keys() and not set(first.values()) & set(second.values())

@@ -12,32 +12,32 @@ pytestmark = pytest.mark.gl
 
 
 @pytest.mark.parametrize("colour", [None, 0, 255])
-def test_a_million_points_in_one_pixel_keep_their_mean(stand, seed, claims, colour):
-    claims(point_claims.crowd(stand, seed, 1_000_000, colour))
+def test_a_million_points_in_one_pixel_keep_their_mean(renderers, seed, claims, colour):
+    claims(point_claims.crowded_pixel(renderers, seed, 1_000_000, colour))
 
 
 @pytest.mark.parametrize("count, colour", [(2_000_000, 255), (4_000_000, None)])
-def test_sums_beyond_32_bits_are_carried(stand, seed, claims, count, colour):
-    claims(point_claims.crowd(stand, seed, count, colour))
+def test_sums_beyond_32_bits_are_carried(renderers, seed, claims, count, colour):
+    claims(point_claims.crowded_pixel(renderers, seed, count, colour))
 
 
-def test_one_point_in_a_million_pixels(stand, seed, claims):
-    claims(point_claims.lonely(stand, seed))
+def test_one_point_in_a_million_pixels(renderers, seed, claims):
+    claims(point_claims.isolated_points(renderers, seed))
 
 
-def test_points_that_are_there_a_thousand_times(stand, seed, claims):
-    claims(point_claims.doubles(stand, seed))
+def test_points_that_are_there_a_thousand_times(renderers, seed, claims):
+    claims(point_claims.doubles(renderers, seed))
 
 
-def test_coordinates_that_are_no_numbers_change_no_byte(stand, seed, claims):
-    claims(point_claims.no_numbers(stand, seed, (160, 120)))
+def test_coordinates_that_are_no_numbers_change_no_byte(renderers, seed, claims):
+    claims(point_claims.no_numbers(renderers, seed, (160, 120)))
 
 
-def test_each_of_the_256_levels_comes_out_as_it_went_in(stand, seed, claims):
-    claims(point_claims.levels(stand, seed))
+def test_each_of_the_256_levels_comes_out_as_it_went_in(renderers, seed, claims):
+    claims(point_claims.levels(renderers, seed))
 
 
-def test_a_file_with_no_numbers_in_it_shows_the_rest(stand, seed, tmp_path):
+def test_a_file_with_no_numbers_in_it_shows_the_rest(renderers, seed, tmp_path):
     """A binary PLY with NaN and infinity among its floats, against the same points from memory."""
     rng = np.random.default_rng(seed)
     xyz, rgb = walls(seed, 6_000)
@@ -55,11 +55,11 @@ def test_a_file_with_no_numbers_in_it_shows_the_rest(stand, seed, tmp_path):
     good = np.setdiff1d(np.arange(len(xyz)), bad)
     memory = scene_from_arrays(record["xyz"][good].astype(np.float64), rgb[good])
     camera = axis_camera((90, 60), (4.0, 0.5, 2.0))
-    assert np.array_equal(stand.depth(scene, camera), stand.depth(memory, camera))
+    assert np.array_equal(renderers.depth(scene, camera), renderers.depth(memory, camera))
 
 
-def test_an_empty_picture_is_empty_in_every_view(stand, seed):
+def test_an_empty_picture_is_empty_in_every_view(renderers, seed):
     scene = scene_from_arrays(*walls(seed, 5_000))
-    made = stand.pictures(scene, axis_camera((33, 21), (4.0, 1e6, 2.0)), Settings())  # the room is behind the camera
+    made = renderers.pictures(scene, axis_camera((33, 21), (4.0, 1e6, 2.0)), Settings())  # the room is behind the camera
     assert not np.isfinite(made["depth"]).any() and not made["mask"].any()
     assert not made["raw"].any() and not made["filtered"].any() and not made["filled"].any()

@@ -14,15 +14,15 @@ SIZE = (160, 120)
 
 
 @pytest.mark.parametrize("origin", [0.0, 1e3, 1e5, 1e7])
-def test_no_scale_and_no_origin_changes_the_picture(stand, seed, claims, origin):
-    rows, points = frame_claims.curves(stand, seed, SIZE, scales=(1e-3, 1e-2, 1.0, 30.0, 1e3, 1e6), origins=(origin,))
+def test_no_scale_and_no_origin_changes_the_picture(renderers, seed, claims, origin):
+    rows, points = frame_claims.curves(renderers, seed, SIZE, scales=(1e-3, 1e-2, 1.0, 30.0, 1e3, 1e6), origins=(origin,))
     claims(rows)
     assert len(points) == 6 and not any("refused" in point for point in points)
 
 
-def test_a_billion_away_is_right_or_refused_in_one_line(stand, seed, claims):
+def test_a_billion_away_is_right_or_refused_in_one_line(renderers, seed, claims):
     """Float64 holds 1e9 to 1e-7: at scale 1e-3 points 1e-4 apart are still right, at 1e-6 they cannot be."""
-    rows, points = frame_claims.curves(stand, seed, SIZE, scales=(1e-6, 1e-3, 1.0, 1e6), origins=(1e9,))
+    rows, points = frame_claims.curves(renderers, seed, SIZE, scales=(1e-6, 1e-3, 1.0, 1e6), origins=(1e9,))
     claims(rows)
     refused = {point["scale"]: point["refused"] for point in points if "refused" in point}
     assert 1e-6 in refused and 1.0 not in refused
@@ -31,12 +31,12 @@ def test_a_billion_away_is_right_or_refused_in_one_line(stand, seed, claims):
 
 
 @pytest.mark.parametrize("refusing", [True, False])
-def test_refusing_every_scale_or_none_breaks_the_claim(stand, seed, monkeypatch, refusing):
+def test_refusing_every_scale_or_none_breaks_the_claim(renderers, seed, monkeypatch, refusing):
     if refusing:
         monkeypatch.setattr(frame_claims, "agree_at", lambda *_: "cannot hold a point spacing")
     else:
         monkeypatch.setattr(frame_claims, "_is_refused", lambda *_: False)
-    rows, _ = frame_claims.curves(stand, seed, SIZE, scales=(1.0,), origins=(1e9,))
+    rows, _ = frame_claims.curves(renderers, seed, SIZE, scales=(1.0,), origins=(1e9,))
     (claim,) = (row for row in rows if "refused" in row["name"])
     assert claim["value"] == 1 and not claim["ok"]
 
@@ -48,21 +48,21 @@ def test_coordinates_too_large_for_float64_are_refused_naming_value_and_remedy(s
     assert "\n" not in str(caught.value)
 
 
-def test_powers_of_two_and_shifts_by_whole_cells_change_no_byte(stand, seed, claims):
+def test_powers_of_two_and_shifts_by_whole_cells_change_no_byte(renderers, seed, claims):
     rng = np.random.default_rng(seed)
     exponents, shifts = rng.integers(-30, 40, 3).tolist(), [4, int(rng.integers(8, 24)), 30]
-    claims(frame_claims.exactness(stand, seed, SIZE, exponents, shifts))
+    claims(frame_claims.exactness(renderers, seed, SIZE, exponents, shifts))
 
 
-def test_one_centimetre_to_a_hundred_kilometres_in_one_frame(stand, seed, claims):
-    claims(frame_claims.wide_range(stand, seed))
+def test_one_centimetre_to_a_hundred_kilometres_in_one_frame(renderers, seed, claims):
+    claims(frame_claims.wide_range(renderers, seed))
 
 
-def test_the_judge_of_depths_sees_a_point_moved_a_little_and_one_left_out(stand, seed):
+def test_the_judge_of_depths_sees_a_point_moved_a_little_and_one_left_out(renderers, seed):
     """What the other tests rely on: `depth_faults` finds nothing in a right picture, and much in wrong ones."""
     xyz, rgb, camera = panels(seed, (320, 240))
     scene = scene_from_arrays(xyz, rgb)
-    depth = stand.depth(scene, camera)
+    depth = renderers.depth(scene, camera)
     held = np.isfinite(depth).sum()
     assert depth_faults(depth, xyz, camera, scene) == 0
     assert depth_faults(np.where(depth < np.inf, depth * 1.001, depth), xyz, camera, scene) > 0.7 * held

@@ -16,7 +16,7 @@ from model.data.projected import Projected, project_scan
 from model.data.stations import load_scene, scan_stations
 from model.depth_filter import keep_mask
 from model.evaluation import evaluate, format_table, save
-from model.evaluation.methods import WEIGHTED, sight, thinned
+from model.evaluation.methods import WEIGHTED, thinned, view_points
 from model.evaluation.open3d_points import Open3DError, Open3DPoints
 from model.evaluation.report import plot
 from model.unet import PaperUNet, mac_per_pixel
@@ -66,7 +66,8 @@ def test_invented_pixels_are_those_outside_our_filter(room, result):
     for number, shot in enumerate((scene.views[0], scene.views[3])):
         left = thinned(project_scan(scan, shot, seed=11 + number), 0.3)
         spacing = scene_module.scan_spacing(scan) / 0.3**0.5
-        share.append(float((~keep_mask(sight(left, torch.from_numpy(shot.depth()), spacing).raster.depth)).double().mean()))
+        seen = view_points(left, torch.from_numpy(shot.depth()), spacing)
+        share.append(float((~keep_mask(seen.raster.depth)).double().mean()))
     row = next(r for r in result["rows"] if r["density"] == 0.3)
     assert row["invented"] == pytest.approx(np.mean(share)) and row["invented"] > 0.05
 
@@ -85,7 +86,7 @@ def test_every_methods_time_holds_one_rasteriser(room, monkeypatch, placed):
     scene = load_scene(room)
     scan = scan_stations(scene, 11)
     seen = project_scan(scan if placed else replace(scan, places=None), scene.views[0])
-    view, rasters, raster = sight(seen, torch.from_numpy(scene.views[0].depth()), 0.05), [], Projected.raster
+    view, rasters, raster = view_points(seen, torch.from_numpy(scene.views[0].depth()), 0.05), [], Projected.raster
     monkeypatch.setattr(Projected, "raster", lambda self, soft: (rasters.append(self), raster(self, soft))[1])
 
     def counted(work):

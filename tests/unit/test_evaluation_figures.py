@@ -93,9 +93,9 @@ def test_points_are_visible_or_hidden_by_what_is_true_around_them(seed):
 
 @pytest.mark.parametrize("density", [1.0, 0.25])
 def test_fewer_points_are_judged_with_their_own_spacing(room, monkeypatch, density):
-    given, sight = [], scene_module.sight
-    monkeypatch.setattr(scene_module, "sight", lambda seen, depth, spacing, *masks, **more: (
-        given.append(spacing), sight(seen, depth, spacing, *masks, **more))[1])
+    given, view_points = [], scene_module.view_points
+    monkeypatch.setattr(scene_module, "view_points", lambda seen, depth, spacing, *masks, **more: (
+        given.append(spacing), view_points(seen, depth, spacing, *masks, **more))[1])
     scene_module.evaluate(room, densities=(density,), views=1, open3d=False)
     spacing = scene_module.scan_spacing(scan_stations(load_scene(room), 11)) / density**0.5
     assert len(given) == 1 + 4 and given == pytest.approx([spacing] * 5), "a view and the frames of the path"

@@ -19,7 +19,7 @@ from viewer.window.interaction.film_tool import Film
 from viewer.window.interaction.section_tool import SectionTool
 from viewer.window.interaction.timeline import column, nearest_marker, seconds_at
 from viewer.window.interaction.tool import KeyEvent, Modifiers, ToolContext
-from viewer.window.navigation import looking
+from viewer.window.navigation import view_along
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def context(tmp_path):
 
 def stand(context, place, ahead):
     flight = context.session.flight
-    flight.go(looking(place, ahead, flight.state.speed))
+    flight.go(view_along(place, ahead, flight.state.speed))
 
 
 def with_path(context, film, count=3, seed=2):

@@ -129,9 +129,9 @@ def test_the_high_pass_subtracts_a_gaussian_mean_of_the_points():
 def test_pictures_are_made_without_the_withheld_points():
     scan, shown = wall(60_000, 0.02), []
 
-    def look(sight):
-        shown.append(sight.seen)
-        return sight.raster.colour / 255
+    def look(view_points):
+        shown.append(view_points.seen)
+        return view_points.raster.colour / 255
 
     work = Withheld(scan, SPACING, [Method("look", look, None)], (1.0, 0.2))
     wanted, _ = work.judge(Viewpoint("wall", camera()))
@@ -147,9 +147,9 @@ def test_a_withheld_station_is_evaluated_at_its_points_only():
     scan = Scan(scan.xyz, scan.rgb, station, np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]))
     shown = []
 
-    def look(sight):
-        shown.append(sight.seen)
-        return sight.raster.colour / 255
+    def look(view_points):
+        shown.append(view_points.seen)
+        return view_points.raster.colour / 255
 
     work = Withheld(scan, SPACING, [Method("look", look, None)], (1.0,))
     wanted, _ = work.judge(Viewpoint("station-2", camera(), station=1))

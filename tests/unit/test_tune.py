@@ -193,8 +193,9 @@ def _noisy(points, path, sigma=12.0):
 
 def test_pairs_are_known_where_withheld_points_are_and_made_without_them(points, tmp_path, small, monkeypatch):
     material, shown = withheld.withheld_points(_noisy(points, tmp_path / "a.ply"), 1), []
-    sight = withheld.sight
-    monkeypatch.setattr(withheld, "sight", lambda seen, *given, **more: (shown.append(seen), sight(seen, *given, **more))[1])
+    view_points = withheld.view_points
+    monkeypatch.setattr(withheld, "view_points",
+                        lambda seen, *given, **more: (shown.append(seen), view_points(seen, *given, **more))[1])
     assert material.learned == 5 and material.held == 1
     (tmp_path / "work").mkdir()
     ((folder, views),) = material.pairs(tmp_path / "work", "a", 1)
@@ -208,7 +209,7 @@ def test_pairs_are_known_where_withheld_points_are_and_made_without_them(points,
     apart = inputs[:, :3].astype(float).transpose(0, 2, 3, 1)[both] - truth[:, :3].transpose(0, 2, 3, 1)[both] / 255
     assert 0.03 < np.sqrt(np.mean(apart**2)) < 0.2  # true colours of the place, but for noise of both
     shown.clear()
-    judged = material.judged()
+    judged = material.held_out_pictures()
     assert len(judged) == len(DENSITIES) and all(not material.apart[seen.point.numpy()].any() for seen in shown)
 
 

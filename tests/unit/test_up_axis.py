@@ -9,7 +9,7 @@ from viewer.grid.scene import unpack
 from viewer.tools.document import UP_AXES
 from viewer.tools.up_axis import Z_UP, turned, upright_axes
 from viewer.window.flight import Flight
-from viewer.window.navigation import Motion, looking, step
+from viewer.window.navigation import Motion, step, view_along
 from viewer.window.start_viewpoint import brightening, darkness, lying, start_state, survey
 
 
@@ -69,7 +69,7 @@ def test_a_visit_to_a_turned_room_is_the_turned_visit(name):
     assert (inside[:2] > 0.3).all() and (inside[:2] < [7.7, 5.7]).all() and 1.2 < inside[2] < 2.0
     assert abs(state.right @ np.array(UP_AXES[name])) < 1e-12 and abs(state.forward @ np.array(UP_AXES[name])) < 0.2
     for motion in (Motion(forward=1, right=-1), Motion(up=1, look=(40.0, -12.0))):
-        flat = step(looking(inside, axes.T @ state.forward, state.speed), motion, 0.4)
+        flat = step(view_along(inside, axes.T @ state.forward, state.speed), motion, 0.4)
         assert np.allclose(axes @ flat.position, step(state, motion, 0.4).position, atol=1e-9)
     flight = Flight(lambda: 0.0)
     flight.begin(state, seen)

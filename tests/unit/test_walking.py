@@ -10,7 +10,7 @@ from viewer.tools.clip import box_around
 from viewer.tools.exporting.selection import Selection
 from viewer.tools.up_axis import upright_axes
 from viewer.tools.walk_map import BODY, build_walk_map
-from viewer.window.navigation import FlyState, Motion, looking
+from viewer.window.navigation import FlyState, Motion, view_along
 from viewer.window.walking import EYE_HEIGHT, PACE, stand, walk
 
 RISER, TREAD, STEPS = 0.18, 0.28, 5
@@ -67,7 +67,7 @@ def walk_map(world):
 
 def go(walk_map, start, heading, seconds=3.0, feet=FLOOR, fps=30):
     """The states of a walk from ``start`` (2,) along ``heading`` (2,), and its last height of the feet; ends where it ends."""
-    state = looking((*start, feet + EYE_HEIGHT), (*heading, -0.3), PACE)
+    state = view_along((*start, feet + EYE_HEIGHT), (*heading, -0.3), PACE)
     walker = stand(walk_map, state)
     assert walker is not None
     states = [state]
@@ -142,9 +142,9 @@ def test_a_gap_under_the_tripod_is_walked_over(walk_map):
 def test_a_walk_ends_where_there_is_no_floor(walk_map):
     states, feet = go(walk_map, (6.0, 3.0), (1.0, 0.0), 8.0)
     assert feet is None and 8.0 < states[-1].position[0] < 9.0, "through the doorway, where nothing was measured"
-    assert stand(walk_map, looking((12.0, 3.0, 1.5), (1.0, 0.0, 0.0), 1.0)) is None
-    assert stand(walk_map, looking((4.0, 3.0, 20.0), (1.0, 0.0, 0.0), 1.0)) is None, "too high above the floor"
-    assert stand(walk_map, looking((4.0, 3.0, 2.8), (1.0, 0.0, 0.0), 1.0)).feet == pytest.approx(FLOOR, abs=0.02)
+    assert stand(walk_map, view_along((12.0, 3.0, 1.5), (1.0, 0.0, 0.0), 1.0)) is None
+    assert stand(walk_map, view_along((4.0, 3.0, 20.0), (1.0, 0.0, 0.0), 1.0)) is None, "too high above the floor"
+    assert stand(walk_map, view_along((4.0, 3.0, 2.8), (1.0, 0.0, 0.0), 1.0)).feet == pytest.approx(FLOOR, abs=0.02)
 
 
 def test_a_long_stride_does_not_jump_through_a_wall(walk_map):

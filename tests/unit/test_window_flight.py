@@ -7,7 +7,7 @@ from window_session import room
 from viewer.camera import look_at
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.window.framing import overview
-from viewer.window.navigation import FlyState, Motion, changed_speed, looking, step
+from viewer.window.navigation import FlyState, Motion, changed_speed, step, view_along
 from viewer.window.start_viewpoint import start_camera, survey
 
 
@@ -34,7 +34,7 @@ def test_pitch_stops_short_of_the_zenith_and_the_camera_stays_level():
 
 def test_looking_agrees_with_look_at():
     direction = np.array([1.0, -2.0, 0.5])
-    assert np.allclose(looking([1, 2, 3], direction, 1.0).camera_to_world, look_at([1, 2, 3], direction + [1, 2, 3]))
+    assert np.allclose(view_along([1, 2, 3], direction, 1.0).camera_to_world, look_at([1, 2, 3], direction + [1, 2, 3]))
 
 
 def test_released_keys_come_to_rest():

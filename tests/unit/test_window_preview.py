@@ -10,7 +10,7 @@ from window_session import room, session
 
 from viewer.progress import progress
 from viewer.window.loading import Loaded
-from viewer.window.navigation import looking
+from viewer.window.navigation import view_along
 from viewer.window.start_viewpoint import start_state, survey
 
 
@@ -46,7 +46,7 @@ def test_who_has_not_moved_flies_from_a_poor_viewpoint_of_the_preview_to_a_good_
     assert made.scene is not None
     complete = room()
     good = start_state(complete, survey(complete), 1.6)
-    poor = looking(np.array([7.4, 3.0, 1.6]), np.array([1.0, 0.0, 0.0]), 1.0, np.eye(3))  # close to a wall, facing it
+    poor = view_along(np.array([7.4, 3.0, 1.6]), np.array([1.0, 0.0, 0.0]), 1.0, np.eye(3))  # close to a wall, facing it
     made.accept(Loaded(room(points=500), survey(complete), (Path("a.laz"),), preview=True))
     made.flight.begin(poor, survey(complete))
     if moved:

@@ -80,7 +80,7 @@ def test_a_network_is_counted_against_what_goes_into_it(room, monkeypatch):
     from model.evaluation.methods import OURS, Method
 
     def method(gain):
-        return lambda name, _path: Method(f"network {name}", lambda sight: sight.input(OURS, weighted=True), OURS,
+        return lambda name, _path: Method(f"network {name}", lambda view_points: view_points.input(OURS, weighted=True), OURS,
                                           lambda x: x[:3] * gain, 0.0, True)
 
     rows = {}

@@ -110,12 +110,12 @@ def check_text_typed_into_a_slider_that_is_no_number_changes_nothing(d: Driver) 
 
 
 def check_nothing_in_sight_says_how_to_get_back(d: Driver) -> None:
-    from viewer.window.navigation import looking
+    from viewer.window.navigation import view_along
 
     d.rest()
     assert not d.session.lost
     start = d.session.flight.state
-    d.session.flight.go(looking((-60.0, 3.0, 1.0), (-1.0, 0.0, 0.0), start.speed))
+    d.session.flight.go(view_along((-60.0, 3.0, 1.0), (-1.0, 0.0, 0.0), start.speed))
     d.session.picture.renew()
     d.rest()
     assert d.session.lost

@@ -92,10 +92,10 @@ def _rest(app: "App") -> None:
 
 
 def _go(app: "App", camera: "Camera", *, moving: bool) -> None:
-    from viewer.window.navigation import looking
+    from viewer.window.navigation import view_along
 
     flight = app.session.flight
-    state = looking(camera.position, camera.forward, flight.state.speed, flight.state.upright)
+    state = view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright)
     if moving:
         flight.carry(state)
         app.session.picture.dirty = True

@@ -15,7 +15,7 @@ from viewer.tools.up_axis import turned, upright_axes
 from viewer.window.framing import overview
 from viewer.window.gamepad import STILL
 from viewer.window.glide import Glide
-from viewer.window.navigation import LOOK, FlyState, Motion, changed_speed, looking, step
+from viewer.window.navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
 from viewer.window.start_viewpoint import FIELD_OF_VIEW, Survey
 from viewer.window.walking import Walker
 
@@ -193,7 +193,7 @@ class Flight:
 
     def go(self, state: FlyState) -> None:
         """Puts the camera somewhere else at once, keeping the flying speed."""
-        self.state = looking(state.position, state.forward, self.state.speed, self.state.upright)
+        self.state = view_along(state.position, state.forward, self.state.speed, self.state.upright)
         self._glide = self.walker = None
         self._moved = self._clock() - REST
 
@@ -205,7 +205,7 @@ class Flight:
         """Levels the camera to another direction that is up, (3,); it looks the same way.  Returns whether that is another."""
         if np.allclose(self.state.upright[:, 2], up):
             return False
-        self.state = looking(self.state.position, self.state.forward, self.state.speed, upright_axes(up))
+        self.state = view_along(self.state.position, self.state.forward, self.state.speed, upright_axes(up))
         self._glide = self.walker = None
         self._moved = self._clock() - REST
         return True
@@ -222,7 +222,7 @@ class Flight:
             upright = self.state.upright
             seen, ahead = turned(self._seen, upright), upright.T @ self.state.forward
             place = upright @ overview(seen, aspect, ahead, self.state.speed).position
-            self.go(looking(place, self.state.forward, self.state.speed, upright))
+            self.go(view_along(place, self.state.forward, self.state.speed, upright))
 
     def let_go(self) -> None:
         """Forgets every key and button held."""

@@ -7,7 +7,7 @@ units.  Works on a uniform subsample of the points.
 import numpy as np
 
 from viewer.tools.standing_place import FIELD_OF_VIEW, Sampled, overview_position
-from viewer.window.navigation import FlyState, looking
+from viewer.window.navigation import FlyState, view_along
 
 _OUTSIDE = 16  # azimuths from which a scan is looked at from outside
 _PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55,)}  # radians: objects from just above, terrain from above at an angle
@@ -18,7 +18,7 @@ _FEW = 8_000  # points that decide on a view from outside
 
 def overview(seen: Sampled, aspect: float, direction: np.ndarray, speed: float) -> FlyState:
     """Looking along ``direction`` (3,) from as far as it takes to see everything.  aspect: width over height."""
-    return looking(overview_position(seen, aspect, direction), direction, speed)
+    return view_along(overview_position(seen, aspect, direction), direction, speed)
 
 
 def inner_points(seen: Sampled) -> np.ndarray:
@@ -32,7 +32,7 @@ def framed(seen: Sampled, aspect: float, direction: np.ndarray, speed: float, po
 
     points: :func:`inner_points`, where they are known.
     """
-    facing = looking(np.zeros(3), direction, speed)
+    facing = view_along(np.zeros(3), direction, speed)
     points = inner_points(seen) if points is None else points
     if len(points) < 8:
         return overview(seen, aspect, direction, speed)
@@ -52,7 +52,7 @@ def framed(seen: Sampled, aspect: float, direction: np.ndarray, speed: float, po
     distance = max((np.abs(right - x) / (tall * aspect) + back).max(), (np.abs(up - y) / tall + back).max())
     distance = max(float(distance), float(back.max()) + 20 * seen.spacing)
     eye = (seen.low + seen.high) / 2 + axes @ np.array([x, y, distance])
-    return looking(eye, direction, speed)
+    return view_along(eye, direction, speed)
 
 
 def from_outside(seen: Sampled, aspect: float, speed: float) -> FlyState:

@@ -79,7 +79,7 @@ class FlyState:
         return matrix
 
 
-def looking(position, direction, speed: float, upright: np.ndarray | None = None) -> FlyState:
+def view_along(position, direction, speed: float, upright: np.ndarray | None = None) -> FlyState:
     """At rest at ``position`` (3,), looking along ``direction`` (3,), not zero; both in file coordinates."""
     upright = np.eye(3) if upright is None else upright
     x, y, z = upright.T @ (np.asarray(direction, np.float64) / np.linalg.norm(direction))

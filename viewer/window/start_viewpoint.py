@@ -15,7 +15,7 @@ from viewer.camera import Camera, from_fov
 from viewer.tools.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
 from viewer.tools.up_axis import Z_UP, turned, up_axis_offer, upright_axes
 from viewer.window.framing import from_outside
-from viewer.window.navigation import FlyState, looking
+from viewer.window.navigation import FlyState, view_along
 from viewer.window.notices import ScanNotice
 
 if TYPE_CHECKING:
@@ -78,9 +78,9 @@ def start_state(scene: "Scene", seen: Survey, aspect: float, up: Sequence[float]
     view = standing_view(scene, seen, upright)
     if view is not None:
         walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
-        return looking(*view, walking, upright)
+        return view_along(*view, walking, upright)
     state = from_outside(turned(seen, upright), aspect, seen.speed)
-    return looking(upright @ state.position, upright @ state.forward, state.speed, upright)
+    return view_along(upright @ state.position, upright @ state.forward, state.speed, upright)
 
 
 def start_camera(scene: "Scene", width: int, height: int) -> Camera:

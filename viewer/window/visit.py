@@ -12,7 +12,7 @@ from viewer.tools.standing_place import standing_view, viewpoint_worth
 from viewer.tools.up_axis import turned, upright_axes
 from viewer.window.flight import Flight
 from viewer.window.loading import Loaded, scan_notices
-from viewer.window.navigation import FlyState, looking
+from viewer.window.navigation import FlyState, view_along
 from viewer.window.notices import ScanNotice
 from viewer.window.start_viewpoint import Survey, brightening, darkness, lying, start_state
 
@@ -123,4 +123,4 @@ class Visit:
 
 def _at(camera: Camera, state: FlyState) -> FlyState:
     """Where ``camera`` is and looks, at the speed and with the up axis of ``state``."""
-    return looking(camera.position, camera.view_rotation[2], state.speed, state.upright)
+    return view_along(camera.position, camera.view_rotation[2], state.speed, state.upright)

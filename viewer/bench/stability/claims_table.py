@@ -24,7 +24,7 @@ _LARGEST_NEEDS = 10 << 30
 """Memory for a picture of that size, bytes: colour and depth, their copies when read back, and a factor of two."""
 
 
-def largest_picture(stand: frame_claims.Stand, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
+def largest_picture(renderers: frame_claims.Renderers, seed: int, size: tuple[int, int] = LARGEST) -> list[dict]:
     """The raw view at the largest size; a row with ``skipped``, the reason, if there is too little memory."""
     name = f"pixels wrong at {size[0]}x{size[1]}, raw"
     free = available_memory() or 0
@@ -35,7 +35,7 @@ def largest_picture(stand: frame_claims.Stand, seed: int, size: tuple[int, int] 
     xyz = rng.uniform(-1, 1, (200_000, 3)) + [0, 2, 0]
     scene = scene_from_arrays(xyz, np.full(xyz.shape, 255, np.uint8))
     camera = axis_camera(size)
-    return [frame_claims.row(name, depth_faults(stand.depth(scene, camera), xyz, camera, scene), 0)]
+    return [frame_claims.row(name, depth_faults(renderers.depth(scene, camera), xyz, camera, scene), 0)]
 
 
 def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path | None = None) -> dict:
@@ -47,13 +47,13 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
     from viewer.render.context import create_context, describe_device
 
     context, other = create_context(), create_context()
-    stand = frame_claims.Stand(context)
+    renderers = frame_claims.Renderers(context)
     rows: list[dict] = []
     curves: list[dict] = []
     table: list[dict] = []
 
     def along_curves() -> list[dict]:
-        found, made = frame_claims.curves(stand, seed, size)
+        found, made = frame_claims.curves(renderers, seed, size)
         curves.extend(made)
         return found
 
@@ -68,24 +68,24 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     sections: dict[str, Callable[[], list[dict]]] = {
         "scale and origin": along_curves,
-        "exact": lambda: frame_claims.exactness(stand, seed, size),
-        "range": lambda: frame_claims.wide_range(stand, seed, size),
-        "lens": lambda: frame_claims.lenses(stand, seed, size) + frame_claims.rolled(stand, seed),
-        "cell faces": lambda: frame_claims.cell_faces(stand, seed, size),
-        "camera plane": lambda: frame_claims.camera_plane(stand, seed),
-        "size": lambda: frame_claims.sizes(stand, seed) + largest_picture(stand, seed),
+        "exact": lambda: frame_claims.exactness(renderers, seed, size),
+        "range": lambda: frame_claims.wide_range(renderers, seed, size),
+        "lens": lambda: frame_claims.lenses(renderers, seed, size) + frame_claims.rolled(renderers, seed),
+        "cell faces": lambda: frame_claims.cell_faces(renderers, seed, size),
+        "camera plane": lambda: frame_claims.camera_plane(renderers, seed),
+        "size": lambda: frame_claims.sizes(renderers, seed) + largest_picture(renderers, seed),
         "points": lambda: [
-            *point_claims.crowd(stand, seed), *point_claims.crowd(stand, seed, 2_000_000, 255),
-            *point_claims.lonely(stand, seed), *point_claims.doubles(stand, seed),
-            *point_claims.no_numbers(stand, seed, size), *point_claims.levels(stand, seed),
+            *point_claims.crowded_pixel(renderers, seed), *point_claims.crowded_pixel(renderers, seed, 2_000_000, 255),
+            *point_claims.isolated_points(renderers, seed), *point_claims.doubles(renderers, seed),
+            *point_claims.no_numbers(renderers, seed, size), *point_claims.levels(renderers, seed),
         ],
         "scanners": lambda: [
-            *station_claims.anywhere(stand, seed, size, frame_claims.SCALES, frame_claims.ORIGINS),
-            *station_claims.exactness(stand, seed, size), *station_claims.hard_places(stand, seed, size),
-            *station_claims.heavy(stand, seed),
+            *station_claims.anywhere(renderers, seed, size, frame_claims.SCALES, frame_claims.ORIGINS),
+            *station_claims.exactness(renderers, seed, size), *station_claims.hard_places(renderers, seed, size),
+            *station_claims.heavy(renderers, seed),
         ],
         "network": networks,
-        "the same again": lambda: point_claims.repeats(stand, other, seed, size),
+        "the same again": lambda: point_claims.repeats(renderers, other, seed, size),
     }
     try:
         context.__enter__()  # the other context, created last, is current

@@ -1,7 +1,7 @@
 """Measurements of frames at extreme scales, origins, lenses, sizes and camera positions, each with a limit.
 
-Each function takes a :class:`Stand` and a seed and returns rows (see ``row``).  The tests assert them; the bench prints them.
-The limit of a row is a claim about the renderer.
+Each function takes a :class:`Renderers` and a seed and returns rows (see ``row``).  The tests assert them; the bench prints
+them.  The limit of a row is a claim about the renderer.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -54,7 +54,7 @@ def row(name: str, value: float, limit: float, *, least: bool = False, **more: o
     return {"name": name, "value": float(value), "limit": float(limit), "least": least, "ok": ok, **more}
 
 
-class Stand:
+class Renderers:
     """Renders scenes in one OpenGL context."""
 
     def __init__(self, context: "moderngl.Context"):
@@ -101,7 +101,7 @@ def place_at(seed: int, scale: float, away: float) -> tuple[np.ndarray, np.ndarr
     return place * scale + origin, rgb, origin
 
 
-def agree_at(stand: Stand, seed: int, scale: float, away: float, size=(160, 120), views: int = 4) -> Agreement | str:
+def agree_at(renderers: Renderers, seed: int, scale: float, away: float, size=(160, 120), views: int = 4) -> Agreement | str:
     """Median agreement over views (background: mean), or the error message if the scan is refused."""
     xyz, rgb, origin = place_at(seed, scale, away)
     try:
@@ -109,7 +109,7 @@ def agree_at(stand: Stand, seed: int, scale: float, away: float, size=(160, 120)
     except InputError as error:
         return str(error)
     found = []
-    with stand.renderer(scene) as renderer:
+    with renderers.renderer(scene) as renderer:
         for number in range(views):
             camera = placed(view_inside(seed + number, size), scale, origin)
             made = arrays_of(renderer, camera, Settings())
@@ -119,13 +119,13 @@ def agree_at(stand: Stand, seed: int, scale: float, away: float, size=(160, 120)
     return Agreement(**{name: float(over[name]([getattr(one, name) for one in found])) for name in LIMITS})
 
 
-def curves(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[float] = SCALES,
+def curves(renderers: Renderers, seed: int, size: tuple[int, int], scales: Sequence[float] = SCALES,
            origins: Sequence[float] = ORIGINS) -> tuple[list[dict], list[dict]]:
     """Rows, the worst over all scales for each origin, and the curves: scale, origin, and Agreement or ``refused``."""
     points, rows = [], []
     unit = scene_from_arrays(*walls(seed)).spacing
     for away in origins:
-        found = [(scale, agree_at(stand, seed, scale, away, size)) for scale in scales]
+        found = [(scale, agree_at(renderers, seed, scale, away, size)) for scale in scales]
         good = [made for _, made in found if isinstance(made, Agreement)]
         points += [{"scale": s, "origin": away, **({"refused": m} if isinstance(m, str) else vars(m))} for s, m in found]
         for name, limit in LIMITS.items() if good else ():
@@ -150,7 +150,7 @@ def _is_refused(seed: int, scale: float, away: float) -> bool:
     return False
 
 
-def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, -3, 7, 20),
+def exactness(renderers: Renderers, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, -3, 7, 20),
               shifts: Sequence[int] = (4, 12, 23, 30), scene_at: Callable[[float, np.ndarray], Scene] | None = None,
               what: str = "bytes changed") -> list[dict]:
     """Bytes that differ after scaling by powers of two, and after shifts by whole cells (2**n file units).
@@ -160,28 +160,28 @@ def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequenc
     place, rgb = walls(seed)
     at = scene_at or (lambda factor, origin: scene_from_arrays(place * factor + origin, rgb))
     camera, zero = view_inside(seed, size), np.zeros(3)
-    base = stand.pictures(at(1.0, zero), camera)
+    base = renderers.pictures(at(1.0, zero), camera)
     rows = []
     for exponent in exponents:
         factor = 2.0**exponent
-        made = stand.pictures(at(factor, zero), placed(camera, factor, zero))
+        made = renderers.pictures(at(factor, zero), placed(camera, factor, zero))
         made["depth"] = made["depth"] / np.float32(factor)
         rows.append(row(f"{what} by scaling by 2^{exponent}", different(base, made), 0))
     for shift in shifts:
         origin = np.round(direction(seed + shift) * 2.0 ** (shift - 4)) * 16.0  # whole cells, which are at most 16 wide
         rows.append(row(f"{what} by a shift of about 2^{shift}",
-                        different(base, stand.pictures(at(1.0, origin), placed(camera, 1.0, origin))), 0))
+                        different(base, renderers.pictures(at(1.0, origin), placed(camera, 1.0, origin))), 0))
     return rows
 
 
 # Lenses, planes, sizes
 
 
-def wide_range(stand: Stand, seed: int, size: tuple[int, int] = (320, 240)) -> list[dict]:
+def wide_range(renderers: Renderers, seed: int, size: tuple[int, int] = (320, 240)) -> list[dict]:
     """Depths from 1 cm to 100 km in one frame."""
     xyz, rgb, camera = panels(seed, size)
     scene = scene_from_arrays(xyz, rgb)
-    made = stand.pictures(scene, camera)
+    made = renderers.pictures(scene, camera)
     depth = made["depth"]
     rows = [row("pixels wrong, 1 cm to 100 km in one frame", depth_faults(depth, xyz, camera, scene), 0)]
     for number in range(DECADES + 1):
@@ -194,12 +194,12 @@ def wide_range(stand: Stand, seed: int, size: tuple[int, int] = (320, 240)) -> l
     return rows
 
 
-def lenses(stand: Stand, seed: int, size: tuple[int, int], fovs: Sequence[float] = FOVS) -> list[dict]:
+def lenses(renderers: Renderers, seed: int, size: tuple[int, int], fovs: Sequence[float] = FOVS) -> list[dict]:
     """Fields of view, a principal point outside the picture, pixels that are not square."""
     xyz, rgb, origin = place_at(seed, 1.0, 1e5)
     scene = scene_from_arrays(xyz, rgb)
     rows = []
-    with stand.renderer(scene) as renderer:
+    with renderers.renderer(scene) as renderer:
         for fov in fovs:
             camera = placed(view_inside(seed, size, fov), 1.0, origin)
             rows.append(row(f"pixels wrong at a field of view of {fov:g} degrees", _faults(renderer, camera, xyz), 0))
@@ -213,7 +213,7 @@ def _faults(renderer: Renderer, camera: "Camera", xyz: np.ndarray) -> int:
     return depth_faults(renderer.render(camera, Settings(), views=("raw",)).depth(), xyz, camera, renderer.scene)
 
 
-def cell_faces(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
+def cell_faces(renderers: Renderers, seed: int, size: tuple[int, int]) -> list[dict]:
     """Cameras inside a cell, on its face, edge and corner, and at the next float64 on either side of the corner."""
     xyz, rgb, _ = place_at(seed, 1.0, 1e5)
     scene = scene_from_arrays(xyz, rgb)
@@ -228,7 +228,7 @@ def cell_faces(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
         "just behind a cell's corner": np.nextafter(low, low + 1),
     }
     rows = []
-    with stand.renderer(scene) as renderer:
+    with renderers.renderer(scene) as renderer:
         for name, position in spots.items():
             turned = view_inside(seed, size, 90.0).camera_to_world.copy()
             turned[:3, 3] = position
@@ -237,7 +237,7 @@ def cell_faces(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
     return rows
 
 
-def camera_plane(stand: Stand, seed: int, size: tuple[int, int] = (64, 48)) -> list[dict]:
+def camera_plane(renderers: Renderers, seed: int, size: tuple[int, int] = (64, 48)) -> list[dict]:
     """Points in, behind and very near the camera's plane: all rendered depths are positive, and no point is missing."""
     rng = np.random.default_rng(seed)
     base = np.round(rng.uniform(-1, 1, (4000, 3)) * 2**12) / 2**12
@@ -245,7 +245,7 @@ def camera_plane(stand: Stand, seed: int, size: tuple[int, int] = (64, 48)) -> l
     rgb = rng.integers(0, 256, (len(base), 3)).astype(np.uint8)
     scene = scene_from_arrays(base, rgb)
     rows = []
-    with stand.renderer(scene) as renderer:
+    with renderers.renderer(scene) as renderer:
         plane = 0.5 + 0.5 * scene.step  # where the packed plane lies
         for power in (None, 8, 16, 24, 32, 40, 50):
             wrong = 0
@@ -258,17 +258,17 @@ def camera_plane(stand: Stand, seed: int, size: tuple[int, int] = (64, 48)) -> l
     flat = base[:2000]
     scene = scene_from_arrays(flat, rgb[:2000])
     position = np.array([0.01, 0.5 + 0.5 * scene.step, 0.02])
-    drawn = np.isfinite(stand.depth(scene, axis_camera(size, position))).sum()
+    drawn = np.isfinite(renderers.depth(scene, axis_camera(size, position))).sum()
     rows.append(row("pixels drawn of points that all lie in the camera's plane", drawn, 0))
     return rows
 
 
-def sizes(stand: Stand, seed: int, wanted: Sequence[tuple[int, int]] = SIZES) -> list[dict]:
+def sizes(renderers: Renderers, seed: int, wanted: Sequence[tuple[int, int]] = SIZES) -> list[dict]:
     """Pictures from 4x4 pixels: all views are rendered, and the depth is checked."""
     xyz, rgb, origin = place_at(seed, 1.0, 1e3)
     scene = scene_from_arrays(xyz, rgb)
     rows = []
-    with stand.renderer(scene) as renderer:
+    with renderers.renderer(scene) as renderer:
         for size in wanted:
             camera = placed(view_inside(seed, size, 60.0), 1.0, origin)
             made = arrays_of(renderer, camera, Settings())
@@ -279,13 +279,13 @@ def sizes(stand: Stand, seed: int, wanted: Sequence[tuple[int, int]] = SIZES) ->
     return rows
 
 
-def rolled(stand: Stand, seed: int, size: tuple[int, int] = (96, 96)) -> list[dict]:
+def rolled(renderers: Renderers, seed: int, size: tuple[int, int] = (96, 96)) -> list[dict]:
     """Share of pixels that differ from the rotated picture when the camera is rolled by quarter turns."""
     xyz, rgb, origin = place_at(seed, 1.0, 1e6)
     scene = scene_from_arrays(xyz, rgb)
     camera = placed(view_inside(seed, size, 70.0), 1.0, origin)
     rows = []
-    with stand.renderer(scene) as renderer:
+    with renderers.renderer(scene) as renderer:
         upright = renderer.render(camera, Settings(), views=("raw",)).image("raw")
         for turns, name in ((1, "rolled by 90 degrees"), (2, "upside down"), (3, "rolled by 270 degrees")):
             pose = camera.camera_to_world.copy()

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from model.common.linear_light import TO_LINEAR, TO_SRGB
-from viewer.bench.stability.frame_claims import Stand, arrays_of, different, place_at, row
+from viewer.bench.stability.frame_claims import Renderers, arrays_of, different, place_at, row
 from viewer.bench.stability.scenes import axis_camera, direction, placed, view_inside, walls
 from viewer.bench.stability.station_claims import scanned
 from viewer.grid.open_scene import scene_from_arrays
@@ -32,7 +32,7 @@ def mean_level(rgb: np.ndarray) -> np.ndarray:
     return TO_SRGB[(2 * sums + len(rgb)) // (2 * len(rgb))].astype(np.uint8)
 
 
-def crowd(stand: Stand, seed: int, points: int = 1_000_000, colour: int | None = None) -> list[dict]:
+def crowded_pixel(renderers: Renderers, seed: int, points: int = 1_000_000, colour: int | None = None) -> list[dict]:
     """Largest colour error of many points in one pixel, by rasteriser.  colour: level of all points; None: random."""
     rng = np.random.default_rng(seed)
     rgb = rng.integers(0, 256, (points, 3)).astype(np.uint8) if colour is None else np.full((points, 3), colour, np.uint8)
@@ -40,7 +40,7 @@ def crowd(stand: Stand, seed: int, points: int = 1_000_000, colour: int | None =
     scene = scene_from_arrays(np.array([0.0, 5.0, 0.0]) + spread, rgb)
     expected = mean_level(rgb).astype(int)
     rows = []
-    with stand.renderer(scene) as renderer:
+    with renderers.renderer(scene) as renderer:
         for kind in RASTERISERS:
             frame = renderer.render(axis_camera((3, 3)), Settings(raster=kind), views=("raw",))
             error = np.abs(frame.image("raw")[1, 1, :3].astype(int) - expected).max()
@@ -50,7 +50,7 @@ def crowd(stand: Stand, seed: int, points: int = 1_000_000, colour: int | None =
     return rows
 
 
-def lonely(stand: Stand, seed: int, size: tuple[int, int] = (1000, 1000)) -> list[dict]:
+def isolated_points(renderers: Renderers, seed: int, size: tuple[int, int] = (1000, 1000)) -> list[dict]:
     """Wrong pixels, over all views, of one point in a million pixels."""
     rng = np.random.default_rng(seed)
     column, line = (int(rng.integers(1, side - 1)) for side in size)
@@ -58,7 +58,7 @@ def lonely(stand: Stand, seed: int, size: tuple[int, int] = (1000, 1000)) -> lis
     camera = axis_camera(size)
     y = 2.0 ** int(rng.integers(-3, 8))
     point = [(column + 0.5 - camera.cx) / camera.fx * y, y, -(line + 0.5 - camera.cy) / camera.fy * y]
-    made = stand.pictures(scene_from_arrays(np.array([point]), colour[None]), camera)
+    made = renderers.pictures(scene_from_arrays(np.array([point]), colour[None]), camera)
     expected = np.zeros((size[1], size[0], 4), np.uint8)
     expected[line, column] = [*colour, 255]
     wrong = sum(int((made[view] != expected).any(axis=2).sum()) for view in ("raw", "filtered"))
@@ -69,7 +69,7 @@ def lonely(stand: Stand, seed: int, size: tuple[int, int] = (1000, 1000)) -> lis
     return [row(f"pixels wrong of one point in {size[0]}x{size[1]}", wrong, 0)]
 
 
-def doubles(stand: Stand, seed: int, size=(64, 48)) -> list[dict]:
+def doubles(renderers: Renderers, seed: int, size=(64, 48)) -> list[dict]:
     """Changed pixels with each point duplicated a thousand times, and errors with one point a thousand times.
 
     The soft z-buffer ``auto`` depends on the point spacing, whose estimate differs with duplicates; both are rendered with the
@@ -83,19 +83,19 @@ def doubles(stand: Stand, seed: int, size=(64, 48)) -> list[dict]:
     often = replace(scene_from_arrays(np.tile(xyz, (1000, 1)), np.tile(rgb, (1000, 1))), spacing=plain.spacing)
     rows = []
     for soft in ("auto", "paper-code"):
-        once, many = (stand.pictures(scene, camera, Settings(soft_z=soft)) for scene in (plain, often))
+        once, many = (renderers.pictures(scene, camera, Settings(soft_z=soft)) for scene in (plain, often))
         held = np.isfinite(once["depth"]) | np.isfinite(many["depth"])
         moved = (once["raw"] != many["raw"]).any(axis=-1) | (once["mask"] != many["mask"])
         rows.append(row(f"share of pixels that hold points changed by drawing each 1000 times, soft depth {soft}",
                         moved.sum() / held.sum(), DOUBLES))
     same = scene_from_arrays(np.tile(xyz[:1], (1000, 1)), np.tile(rgb[:1], (1000, 1)))
-    made = stand.pictures(same, camera)
+    made = renderers.pictures(same, camera)
     hit = np.isfinite(made["depth"])
     wrong = int(hit.sum() != 1) + int((made["raw"][hit][:, :3] != rgb[0]).any())
     return [*rows, row("pixels wrong where all points are one", wrong, 0)]
 
 
-def no_numbers(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
+def no_numbers(renderers: Renderers, seed: int, size: tuple[int, int]) -> list[dict]:
     """Bytes changed by coordinates that are not finite, or outliers, which are dropped; and errors in their count."""
     rng = np.random.default_rng(seed)
     xyz, rgb = walls(seed)
@@ -104,16 +104,16 @@ def no_numbers(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
     partly[np.arange(500), rng.integers(0, 3, 500)] = rng.choice([np.nan, np.inf, -np.inf], 500)
     wild = rng.choice([-1.0, 1.0], (20, 3)) * 10.0 ** rng.uniform(12, 307, (20, 3))  # outlier points far outside the place
     camera = view_inside(seed, size)
-    clean = stand.pictures(scene_from_arrays(xyz, rgb), camera)
+    clean = renderers.pictures(scene_from_arrays(xyz, rgb), camera)
     scene = scene_from_arrays(np.concatenate([xyz, bad, partly, wild]), np.concatenate([rgb, rgb[:1020]]))
     lost = scene.meta["dropped"]
     return [
-        row("bytes changed by coordinates that are not finite", different(clean, stand.pictures(scene, camera)), 0),
+        row("bytes changed by coordinates that are not finite", different(clean, renderers.pictures(scene, camera)), 0),
         row("bad coordinates not counted as dropped", abs(lost["nan"] - 1000) + abs(lost["stray"] - 20), 0),
     ]
 
 
-def levels(stand: Stand, seed: int) -> list[dict]:
+def levels(renderers: Renderers, seed: int) -> list[dict]:
     """Largest error of the 256 colour levels, each in a pixel of its own with many points."""
     rng = np.random.default_rng(seed)
     order = rng.permutation(256)
@@ -126,7 +126,7 @@ def levels(stand: Stand, seed: int) -> list[dict]:
     rgb = np.stack([order[pixel], 255 - order[pixel], order[::-1][pixel]], axis=1).astype(np.uint8)
     expected = np.stack([order, 255 - order, order[::-1]], axis=1).reshape(16, 16, 3)
     rows = []
-    with stand.renderer(scene_from_arrays(xyz, rgb)) as renderer:
+    with renderers.renderer(scene_from_arrays(xyz, rgb)) as renderer:
         for soft in ("auto", "paper-text"):  # paper-code shifts by half a pixel, which would mix levels
             made = arrays_of(renderer, camera, Settings(soft_z=soft, filter="off"))
             error = max(int(np.abs(made[view][..., :3].astype(int) - expected).max()) for view in ("raw", "filtered", "filled"))
@@ -134,15 +134,15 @@ def levels(stand: Stand, seed: int) -> list[dict]:
     return rows
 
 
-def repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int, int]) -> list[dict]:
+def repeats(renderers: Renderers, other: "moderngl.Context", seed: int, size: tuple[int, int]) -> list[dict]:
     """Repeated frames: of the place with each filter, and of a place with scanner positions."""
     xyz, rgb, _ = place_at(seed, 1.0, 1e5)
     weighted = scanned(seed, 1.0, 1e5).scene
-    return [*_repeats(stand, other, seed, size, scene_from_arrays(xyz, rgb), {name: f"filter {name}" for name in FILTERS}),
-            *_repeats(stand, other, seed, size, weighted, {"auto": "view-dependent blending"})]
+    return [*_repeats(renderers, other, seed, size, scene_from_arrays(xyz, rgb), {name: f"filter {name}" for name in FILTERS}),
+            *_repeats(renderers, other, seed, size, weighted, {"auto": "view-dependent blending"})]
 
 
-def _repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int, int], scene: Scene,
+def _repeats(renderers: Renderers, other: "moderngl.Context", seed: int, size: tuple[int, int], scene: Scene,
              filters: dict[str, str]) -> list[dict]:
     """Bytes that differ when a frame is repeated: twice, after another frame, by another renderer, rasteriser or context.
 
@@ -153,18 +153,18 @@ def _repeats(stand: Stand, other: "moderngl.Context", seed: int, size: tuple[int
     rows = []
     for name, how in filters.items():
         settings = Settings(filter=name)
-        with stand.renderer(scene) as renderer:
+        with renderers.renderer(scene) as renderer:
             first = arrays_of(renderer, camera, settings)
             changed = {"twice": different(first, arrays_of(renderer, camera, settings))}
             arrays_of(renderer, elsewhere.resized(31, 47), Settings(filter="auto", lod=1.0))
             changed["after another size, camera and level of detail"] = different(first, arrays_of(renderer, camera, settings))
-        changed["by another renderer"] = different(first, stand.pictures(scene, camera, settings))
+        changed["by another renderer"] = different(first, renderers.pictures(scene, camera, settings))
         for kind in RASTERISERS:
-            changed[f"by {kind}"] = different(first, stand.pictures(scene, camera, Settings(filter=name, raster=kind)))
+            changed[f"by {kind}"] = different(first, renderers.pictures(scene, camera, Settings(filter=name, raster=kind)))
         other.__enter__()  # makes it current; leaving it would make none current
         try:
-            changed["in another context"] = different(first, Stand(other).pictures(scene, camera, settings))
+            changed["in another context"] = different(first, Renderers(other).pictures(scene, camera, settings))
         finally:
-            stand.context.__enter__()
+            renderers.context.__enter__()
         rows += [row(f"bytes changed, {what}, {how}", count, 0) for what, count in changed.items()]
     return rows

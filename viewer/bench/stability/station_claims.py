@@ -13,7 +13,7 @@ import numpy as np
 from model.station_constants import HEAVIEST
 from viewer.bench.stability import frame_claims
 from viewer.bench.stability.exact_claims import Agreement, agreement, exact_picture
-from viewer.bench.stability.frame_claims import Stand, arrays_of, different, place_at, row
+from viewer.bench.stability.frame_claims import Renderers, arrays_of, different, place_at, row
 from viewer.bench.stability.scenes import GRAIN, ROOM, axis_camera, direction, placed, view_inside, walls
 from viewer.errors import InputError
 from viewer.grid.open_scene import scene_from_arrays
@@ -79,7 +79,7 @@ def scanned(seed: int, scale: float = 1.0, away: float = 0.0, stations: int = 3,
     return Scanned(xyz, rgb, scan, places, scene_of(xyz, rgb, scan, places))
 
 
-def anywhere(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[float], origins: Sequence[float],
+def anywhere(renderers: Renderers, seed: int, size: tuple[int, int], scales: Sequence[float], origins: Sequence[float],
              views: int = 3) -> list[dict]:
     """PSNR of the worst filled picture over all scales, by origin, without scales that are refused as beyond float64."""
     rows = []
@@ -91,7 +91,7 @@ def anywhere(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[fl
             except InputError:
                 continue  # frame_claims.curves checks which may be refused
             cameras = [placed(view_inside(seed + n, size), scale, direction(seed) * away) for n in range(views)]
-            with stand.renderer(scan.scene) as renderer:
+            with renderers.renderer(scan.scene) as renderer:
                 found = [scan.agreement(arrays_of(renderer, camera, Settings()), camera).filled for camera in cameras]
             worst.append(float(np.median(found)))
         rows.append(row(f"weighted, filled, scales {min(scales):g} to {max(scales):g}, origin {away:g}", min(worst), LEAST,
@@ -99,7 +99,7 @@ def anywhere(stand: Stand, seed: int, size: tuple[int, int], scales: Sequence[fl
     return rows
 
 
-def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, 20),
+def exactness(renderers: Renderers, seed: int, size: tuple[int, int], exponents: Sequence[int] = (-10, 20),
               shifts: Sequence[int] = (12, 30)) -> list[dict]:
     """Bytes that differ after scaling by powers of two, and after shifts by whole cells."""
     place, rgb = walls(seed)
@@ -108,10 +108,10 @@ def exactness(stand: Stand, seed: int, size: tuple[int, int], exponents: Sequenc
     def scene_at(factor: float, origin: np.ndarray) -> Scene:
         return scene_of(place * factor + origin, rgb, scan, places * factor + origin)
 
-    return frame_claims.exactness(stand, seed, size, exponents, shifts, scene_at, "weighted, bytes changed")
+    return frame_claims.exactness(renderers, seed, size, exponents, shifts, scene_at, "weighted, bytes changed")
 
 
-def hard_places(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
+def hard_places(renderers: Renderers, seed: int, size: tuple[int, int]) -> list[dict]:
     """Filled pictures with unrealistic scanner positions, and with the camera at a scanner, against the exact ones."""
     base, eye = standing(seed, 3), view_inside(seed, size)
     point = walls(seed)[0][7]
@@ -128,15 +128,15 @@ def hard_places(stand: Stand, seed: int, size: tuple[int, int]) -> list[dict]:
         "400 scanners": standing(seed, 400),
     }.items():
         scan = scanned(seed, places=places)
-        made = stand.pictures(scan.scene, eye)
+        made = renderers.pictures(scan.scene, eye)
         rows.append(row(f"weighted, filled, {name}", scan.agreement(made, eye).filled, LEAST, least=True))
     alike = scanned(seed, places=np.repeat(base[:1], 3, axis=0))
-    plain = stand.pictures(alike.scene, eye, Settings(stations="equal"))
-    rows.append(row("bytes changed by scanners at one position", different(plain, stand.pictures(alike.scene, eye)), 0))
+    plain = renderers.pictures(alike.scene, eye, Settings(stations="equal"))
+    rows.append(row("bytes changed by scanners at one position", different(plain, renderers.pictures(alike.scene, eye)), 0))
     return rows
 
 
-def heavy(stand: Stand, seed: int, points: int = 1_000_000) -> list[dict]:
+def heavy(renderers: Renderers, seed: int, points: int = 1_000_000) -> list[dict]:
     """Colour errors of many white points of the largest or the smallest weight in one pixel, by rasteriser."""
     spread = np.round(np.random.default_rng(seed).uniform(-1, 1, (points, 3)) * 2**20) * 2.0**-30
     xyz, scan = np.array([0.0, 5.0, 0.0]) + spread, (np.arange(points) % 2).astype(np.uint8)
@@ -144,7 +144,7 @@ def heavy(stand: Stand, seed: int, points: int = 1_000_000) -> list[dict]:
     for name, behind in (("heaviest", 0.0), ("least", 10.0)):  # scanners beside the camera, or behind the points
         places = np.array([[-0.01, behind, 0.0], [0.01, behind, 0.0]])
         scene = scene_of(xyz, np.full(xyz.shape, 255, np.uint8), scan, places)
-        with stand.renderer(scene) as renderer:
+        with renderers.renderer(scene) as renderer:
             for kind in RASTERISERS:
                 frame = renderer.render(axis_camera((3, 3)), Settings(raster=kind), views=("raw",))
                 error = 255 - int(frame.image("raw")[1, 1].min())

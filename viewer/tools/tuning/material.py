@@ -9,14 +9,14 @@ import torch
 
 from viewer.errors import InputError
 
-JUDGED = 5
+HELD_OUT_EVERY = 5
 """Every fifth photograph or viewpoint is held out from training for the evaluation.  Chosen by hand."""
 DENSITIES = (1.0, 0.25)
 """Shares of the points in the evaluation.  Chosen by hand."""
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class HeldOutPicture:
     """A held-out picture.  input: (C, H, W) float16, of the network; truth: (3, H, W), 0..1; known: (H, W) bool, valid
     truth."""
 
@@ -44,7 +44,7 @@ class Material(Protocol):
     @property
     def held(self) -> int: ...
 
-    def judged(self) -> list[Judged]:
+    def held_out_pictures(self) -> list[HeldOutPicture]:
         """The held-out pictures at each density."""
         ...
 

@@ -28,7 +28,7 @@ from viewer.preprocess.valid_positions import is_position
 from viewer.progress import progress
 from viewer.readers.e57_images import Photo, read_photographs
 from viewer.readers.formats import open_source
-from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
+from viewer.tools.tuning.material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
 
 MOST_POINTS = 20_000_000
 """Largest number of points used, chosen at random from more: a limit of memory."""
@@ -221,7 +221,7 @@ class Photographs:
     def held(self) -> int:
         return len(self.held_out)
 
-    def judged(self) -> list[Judged]:
+    def held_out_pictures(self) -> list[HeldOutPicture]:
         """The network's input from the cameras of the held-out photographs, at each density, as the renderer makes it."""
         made = []
         for picture in self.held_out:
@@ -232,7 +232,7 @@ class Photographs:
                 raster = raster_of(seen, seen.rank < density, spacing)
                 noise = seen_noise(self.noise, raster, seen)
                 x = network_input(raster, keep_mask(raster.depth), picture.fl, spacing, noise)
-                made.append(Judged(x.half(), truth, torch.from_numpy(picture.usable)))
+                made.append(HeldOutPicture(x.half(), truth, torch.from_numpy(picture.usable)))
         return made
 
     def pairs(self, work: Path, name: str, seed: int) -> list[tuple[Path, int]]:
@@ -254,7 +254,7 @@ class Photographs:
 
 
 def registered_photographs(path: Path, photos: list[Photo], seed: int) -> Photographs:
-    """The registered photographs of an E57, with every JUDGED-th held out.
+    """The registered photographs of an E57, with every HELD_OUT_EVERY-th held out.
 
     Raises InputError if the points have no colours, or if the photographs do not fit them, or fewer than two do.
     """
@@ -263,6 +263,6 @@ def registered_photographs(path: Path, photos: list[Photo], seed: int) -> Photog
     pictures = registered_pictures(path, photos, points, spacing)
     if len(pictures) < 2:
         raise InputError(f"{path}: {len(pictures)} registered photographs; at least two are needed, one of them held out")
-    held = [p for i, p in enumerate(pictures) if i % JUDGED == JUDGED // 2] or pictures[-1:]
+    held = [p for i, p in enumerate(pictures) if i % HELD_OUT_EVERY == HELD_OUT_EVERY // 2] or pictures[-1:]
     learned = [p for p in pictures if all(p is not h for h in held)]
     return Photographs(points, spacing, estimate_noise(points.xyz, points.rgb, points.station), learned, held)

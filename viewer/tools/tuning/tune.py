@@ -13,16 +13,16 @@ from model.train.trainer import TrainConfig, train
 from model.weights import load_weights, save_weights, weights_dir, weights_name
 from viewer.errors import InputError
 from viewer.paths import weights_home
-from viewer.tools.tuning.material import Judged, Material
+from viewer.tools.tuning.material import HeldOutPicture, Material
 
 RATE = 1e-4
 """Learning rate.  Chosen by hand."""
 
 
 @torch.inference_mode()
-def mean_psnr(network: torch.nn.Module, judged: list[Judged]) -> float:
+def mean_psnr(network: torch.nn.Module, held_out: list[HeldOutPicture]) -> float:
     """Mean over pictures of the PSNR, dB, over known pixels."""
-    values = [masked_psnr(network(j.input.float()[None])[0, :3].clamp(0, 1), j.truth, j.known) for j in judged]
+    values = [masked_psnr(network(j.input.float()[None])[0, :3].clamp(0, 1), j.truth, j.known) for j in held_out]
     return float(np.mean(values))
 
 
@@ -55,8 +55,8 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     if not (np.isfinite(minutes) and minutes > 0):
         raise InputError(f"--minutes {minutes:g}: expected more than 0")
     material = material_of(scan, seed)
-    judged = material.judged()
-    before = mean_psnr(load_weights(shipped)[0], judged)
+    held_out = material.held_out_pictures()
+    before = mean_psnr(load_weights(shipped)[0], held_out)
     print(f"{material.learned} {material.noun} to learn from, {material.held} held out; shipped weights: {before:.2f} dB",
           flush=True)
     out = weights_home() if out is None else out
@@ -73,7 +73,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
             structure_weight=0.05 if material.perceptual else 0.0,
         ))  # fmt: skip
         network = load_weights(made)[0]
-    after = mean_psnr(network, judged)
+    after = mean_psnr(network, held_out)
     print(f"held-out {material.noun}: {before:.2f} dB with the shipped weights, {after:.2f} dB tuned", flush=True)
     if not after > before:
         print(f"no improvement: the shipped weights are kept, nothing is written ({shipped})")

@@ -19,13 +19,13 @@ from model.data.dataset import Scan
 from model.data.heldout import HELD_OUT, Targets, targets
 from model.data.projected import Projected, project_scan
 from model.evaluation.heldout import Viewpoint
-from model.evaluation.methods import OURS, Sight, sight, soft_z
+from model.evaluation.methods import OURS, ViewPoints, soft_z, view_points
 from model.noise import NoiseModel
 from model.noise_level import seen_noise
 from model.projection import measured_input, rasterise
 from viewer.errors import InputError
 from viewer.progress import progress
-from viewer.tools.tuning.material import DENSITIES, JUDGED, Judged, check_room
+from viewer.tools.tuning.material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
 
 VIEWPOINTS = 30
 """Number of cameras, for training and held out: the benches' eight views, the others along their path.  Chosen by hand."""
@@ -68,11 +68,11 @@ class WithheldPoints:
     def held(self) -> int:
         return len(self.judges)
 
-    def _sight(self, seen: Projected, keep: Tensor, share: float) -> Sight:
-        """The sight of the points ``keep`` (M,) bool, which are a share ``share`` of all points."""
-        return sight(seen.chosen(keep), None, self.spacing / share**0.5, unlit=self.unlit, noise=self.noise)
+    def _view_points(self, seen: Projected, keep: Tensor, share: float) -> ViewPoints:
+        """The points ``keep`` (M,) bool, which are a share ``share`` of all points."""
+        return view_points(seen.chosen(keep), None, self.spacing / share**0.5, unlit=self.unlit, noise=self.noise)
 
-    def judged(self) -> list[Judged]:
+    def held_out_pictures(self) -> list[HeldOutPicture]:
         """Pictures without the held-out points, whose mean colours are the truth."""
         made, soft = [], soft_z(self.spacing, unlit=self.unlit)
         for viewpoint in self.judges:
@@ -84,8 +84,8 @@ class WithheldPoints:
             truth, known = pixels_of(seen, wanted)
             for density in DENSITIES:
                 share = density * (1.0 - HELD_OUT)
-                x = self._sight(seen, ~held & (seen.rank < density), share).input(OURS, weighted=True)
-                made.append(Judged(x.half(), truth.float() / 255, known))
+                x = self._view_points(seen, ~held & (seen.rank < density), share).input(OURS, weighted=True)
+                made.append(HeldOutPicture(x.half(), truth.float() / 255, known))
         if not made:
             raise _too_sparse(len(self.judges))
         return made
@@ -112,7 +112,7 @@ class WithheldPoints:
                     if len(wanted.index) >= LEAST_SEEN:
                         density = float(np.exp(rng.uniform(np.log(LEAST_DENSITY), 0.0))) if variant % 2 else 1.0
                         share = density * (1.0 - HELD_OUT)
-                        view = self._sight(seen, rank < share, share * (1.0 - HELD_OUT))
+                        view = self._view_points(seen, rank < share, share * (1.0 - HELD_OUT))
                         mask, noise = view.mask(OURS), seen_noise(self.noise, view.weighted, view.seen)
                         measured = measured_input(view.weighted, mask, view.seen.camera.fx, view.spacing)
                         found["measured"].append(measured.half().numpy())
@@ -157,6 +157,6 @@ def withheld_points(path: Path, seed: int) -> WithheldPoints:
     scan, spacing = points_of(scene, path, most=MOST_POINTS, seed=seed)
     viewpoints = judged_viewpoints(scene, SIZE, VIEWPOINTS)
     apart = np.random.default_rng([seed, 1]).random(len(scan.xyz)) < HELD_OUT
-    judges = [v for i, v in enumerate(viewpoints) if i % JUDGED == JUDGED // 2]
-    views = [v for i, v in enumerate(viewpoints) if i % JUDGED != JUDGED // 2]
+    judges = [v for i, v in enumerate(viewpoints) if i % HELD_OUT_EVERY == HELD_OUT_EVERY // 2]
+    views = [v for i, v in enumerate(viewpoints) if i % HELD_OUT_EVERY != HELD_OUT_EVERY // 2]
     return WithheldPoints(scan, spacing, scene.unlit, scene.noise, apart, views, judges)

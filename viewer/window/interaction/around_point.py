@@ -12,7 +12,7 @@ import numpy as np
 from viewer.tools.approach import approach
 from viewer.tools.pick import nearest_pixel
 from viewer.window.interaction.editing import metres_per_unit
-from viewer.window.navigation import looking
+from viewer.window.navigation import view_along
 from viewer.window.orbit import orbited, panned, zoomed
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class AroundPoint:
             return
         metre = 1.0 / (metres_per_unit(context) or 1.0)
         position, direction = approach(scene, flight.state.position, point, flight.state.upright[:, 2], metre)
-        flight.glide_to(looking(position, direction, flight.state.speed, flight.state.upright))
+        flight.glide_to(view_along(position, direction, flight.state.speed, flight.state.upright))
 
     def draw(self, overlay: "OverlayCanvas", context: "ToolContext") -> None:
         """Marks the point while a gesture is under way."""

@@ -14,7 +14,7 @@ from viewer.tools.film.keyframes import passing_seconds, path_seconds, preview_c
 from viewer.window.interaction.editing import edit
 from viewer.window.interaction.timeline import Timeline
 from viewer.window.interaction.tool import ToolContext
-from viewer.window.navigation import looking
+from viewer.window.navigation import view_along
 from viewer.window.widgets import compact_button
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def fly_to(context: ToolContext, view: Viewpoint) -> None:
     """Puts the camera where a view was taken, with its field of view."""
     camera, flight = view.camera(16, 9), context.session.flight
     flight.field_of_view = view.vertical_fov
-    flight.go(looking(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+    flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
     context.renew_picture()
 
 
@@ -140,7 +140,7 @@ class CameraPathEditor:
         camera = cameras[round(self.at / length * (len(cameras) - 1))] if length > 0 else cameras[0]
         flight = context.session.flight
         flight.field_of_view = camera.vertical_fov
-        flight.go(looking(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+        flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
         context.renew_picture()
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:

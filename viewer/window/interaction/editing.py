@@ -12,7 +12,7 @@ from viewer.tools.clip import contains
 from viewer.tools.measure import MeasuredPoint, unit_name
 from viewer.tools.pick import Picked, pick, surface_around
 from viewer.tools.shot_metadata import camera_line, parse_camera_line
-from viewer.window.navigation import looking
+from viewer.window.navigation import view_along
 from viewer.window.worker import Worker
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def paste_camera(context: "ToolContext") -> None:
         return
     flight = context.session.flight
     flight.field_of_view = camera.vertical_fov
-    flight.go(looking(camera.position, camera.forward, flight.state.speed, flight.state.upright))
+    flight.go(view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright))
     context.renew_picture()
 
 

@@ -14,7 +14,7 @@ from viewer.tools.pick import station_name
 from viewer.window.interaction.editing import edit, metres_per_unit
 from viewer.window.interaction.ghosts_panel import GhostsPanel
 from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
-from viewer.window.navigation import looking
+from viewer.window.navigation import view_along
 from viewer.window.photo_layer import ShownPhoto
 from viewer.window.theme import fitted
 from viewer.window.worker import Worker
@@ -97,7 +97,7 @@ class Stations(Tool):
         """Puts the camera there, looking as before or along ``direction``."""
         flight = context.session.flight
         ahead = flight.state.forward if direction is None else direction
-        flight.go(looking(place, ahead, flight.state.speed))
+        flight.go(view_along(place, ahead, flight.state.speed))
         context.renew_picture()
 
     def show(self, context: ToolContext, photo: StationPhoto) -> None:
