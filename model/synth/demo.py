@@ -95,7 +95,7 @@ def write_laz(scan: Scan, path: Path) -> None:
         part.unlink(missing_ok=True)
 
 
-def looking(position, target) -> np.ndarray:
+def camera_towards(position, target) -> np.ndarray:
     """(4,4) camera_to_world, OpenGL axes, of an upright camera at ``position`` (3,) that looks at ``target`` (3,)."""
     position, target = np.asarray(position, float), np.asarray(target, float)
     back = (position - target) / np.linalg.norm(position - target)
@@ -113,7 +113,7 @@ def camera_path() -> dict:
         "camera_type": "perspective", "render_width": width, "render_height": height, "fps": FPS, "seconds": SECONDS,
         "camera_path": [
             {
-                "camera_to_world": [round(float(v), 9) for v in looking(position, target).ravel()],
+                "camera_to_world": [round(float(v), 9) for v in camera_towards(position, target).ravel()],
                 "fov": fov, "aspect": round(width / height, 6), "name": name,
             }
             for name, position, target, fov in VIEWS

@@ -177,7 +177,7 @@ def test_hits_lie_on_the_first_surface_from_inside_and_outside():
 
 def test_truth_depth_equals_noiseless_ranges(place):
     width, height, focal = 64, 48, 50.0
-    pose = demo.view_along((4.5, 3.0, 1.5), (1.0, 1.0, 1.0))
+    pose = demo.camera_towards((4.5, 3.0, 1.5), (1.0, 1.0, 1.0))
     rgb, depth = place.render(pose, focal, focal, 32, 24, width, height, samples=1)
     assert rgb.shape == (height, width, 3) and rgb.dtype == np.uint8 and depth.dtype == np.float32
     scan = VirtualScanner(place.trace, IDEAL, place.ranges).scan([pose[:3, 3]], 20000, np.random.default_rng(0))
@@ -198,7 +198,7 @@ def test_truth_depth_equals_noiseless_ranges(place):
 
 def test_a_true_pixel_is_the_mean_of_the_light_of_its_rays(place):
     """As the soft z-buffer averages, and as :mod:`model.synth.outdoors` does."""
-    camera = demo.view_along((4.5, 3.0, 1.5), (1.0, 1.0, 1.0)), 50.0, 50.0, 32, 24, 64, 48
+    camera = demo.camera_towards((4.5, 3.0, 1.5), (1.0, 1.0, 1.0)), 50.0, 50.0, 32, 24, 64, 48
     rgb, _ = place.render(*camera, samples=2)
     rays = [place.trace(*pixel_rays(*camera, du, dv)[:2]).rgb for du in (0.25, 0.75) for dv in (0.25, 0.75)]
     expected, of_values = (255 * mean.reshape(48, 64, 3) for mean in (to_srgb(to_linear(rays).mean(0)), np.mean(rays, 0)))
