@@ -12,7 +12,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from model.data.dataset import MemoryPicture, Scan, TruePicture
-from model.synth.demo import exposures, looking
+from model.synth.demo import camera_towards, exposures
 from model.synth.outdoors import OpenPlace, single_object, street
 from model.synth.panorama import Passer, with_passers
 from model.synth.place import Place
@@ -69,7 +69,7 @@ class ProceduralPlace:
             eye, target = self._spot(rng), self._target(rng)
             if np.linalg.norm(target - eye) < 0.5 or not self._free(eye, rng):
                 continue
-            found.append((looking(eye, target), self.size[1] / (2 * np.tan(np.radians(rng.uniform(38, 72)) / 2))))
+            found.append((camera_towards(eye, target), self.size[1] / (2 * np.tan(np.radians(rng.uniform(38, 72)) / 2))))
         return found
 
     def scan(self, seed: int) -> Scan:
