@@ -328,7 +328,7 @@ def test_real_scans_open_with_their_counts_and_colours(name):
     if not (SCANS / name).exists():
         pytest.skip(f"{SCANS / name} is not on this machine")
     count, colour, bits = REAL[name]
-    scene = open_scene(SCANS / name, cache=False)
+    scene = open_scene(SCANS / name)
     assert scene.count == count
     assert (scene.meta["colour"]["source"], scene.meta["colour"]["bits"]) == (colour, bits)
     assert scene.step <= scene.spacing / 4

@@ -5,7 +5,6 @@ import pytest
 import torch
 
 from model.data.projected import project_scan
-from model.data.stations import load_scene, scan_stations
 from model.depth_filter import keep_mask
 from model.evaluation import true_visibility
 from model.projection import SoftZ, rasterise
@@ -93,12 +92,11 @@ def test_pyramid_steps_equal_a_plain_loop(shape):
 
 
 @pytest.mark.slow
-def test_auto_is_above_the_papers_filter_on_real_rooms(shared_data):
+def test_auto_is_above_the_papers_filter_on_real_rooms(registered_scan):
     """Against true visibility at densities from 100 % to 3 %: F1 of kept and dropped pixels, the mean of four views."""
     scores: dict[tuple[str, float], list[float]] = {}
     for room in ("living-room-2", "kitchen"):
-        scene = load_scene(shared_data / "renders" / room)
-        scan = scan_stations(scene, 1)
+        scene, scan = registered_scan(room)
         for number in (0, 14):
             shot = scene.views[number]
             seen = project_scan(scan, shot)

@@ -153,7 +153,7 @@ def test_a_recipe_makes_pairs_of_every_room(rooms, tmp_path):
     """Rooms with the same name, and rooms with two picture sizes in one folder."""
     make_room(tmp_path / "mixed" / "small", view=(72, 96))
     make_room(tmp_path / "mixed" / "large", view=(80, 112))
-    made = follow(TINY, [*rooms, tmp_path / "mixed"], tmp_path / "run", minutes=0.05, perceptual=None, device="cpu",
+    made = follow(TINY, [*rooms, tmp_path / "mixed"], tmp_path / "run", minutes=0.015, perceptual=None, device="cpu",
                   most_places=0)
     found = {}
     for path in (tmp_path / "run" / "pairs").glob("*/*/pairs.json"):
@@ -185,10 +185,10 @@ def test_no_pairs_are_added_once_training_has_begun(rooms, tmp_path, monkeypatch
     with monkeypatch.context() as patch:
         patch.setattr(recipes, "train", stopped)
         with pytest.raises(KeyboardInterrupt):
-            follow(TINY, rooms[:1], tmp_path, minutes=0.05, perceptual=None, device="cpu", most_places=0)
+            follow(TINY, rooms[:1], tmp_path, minutes=0.015, perceptual=None, device="cpu", most_places=0)
     before = sorted(tmp_path.glob("pairs/*/*"))
     monkeypatch.setattr(recipes, "_make_all", lambda *_: pytest.fail("pairs are made again"))
-    made = follow(TINY, rooms[:1], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=4)
+    made = follow(TINY, rooms[:1], tmp_path, minutes=0.03, perceptual=None, device="cpu", most_places=4)
     assert sorted(tmp_path.glob("pairs/*/*")) == before and len(made) == 2
 
 
@@ -247,7 +247,7 @@ def test_a_place_that_would_not_finish_in_time_is_not_begun(tmp_path):
 
 def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
     def again(out, *folders, seed=1):
-        follow(TINY, folders, out, minutes=0.02, perceptual=None, device="cpu", most_places=0, seed=seed)
+        follow(TINY, folders, out, minutes=0.01, perceptual=None, device="cpu", most_places=0, seed=seed)
 
     again(tmp_path, rooms[0])
     before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
