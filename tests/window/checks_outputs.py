@@ -52,7 +52,7 @@ def typed(d: Driver, text: str) -> None:
     """Types into the field that has the keyboard."""
     for character in text:
         imgui.get_io().add_input_character(ord(character))
-        d.settle(2)
+    d.settle()
 
 
 def check_a_reference_system_is_chosen_by_its_code_and_by_its_name(d: Driver) -> None:

@@ -101,7 +101,7 @@ class Driver:
             return room_with_passer(int(name[6:]))
         return room(seed=int(name[4:])) if name.startswith("room") else open_scene(paths, cache=False)
 
-    def settle(self, steps: int = 4) -> None:
+    def settle(self, steps: int = 3) -> None:
         for _ in range(steps):
             self.app.step(wait=False)
 
@@ -116,7 +116,7 @@ class Driver:
                 assert time.monotonic() < end, "waited too long"
                 self.app.step()
                 if self.session.flight.moving:
-                    time.sleep(NAP)  # a flight takes its time, however many pictures are made of it
+                    time.sleep(2 * NAP)  # a flight takes its time, however many pictures are made of it
         finally:
             app._NAP = nap
         self.settle()
@@ -184,7 +184,7 @@ class Driver:
         try:
             self.settle(1)
             self.rest()
-            return self.canvas()
+            return self.app.viewport.canvas.read()
         finally:
             self.session.interface, self.session.notices.toasts = shown, said
 
