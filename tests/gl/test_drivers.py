@@ -11,7 +11,7 @@ from driver_pictures import look_like_a_gpu, pictures
 pytestmark = pytest.mark.gl
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def expected(context):
     return pictures(context)
 

@@ -39,8 +39,7 @@ def renderer_of(context):
         renderer.release()
 
 
-@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3, 1e6])
-@pytest.mark.parametrize("unknown", [(), (1,)])
+@pytest.mark.parametrize("scale, unknown", [(1e-3, ()), (1.0, (1,)), (1e3, ()), (1e6, (1,))])
 def test_weighed_frame_agrees_with_twin(renderer_of, scale, unknown, seed):
     scene = scanned(seed, scale, unknown=unknown)
     renderer = renderer_of(scene)

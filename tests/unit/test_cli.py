@@ -16,6 +16,7 @@ from viewer.cli import main
 from viewer.commands import make_parser
 from viewer.errors import InputError
 from viewer.paths import assets_dir
+from viewer.tools import camera_files
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -278,6 +279,8 @@ def test_start_page_loads_ahead_what_a_scan_needs_and_no_torch():
 def test_demo_without_a_display_makes_all_pictures(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    read = camera_files.read_cameras  # small: the pictures' contents are other tests' claim
+    monkeypatch.setattr(camera_files, "read_cameras", lambda path: [camera.resized(160, 120) for camera in read(path)])
     (tmp_path / "file").touch()
     assert run("demo", "--out", tmp_path / "file") == 2
     assert "file: cannot make this folder (a file has this name); choose another --out\n" in one_line(capsys)
