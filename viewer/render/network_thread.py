@@ -16,10 +16,10 @@ import numpy as np
 
 from model.interruption import Interrupted, interruptible
 
-_NICENESS = 19
+_NICENESS = 10
 """Added to the niceness of the thread, and of torch's threads that it starts, where the system has one per thread (Linux).  A
-drag while a network of 0.8 s runs (two cores, window of 1280x720) is answered within 47 to 57 ms at p95, with 10 within 58 to
-66; the network takes as long."""
+drag while a network of 0.8 s runs (two cores, window of 1280x720, studio.laz) is answered within 29 to 37 ms at p95, with 19
+within 25 to 32; but with 19 other work on all processors stops the network altogether."""
 
 
 @dataclass(frozen=True, eq=False)
