@@ -42,7 +42,7 @@ LEAST_HIDDEN = 0.25
 OUTSIDE_WEIGHT = 0.2
 """Weight of the newest picture in the running mean of what is spent outside the renderer."""
 _SLOWER = 1.25  # times the target: above it something is left out
-_SLOWEST = 1.05  # times the target: above it the lowest resolution is used, where fewer points would not help
+_SLOWEST = 1.15  # times the target: above it the lowest resolution is used, where fewer points would not help
 _FASTER = 0.9  # times the target: a higher resolution is tried where it is predicted to stay below
 _PATIENCE = 60  # frames until what did not pay is tried again
 _STEP = 4.0  # at rest
@@ -186,8 +186,10 @@ class AdaptiveLod:
             self._scale += 1
             self._no_scale, self._before = _PATIENCE, None
             return True
-        if self._scale > 0 and self._no_scale == 0 and self._moving is None:
-            larger = spent + (total - spent) * (SCALES[self._scale - 1] / SCALES[self._scale]) ** 2
+        lowest = self._scale == len(SCALES) - 1
+        if self._scale > 0 and self._no_scale == 0 and (lowest or self._moving is None):
+            grows = (SCALES[self._scale - 1] / SCALES[self._scale]) ** 2
+            larger = total * grows if lowest else spent + (total - spent) * grows  # points per pixel stay as they are
             if larger < _FASTER * target:
                 self._scale -= 1
                 self._before = None
