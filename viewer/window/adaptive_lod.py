@@ -30,10 +30,8 @@ MANY_POINTS = 20_000_000
 """Points of a scene from which on the first picture is a coarse one."""
 FINEST, COARSEST = 16.0, 0.5
 """Points per pixel while moving: above 16 the soft z-buffer shows no difference, below 0.5 holes open."""
-SCALES = (1.0, 0.5, 0.35)
-"""Internal resolutions while moving, as a share of each side.  The last one only where fewer points would not help."""
-CONTENDED_SCALE = 0.5
-"""Internal resolution of a moving picture while a network runs on the processors that draw."""
+SCALES = (1.0, 0.5)
+"""Internal resolutions while moving, as a share of each side."""
 CONTENDED_LEVEL = COARSEST
 """Points per pixel of a moving picture while a network runs on the processors that draw (see :meth:`AdaptiveLod.scale`): of the
 one or two pictures until it ends at its next layer."""
@@ -42,7 +40,6 @@ LEAST_HIDDEN = 0.25
 OUTSIDE_WEIGHT = 0.2
 """Weight of the newest picture in the running mean of what is spent outside the renderer."""
 _SLOWER = 1.25  # times the target: above it something is left out
-_SLOWEST = 1.15  # times the target: above it the lowest resolution is used, where fewer points would not help
 _FASTER = 0.9  # times the target: a higher resolution is tried where it is predicted to stay below
 _PATIENCE = 60  # frames until what did not pay is tried again
 _STEP = 4.0  # at rest
@@ -92,11 +89,11 @@ class AdaptiveLod:
     def scale(self, *, moving: bool, contended: bool = False) -> float:
         """The internal resolution to draw with now, as a share of the picture's sides.
 
-        contended: a network that cannot be interrupted has the processors that draw, too: a low resolution answers input.
+        contended: a network that cannot be interrupted has the processors that draw, too: the lowest resolution answers input.
         """
         if not (moving and self.keep_up):
             return 1.0
-        return min(CONTENDED_SCALE, SCALES[self._scale]) if contended else SCALES[self._scale]
+        return SCALES[-1] if contended else SCALES[self._scale]
 
     @property
     def final(self) -> bool:
@@ -178,18 +175,13 @@ class AdaptiveLod:
         total: milliseconds of the picture.  spent: those of them that depend on points more than on pixels.
         """
         target = self.target_ms - self._outside
-        fewest = self._moving is not None and self._moving <= COARSEST
-        pays, limit = fewest or total - spent > _PIXELS_SHARE * total, _SLOWER
-        if self._scale == len(SCALES) - 2:  # the last step: once it is not the points that take too long
-            pays, limit = fewest or (pays and spent < POINTS_SHARE * target), _SLOWEST
-        if total > limit * target and self._scale < len(SCALES) - 1 and pays:
+        pays = total - spent > _PIXELS_SHARE * total or (self._moving is not None and self._moving <= COARSEST)
+        if total > _SLOWER * target and self._scale < len(SCALES) - 1 and pays:
             self._scale += 1
             self._no_scale, self._before = _PATIENCE, None
             return True
-        lowest = self._scale == len(SCALES) - 1
-        if self._scale > 0 and self._no_scale == 0 and (lowest or self._moving is None):
-            grows = (SCALES[self._scale - 1] / SCALES[self._scale]) ** 2
-            larger = total * grows if lowest else spent + (total - spent) * grows  # points per pixel stay as they are
+        if self._scale > 0 and self._no_scale == 0 and self._moving is None:
+            larger = spent + (total - spent) * (SCALES[self._scale - 1] / SCALES[self._scale]) ** 2
             if larger < _FASTER * target:
                 self._scale -= 1
                 self._before = None
@@ -216,7 +208,7 @@ class AdaptiveLod:
         if self._rest is None:
             if spent < POINTS_SHARE * self.target_ms:
                 self._moving = None  # every point can keep up
-            elif self._moving is None and self._scale > 0 and spent > 1.5 * POINTS_SHARE * self.target_ms:
+            elif self._moving is None and self._scale == len(SCALES) - 1 and spent > 1.5 * POINTS_SHARE * self.target_ms:
                 self._moving = FINEST
             return
         if _STEP * spent > REST_MS:
