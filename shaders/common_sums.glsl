@@ -15,7 +15,7 @@ layout(std430, binding = CARRY_BINDING) buffer Carry {
     uint carried_groups[4];  // workgroups x, y, z of the pass over pixels with carries; x is 0 while there are none
     uint carries[];          // 4 a pixel, in units of 2^16 (WIDE_SUMS: 2^32): red, green, blue, weight
 };
-// Textures: software OpenGL takes three times as long for a word of a storage block.  SUMS_COPIED: the sums are in one as well.
+// Textures: software OpenGL takes twice as long for a word of a storage block.  SUMS_COPIED: the sums are in one as well.
 layout(binding = TO_LINEAR_UNIT) uniform usampler2D to_linear;  // (256, 1), model/common/linear_light.py
 layout(binding = TO_SRGB_UNIT) uniform usampler2D to_srgb;      // 4096 levels in rows of 64
 #ifdef SUMS_COPIED

@@ -1,10 +1,8 @@
-"""The training loss: L1, perceptual distance, dissimilarity, local light, excess error, visible difference, coverage, and
-temporal stability.
+"""The training loss: L1, perceptual distance, dissimilarity, local light, excess error, coverage, and temporal stability.
 
 L1 and the perceptual distance have the paper's weights by default (0.9 and 0.1).  Dissimilarity is 1 - SSIM.  Local light
 compares means over small squares: without it the network shifted the brightness of surfaces slightly, which the other terms
-hardly penalise.  Excess error counts only where the network is further from the truth than its input.  Visible difference is
-the colour part of FLIP.
+hardly penalise.  Excess error counts only where the network is further from the truth than its input.
 Coverage compares the fourth channel with the true covered share of each pixel.  Temporal stability (Lai et al. 2018): the
 picture from a slightly moved camera, warped by the true motion of the surface points, should equal this picture; their
 optical flow is estimated, ours is known.
@@ -18,7 +16,6 @@ from torch import Tensor, nn
 
 from model.data.crops import Batch
 from model.perceptual import Dissimilarity, perceptual
-from model.train.visible_difference import VisibleDifference
 
 
 def warp(picture: Tensor, flow: Tensor) -> Tensor:
@@ -84,11 +81,9 @@ class Objective(nn.Module):
     """
 
     def __init__(self, perceptual_path: Path | None, perceptual_weight: float, coverage_weight: float, steady_weight: float,
-                 structure_weight: float = 0.0, light_weight: float = 0.0, excess_weight: float = 0.0,
-                 visible_weight: float = 0.0):
+                 structure_weight: float = 0.0, light_weight: float = 0.0, excess_weight: float = 0.0):
         super().__init__()
         self.light_weight, self.excess_weight = light_weight, excess_weight
-        self.visible, self.visible_weight = VisibleDifference(), visible_weight
         self.dissimilarity, self.structure_weight = Dissimilarity(), structure_weight
         self.distance, self.name = perceptual(perceptual_path)
         self.perceptual_weight = perceptual_weight if self.distance is not None else 0.0
@@ -117,10 +112,6 @@ class Objective(nn.Module):
         if self.excess_weight:
             terms["excess"] = excess_error(colour.float(), batch.x[:, :3].float(), batch.colour, weight)
             loss = loss + self.excess_weight * terms["excess"]
-        if self.visible_weight:
-            shown = torch.where(weight > 0.5, colour.clamp(0, 1), batch.colour)
-            terms["visible"] = self.visible(shown, batch.colour, weight)
-            loss = loss + self.visible_weight * terms["visible"]
         if made.shape[1] > 3 and self.coverage_weight:
             covered, true = made[:, 3:4], batch.coverage
             # The channel is clamped to 0..1 for display, so values beyond a true 0 or 1 are no error.

@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 DECIDING = ("quality", "filtered", "shares", "seed", "batch", "neighbours", "crop", "recolour", "rate", "warmup",
             "perceptual_weight", "coverage_weight", "steady_weight", "structure_weight", "light_weight",
-            "excess_weight", "visible_weight", "average")
+            "excess_weight", "average")
 """Fields of a configuration that determine the weights; a checkpoint continues only if they are equal.  A longer training has
 the same."""
 
@@ -63,7 +63,6 @@ class TrainConfig:
     perceptual_weight: of the perceptual distance; L1 has the rest (paper: 0.1).  structure_weight: of 1 - SSIM.
     light_weight: of local light (model.train.objective); the shipped weights had 1 in their last stage.
     excess_weight: of the error beyond the filled picture's (model.train.objective).
-    visible_weight: of the visible difference (model.train.visible_difference).
     average: decay of the weight average per step.
     start_from: initial weights, of this size or a smaller one (:mod:`model.train.net2net`).
     save_every: seconds between checkpoints.
@@ -90,7 +89,6 @@ class TrainConfig:
     structure_weight: float = 0.05
     light_weight: float = 0.0
     excess_weight: float = 0.0
-    visible_weight: float = 0.0
     perceptual_path: str | None = None
     average: float = 0.998
     seed: int = 1
@@ -240,7 +238,7 @@ def train(config: TrainConfig, on_step=None) -> Path:
         objective = Objective(
             Path(config.perceptual_path) if config.perceptual_path else None, config.perceptual_weight,
             config.coverage_weight, config.steady_weight, config.structure_weight, config.light_weight,
-            config.excess_weight, config.visible_weight,
+            config.excess_weight,
         ).to(process.device)
         trainer, facts = Trainer(config, process), config.facts(objective.name)
         trainer.load(facts)

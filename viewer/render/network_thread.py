@@ -18,8 +18,8 @@ from model.interruption import Interrupted, interruptible
 
 _NICENESS = 10
 """Added to the niceness of the thread, and of torch's threads that it starts, where the system has one per thread (Linux).  A
-drag while a network of 0.8 s runs (two cores, window of 1280x720, studio.laz) is answered within 29 to 37 ms at p95, with 19
-within 25 to 32; but with 19 other work on all processors stops the network altogether."""
+drag while the balanced network runs (two cores, window of 1280x720, studio.laz) is answered within 25 to 37 ms at p95, with 19
+within 29 to 32; but with 19, beside other work (load 4), the network did not end within 60 s."""
 
 
 @dataclass(frozen=True, eq=False)
