@@ -28,6 +28,8 @@ from viewer.tools.clip import box_around
 from viewer.tools.look import Look
 
 SEED = 7
+SIZE, POINTS = (96, 72), 10_000
+"""Of the pictures that other drivers make: softpipe interprets every instruction."""
 VIEWS = ("raw", "filtered", "filled")
 
 
@@ -50,7 +52,7 @@ def pictures(context) -> list[bytes]:
     out = []
     for make, kind in product((room, scanned), RASTERISERS):
         scene = make(SEED)
-        camera, small, least = (camera_in(scene, SEED, size) for size in ((320, 240), (97, 61), (7, 3)))
+        camera, small, least = (camera_in(scene, SEED, size) for size in ((160, 120), (97, 61), (7, 3)))
         renderer = Renderer(context, scene, raster=kind, device="cpu")
         for preset in FILTERS:
             views = (*VIEWS, "neural") if preset == "auto" else VIEWS
@@ -117,27 +119,28 @@ def look_like_a_gpu(monkeypatch) -> None:
     monkeypatch.setitem(LAG, False, LAG[True])
 
 
-def write(path: str, *, as_gpu: bool) -> None:
-    """Renders and writes the file that the module's docstring describes.  as_gpu: with the programs chosen for a GPU."""
-    from viewer.render.context import create_context, describe_device
+def named_pictures(context) -> dict[str, np.ndarray]:
+    """What the file that the module's docstring describes holds, by name."""
+    from viewer.render.context import describe_device
 
-    if as_gpu:
-        look_like_a_gpu(pytest.MonkeyPatch())
-    context = create_context()
     device = describe_device(context)
     made: dict[str, np.ndarray] = {"renderer": np.array(f"{device.renderer}, OpenGL {device.version}")}
     for make, kind in product((room, scanned), RASTERISERS):
-        scene = make(SEED)
+        scene = make(SEED, points=POINTS)
         renderer = Renderer(context, scene, raster=kind, device="cpu")
         for preset in FILTERS if make is room else ("auto",):
-            frame = renderer.render(camera_in(scene, SEED, (160, 120)), Settings(filter=preset), VIEWS)
+            frame = renderer.render(camera_in(scene, SEED, SIZE), Settings(filter=preset), VIEWS)
             name = f"{make.__name__}, {kind}, filter {preset}"
             made |= {f"{name}, mask": frame.mask(), f"{name}, depth": frame.depth()}
             made |= {f"{name}, {view}": frame.image(view) for view in VIEWS}
         made |= {f"{make.__name__}, {kind}, wide sums": np.array(renderer._rasterisers[kind].wide_sums)}
         renderer.release()
-    np.savez(path, **made)
+    return made
 
 
 if __name__ == "__main__":
-    write(sys.argv[1], as_gpu="--gpu" in sys.argv)
+    from viewer.render.context import create_context
+
+    if "--gpu" in sys.argv:
+        look_like_a_gpu(pytest.MonkeyPatch())
+    np.savez(sys.argv[1], **named_pictures(create_context()))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from clouds import camera_in, room
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -123,7 +124,7 @@ def any_camera(rng, scene: Scene) -> Camera:
 
 
 @given(st.integers(0, 10**9), st.floats(1.0, 170.0))
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 def test_culling_never_drops_a_visible_point(number, fov):
     camera = camera_in(SCENE, number, (97, 61), fov)
     x, y, z = ((XYZ - camera.position) @ camera.view_rotation.T).T
@@ -135,11 +136,11 @@ def test_culling_never_drops_a_visible_point(number, fov):
     assert rows[CELLS[inside]].all()
 
 
-@pytest.mark.parametrize("block", [1, 7, 64])
-@pytest.mark.parametrize("cells,scale,reach", [
-    (1, 1.0, 0.0), (60, 1e-3, 1e6), (3000, 0.5, 1e4), (3000, 1e3, 0.0), (20_000, 0.25, 1e7),
+@pytest.mark.parametrize("block,cells,scale,reach", [
+    *((block, *scene) for block in (1, 7, 64) for scene in ((1, 1.0, 0.0), (60, 1e-3, 1e6), (3000, 0.5, 1e4))),
+    (7, 3000, 1e3, 0.0), (64, 20_000, 0.25, 1e7),
 ])  # fmt: skip
-def test_two_levels_in_compiled_loops_give_what_plain_numpy_gives(seed, cells, scale, reach, block):
+def test_two_levels_in_compiled_loops_give_what_plain_numpy_gives(seed, block, cells, scale, reach):
     rng = np.random.default_rng(seed)
     scene = cells_only(rng, cells, scale, reach)
     culler = Culler(scene, block=block)

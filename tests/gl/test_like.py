@@ -46,8 +46,7 @@ ALTERED = {
 }
 
 
-@pytest.mark.parametrize("what", list(ALTERED))
-@pytest.mark.parametrize("other", ["", "raw"])
+@pytest.mark.parametrize("what, other", [*((what, "") for what in ALTERED), ("a clip", "raw")])
 def test_a_picture_of_a_project_says_what_was_done_to_it_and_is_drawn_again(tmp_path, what, other, capsys):
     """As F12 saves it: alterations and comparisons are in the metadata, and `render --like` applies them."""
     from viewer.grid.open_scene import open_scene

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from driver_pictures import named_pictures
 
 from viewer.render.context import describe_device
 
@@ -31,13 +32,10 @@ def made_by(environment: dict[str, str], path: Path, *more: str) -> "subprocess.
 
 
 @pytest.fixture(scope="module")
-def expected(context, tmp_path_factory):
+def expected(context):
     if not describe_device(context).software:
         pytest.skip("compares software drivers; here a GPU draws")
-    path = tmp_path_factory.mktemp("drivers") / "here.npz"
-    done = made_by({}, path)
-    assert done.returncode == 0, done.stderr
-    return dict(np.load(path))
+    return named_pictures(context)
 
 
 @pytest.mark.parametrize(("driver", "as_gpu"), [("softpipe", False), ("zink", False), ("zink", True)])

@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -78,10 +79,18 @@ def output_of(*command: object) -> tuple[int, str]:
     return done.returncode, done.stdout + done.stderr
 
 
-def each(check, paths: list[Path]) -> list[str]:
-    """Problems found by ``check`` in any of the files, two files at a time."""
+def each(check: Callable[[Path], list], paths: list[Path]) -> list:
+    """What ``check`` returns for the files, as one list in their order; several files at a time."""
     with ThreadPoolExecutor(min(4, os.cpu_count() or 1)) as pool:
-        return [problem for problems in pool.map(check, paths) for problem in problems]
+        return [result for results in pool.map(check, paths) for result in results]
+
+
+def texts_of(paths: list[Path]) -> dict[Path, str]:
+    """The files' texts after the preprocessor, by one call: it takes longer to start than to read them all."""
+    status, said = output_of("glslangValidator", "-E", *paths)
+    assert status == 0, said
+    texts = re.findall(r"^#version .*?(?=^#version |\Z)", said, re.M | re.S)
+    return dict(zip(paths, texts, strict=True))
 
 
 def as_version(files: list[Path], folder: Path, version: int) -> list[Path]:
@@ -105,31 +114,40 @@ def test_every_shader_is_valid_glsl(files, tmp_path, version):
     assert status == 0 and "ERROR" not in said and "WARNING" not in said, said
 
 
-def test_every_shader_is_valid_spirv(files):
-    """SPIR-V for OpenGL asks for a location of every uniform, input and output, which GLSL 4.30 leaves to the linker: glslang
+@pytest.fixture(scope="module")
+def compiled(files) -> dict[Path, tuple[int, str]]:
+    """Exit status and output of the compiler for each file: its SPIR-V is beside it, its list of uniforms is printed.
+
+    SPIR-V for OpenGL asks for a location of every uniform, input and output, which GLSL 4.30 leaves to the linker: glslang
     numbers them (--auto-map-locations), and nothing else is changed."""
+    outputs = each(lambda path: [output_of("glslangValidator", "-G", "-g0", "-l", "-q", "--auto-map-locations", "-o",
+                                           spirv_of(path), path)], files)  # fmt: skip
+    return dict(zip(files, outputs, strict=True))
+
+
+def spirv_of(path: Path) -> Path:
+    return path.with_suffix(".spv" + path.suffix)
+
+
+def test_every_shader_is_valid_spirv(compiled):
+    """In the version that the driver is given; the others are compiled as GLSL above."""
 
     def problems(path: Path) -> list[str]:
-        found = []
-        binary = path.with_suffix(".spv" + path.suffix)
-        status, said = output_of("glslangValidator", "-G", "-g0", "--auto-map-locations", "-o", binary, path)
+        status, said = compiled[path]
         if status:
-            return [f"{path.parent.name}/{path.name}: {said}"]
-        for environment in SPIRV_ENVIRONMENTS:
-            status, said = output_of("spirv-val", "--target-env", environment, binary)
-            found += [f"{path.parent.name}/{path.name}, {environment}: {said}"] if status else []
-        return found
+            return [f"{path.name}: {said}"]
+        checked = [(name, output_of("spirv-val", "--target-env", name, spirv_of(path))) for name in SPIRV_ENVIRONMENTS]
+        return [f"{path.name}, {name}: {said}" for name, (status, said) in checked if status]
 
-    assert each(problems, files) == []  # in the version that the driver is given; the others are compiled as GLSL above
+    assert each(problems, list(compiled)) == []
 
 
-def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(files):
+def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(compiled):
     """Counted in the text after the preprocessor and in the compiler's own list of uniforms."""
+    preprocessed = texts_of(list(compiled))
 
     def problems(path: Path) -> list[str]:
-        kind = path.suffix[1:]
-        status, text = output_of("glslangValidator", "-E", path)
-        assert status == 0, text
+        kind, text = path.suffix[1:], preprocessed[path]
         found = []
 
         def at_most(what: str, value: int, limit: int) -> None:
@@ -152,7 +170,7 @@ def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(files):
             at_most("invocations of a workgroup", sides[0] * sides[1] * sides[2], GROUP_INVOCATIONS)
             if re.search(r"^\s*shared\b", text, re.M):
                 found.append(f"{path.name}: shared memory; count its bytes against {SHARED_BYTES} here")
-        status, told = output_of("glslangValidator", "-l", "-q", path)
+        status, told = compiled[path]
         assert status == 0, told
         storage = set(re.findall(r"\bbuffer\s+(\w+)\s*\{", text))
         uniforms, rest = told.split("Uniform block reflection:")
@@ -167,7 +185,7 @@ def test_every_shader_stays_within_the_limits_that_opengl_4_3_guarantees(files):
         return found
 
     assert max(BINDINGS.values()) < STORAGE_BINDINGS
-    assert each(problems, files) == []
+    assert [problem for path in compiled for problem in problems(path)] == []
 
 
 def test_no_shader_is_given_a_larger_buffer_than_opengl_4_3_guarantees(context, monkeypatch):

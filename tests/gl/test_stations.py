@@ -43,13 +43,11 @@ def renderer_of(context):
 def test_weighed_frame_agrees_with_twin(renderer_of, scale, unknown, seed):
     scene = scanned(seed, scale, unknown=unknown)
     renderer = renderer_of(scene)
-    for number in range(3):
-        camera = camera_in(scene, seed + number)
-        for lod in (None, 1.0):
-            settings = Settings(lod=lod)
-            frame = renderer.render(camera, settings, views=ALL)
-            assert frame.facts["stations"] == "weighed"
-            assert_agrees(frame, reference_frame(scene, camera, settings))
+    for number, lod in enumerate((None, 1.0)):
+        camera, settings = camera_in(scene, seed + number), Settings(lod=lod)
+        frame = renderer.render(camera, settings, views=ALL)
+        assert frame.facts["stations"] == "weighed"
+        assert_agrees(frame, reference_frame(scene, camera, settings))
 
 
 def test_scan_numbers_beyond_those_that_are_listed_are_unknown(renderer_of, seed):
@@ -63,8 +61,7 @@ def test_scan_numbers_beyond_those_that_are_listed_are_unknown(renderer_of, seed
         assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
 
 
-@pytest.mark.parametrize("preset", list(FILTERS))
-@pytest.mark.parametrize("size", [(4, 4), (97, 61), (256, 131)])
+@pytest.mark.parametrize("preset, size", [*((preset, (97, 61)) for preset in FILTERS), ("auto", (4, 4)), ("auto", (256, 131))])
 def test_every_filter_and_odd_sizes_agree_with_twin(renderer_of, preset, size, seed):
     scene = scanned(seed, places=5)
     camera, settings = camera_in(scene, seed, size), Settings(filter=preset)
@@ -101,7 +98,7 @@ def test_pages_and_bands_change_no_pixel(context, renderer_of, monkeypatch, seed
     whole = [renderer_of(scene).render(camera, settings, views=ALL).image(v) for v in ALL]
     from viewer.render import raster
 
-    monkeypatch.setattr(raster, "_CARRY_BYTES", 1 << 22)  # a band is a few rows
+    monkeypatch.setattr(raster, "_CARRY_BYTES", 1 << 16)  # a band is a few rows
     renderer = renderer_of(scene)
     assert np.array_equal(whole, [renderer.render(camera, settings, views=ALL).image(v) for v in ALL])
     assert renderer._rasterisers["compute"].band_rows < camera.height

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,7 +33,7 @@ def sorted_rows(*columns):
 
 
 @given(seeds, st.integers(1, 3000))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 def test_packing_there_and_back_keeps_every_point_within_half_a_step(seed, count):
     rng = np.random.default_rng(seed)
     xyz, rgb, intensity, scan = random_cloud(rng, count)
@@ -51,7 +52,7 @@ def test_packing_there_and_back_keeps_every_point_within_half_a_step(seed, count
 
 
 @given(seeds, st.integers(1, 2000))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 def test_a_packed_cloud_packed_again_does_not_move(seed, count):
     rng = np.random.default_rng(seed)
     xyz, rgb, *_ = random_cloud(rng, count)
@@ -63,7 +64,7 @@ def test_a_packed_cloud_packed_again_does_not_move(seed, count):
 
 
 @given(st.lists(st.tuples(*[st.floats(allow_nan=True, allow_infinity=True)] * 3), min_size=1, max_size=40))
-@settings(max_examples=120, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_any_floats_at_all_make_a_scene_or_one_line(rows):
     xyz = np.array(rows, np.float64)
     try:
@@ -175,7 +176,7 @@ def test_culling_never_drops_a_visible_point(seed, kind):
 
 
 @given(seeds)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 def test_culling_drops_what_lies_behind_or_wholly_to_a_side(seed):
     rng = np.random.default_rng(seed)
     camera = random_frustum(rng, ROOM)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import torch
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_properties_of_cameras import random_rotation
@@ -69,7 +70,7 @@ def test_bilinear_is_that_of_the_textbook(seed, height, width):
 
 
 @given(seeds, st.integers(1, 70), st.integers(1, 70), st.floats(0, 1))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(20))
 def test_filling_keeps_what_is_measured_and_adds_no_new_value(seed, height, width, share):
     rng = np.random.default_rng(seed)
     mask = torch.from_numpy(rng.random((height, width)) < share)
@@ -88,7 +89,7 @@ def test_filling_keeps_what_is_measured_and_adds_no_new_value(seed, height, widt
 
 
 @given(seeds, st.integers(1, 60), st.integers(1, 60))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(20))
 def test_filling_a_mirrored_picture_mirrors_the_filling(seed, height, width):
     """Where the sides are powers of two, or the pyramid's blocks do not mirror."""
     height, width = 1 << height.bit_length(), 1 << width.bit_length()
@@ -99,7 +100,7 @@ def test_filling_a_mirrored_picture_mirrors_the_filling(seed, height, width):
 
 
 @given(seeds, st.integers(2, 70), st.integers(2, 70), st.integers(-60, 60))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(20))
 def test_the_filters_own_preset_knows_no_unit(seed, height, width, power):
     """Scaled by a power of two the mask is the same to the bit, by anything else but for ties."""
     rng = np.random.default_rng(seed)
@@ -112,7 +113,7 @@ def test_the_filters_own_preset_knows_no_unit(seed, height, width, power):
 
 
 @given(seeds, sides, sides, st.sampled_from(list(LEVELS)))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(20))
 def test_every_preset_keeps_the_nearest_point_of_all(seed, height, width, preset):
     rng = np.random.default_rng(seed)
     depth = torch.from_numpy(np.where(rng.random((height, width)) < 0.5, 10.0 ** rng.uniform(-2, 4, (height, width)), np.inf))
@@ -158,7 +159,7 @@ def wall_seen(rng, *, away: float = 0.0, scale: float = 1.0, turn: float = 0.15)
 
 
 @given(seeds, st.sampled_from([0.0, 1e3, 1e6]), st.sampled_from([1e-3, 1.0, 1e3]))
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=examples(20))
 def test_reprojection_finds_the_same_point_of_the_wall(seed, away, scale):
     """By another way: through the world point's homogeneous coordinates and the inverse of the other pose."""
     before, after = wall_seen(np.random.default_rng(seed), away=away * scale, scale=scale)
@@ -175,7 +176,7 @@ def test_reprojection_finds_the_same_point_of_the_wall(seed, away, scale):
 
 
 @given(seeds)
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=examples(20))
 def test_reprojection_onto_itself_is_the_same_picture(seed):
     rng = np.random.default_rng(seed)
     before, _ = wall_seen(rng)
@@ -186,7 +187,7 @@ def test_reprojection_onto_itself_is_the_same_picture(seed):
 
 
 @given(seeds)
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=examples(20))
 def test_reprojection_without_depth_compares_nothing(seed):
     rng = np.random.default_rng(seed)
     before, after = wall_seen(rng)

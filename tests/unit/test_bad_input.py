@@ -315,16 +315,14 @@ def test_float32_coordinates_too_large_for_their_precision_give_a_warning(tmp_pa
 
 
 REAL = {
-    "studio.laz": (3_234_126, "rgb", 16), "pumpA.e57": (155_201, "rgb", 8),
-    "lion_takanawa.copc.laz": (341_989, "rgb", 16), "autzen_trim.laz": (110_000, "rgb", 8),
-    "sample_c.las": (14_408, "rgb", 16),
     "e57/ColourRepresentation.e57": (153, "rgb", 16), "e57/ColouredCubeDouble.e57": (7680, "rgb", 8),
     "e57/ColouredCubeFloat.e57": (7680, "rgb", 8), "e57/bunnyInt32.e57": (30_571, "height", 8),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_real_scans_open_with_their_counts_and_colours(name):
+def test_real_e57_files_open_with_their_counts_and_colours(name):
+    """Large scans: tests/gl/test_real_scans.py."""
     if not (SCANS / name).exists():
         pytest.skip(f"{SCANS / name} is not on this machine")
     count, colour, bits = REAL[name]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cloud_files import SCANS, write_las, write_ply
+from cloud_files import write_las, write_ply
 from scipy.spatial.transform import Rotation
 
 from viewer.grid.info import facts, format_text
@@ -71,10 +71,3 @@ def test_only_the_file_with_a_black_border_loses_those_colours(tmp_path):
     assert "dark.ply" not in "".join(scene.meta["warnings"])
     plain = open_scene(files, cache=False, match=False)
     assert not plain.unlit and unpack(plain)[1].any(axis=1).all(), "as scanned means as scanned"
-
-
-@pytest.mark.skipif(not (SCANS / "plant_room.laz").is_file(), reason="real scans are on some machines only")
-@pytest.mark.parametrize(("name", "has"), [("plant_room.laz", True), ("lion_takanawa.copc.laz", False), ("pumpA.e57", False)])
-def test_plant_room_is_the_real_scan_with_a_black_border(name, has):
-    told = [text for text in open_scene([SCANS / name]).meta["warnings"] if "black border" in text]
-    assert bool(told) == has
