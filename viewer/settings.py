@@ -17,9 +17,10 @@ VIEWS: dict[str, str] = {
     "neural": "filtered, filled, and repainted by the network",
 }
 RASTERS: dict[str, str] = {
-    "auto": "the one that measured faster on this device",
+    "auto": "on a GPU the one that measured faster, otherwise cpu",
     "points": "OpenGL point primitives",
     "compute": "compute shader with integer atomics",
+    "cpu": "compiled loops on all processors, for OpenGL in software",
 }
 FILTERS: dict[str, str] = {
     "auto": "inverse-depth pyramid; scale-free, adapts to the point spacing of the nearer surface",

@@ -251,7 +251,7 @@ def test_pages_and_bands_change_no_pixel(context, drawn, software):
             assert [b.image(v).tobytes() for v in ALL] + [b.depth().tobytes()] == expected
         c = small.render(camera, Settings(), views=ALL)  # whichever is chosen
         assert [c.image(v).tobytes() for v in ALL] + [c.depth().tobytes()] == expected
-        assert c.stats["raster"] == "compute" or not software
+        assert c.stats["raster"] == "cpu" or not software
     finally:
         small.release()
 

@@ -96,9 +96,9 @@ def test_pages_and_bands_change_no_pixel(context, renderer_of, monkeypatch, seed
     scene = scanned(seed)
     camera, settings = camera_in(scene, seed), Settings(raster="compute")
     whole = [renderer_of(scene).render(camera, settings, views=ALL).image(v) for v in ALL]
-    from viewer.render import raster
+    from viewer.render import raster_shader
 
-    monkeypatch.setattr(raster, "_CARRY_BYTES", 1 << 16)  # a band is a few rows
+    monkeypatch.setattr(raster_shader, "_CARRY_BYTES", 1 << 16)  # a band is a few rows
     renderer = renderer_of(scene)
     assert np.array_equal(whole, [renderer.render(camera, settings, views=ALL).image(v) for v in ALL])
     assert renderer._rasterisers["compute"].band_rows < camera.height

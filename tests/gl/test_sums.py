@@ -39,7 +39,7 @@ def shown(rasteriser, sums: np.ndarray, count: np.ndarray) -> np.ndarray:
     head = np.array([*shader.groups(*SIZE), 0], np.uint32)
     rasteriser.sums.write(words.astype(np.uint64 if rasteriser.wide_sums else np.uint32).tobytes())
     rasteriser.carries.write(head.tobytes() + carries.astype(np.uint32).tobytes())
-    resolve, carried = rasteriser._weigh(None)
+    resolve, carried = rasteriser._resolves
     rasteriser.frame.bind_to_uniform_block(BINDINGS["FRAME"])
     rasteriser.keys.bind_to_storage_buffer(BINDINGS["KEYS"])
     rasteriser._bind_sums()

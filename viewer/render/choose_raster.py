@@ -1,14 +1,16 @@
-"""Which rasteriser draws: measured on the first picture on a GPU, where ``--raster auto`` leaves it open.
+"""Which rasteriser draws, where ``--raster auto`` leaves it open: on a GPU measured on the first picture, otherwise the CPU's.
 
 Every candidate makes the same picture, so that the choice changes nothing but the time.
 """
 
+from collections.abc import Callable
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 from viewer.render.device_class import Workgroup, workgroups
 from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
+from viewer.render.raster_cpu import CpuRasteriser
 from viewer.render.raster_points import PointRasteriser
 
 if TYPE_CHECKING:
@@ -21,7 +23,9 @@ if TYPE_CHECKING:
     from viewer.render.points import PointPages
     from viewer.render.shader import Programs
 
-RASTERISERS: dict[str, type[Rasteriser]] = {"compute": ComputeRasteriser, "points": PointRasteriser}
+RASTERISERS: "dict[str, Callable[[Programs, tuple[int, int], Device], Rasteriser]]" = {
+    "compute": ComputeRasteriser, "points": PointRasteriser, "cpu": CpuRasteriser,
+}
 _ROUNDS = 4
 """Pictures that each candidate draws, in turn; the fastest counts, so that the first, which compiles, does not."""
 

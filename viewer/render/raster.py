@@ -1,45 +1,31 @@
-"""From points to the raw picture and its depth: the common part of the two rasterisers, with the soft z-buffer.
+"""From points to the raw picture and its depth: what the rasterisers have in common, with the soft z-buffer.
 
-Both draw every point as 1x1 pixels in two passes (paper, "Point Cloud Projection"): nearest depth, then whole-number
-colour sums of the points within a tolerance behind it.  viewer.render.raster_compute uses compute shaders and integer atomics,
-viewer.render.raster_points OpenGL point primitives with MIN blending; both choose the
-pixel by the same expressions, and make the same bytes (on a GPU: within the tolerance of viewer.render.device_class).
+All draw every point as 1x1 pixels in two passes (paper, "Point Cloud Projection"): nearest depth, then whole-number colour sums
+of the points within a tolerance behind it.  viewer.render.raster_compute uses compute shaders and integer atomics,
+viewer.render.raster_points OpenGL point primitives with MIN blending, viewer.render.raster_cpu compiled loops where OpenGL is
+software; all choose the pixel by the same expressions, and make the same bytes (on a GPU: within the tolerance of
+viewer.render.device_class).
 View-dependent blending: where scanner positions are known, points are weighted by the angle between the viewing ray and their
 scanner's ray (model/station_weights.py).  ``weight`` holds the sum of each pixel's weights, or the number of its points.
-Pictures larger than a storage block are made in bands of rows; points that do not fit the GPU together come in rounds, depth
-first to last, colours last to first.
+Points that do not fit the GPU together come in rounds, depth first to last, colours last to first.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.soft_z import MAX_AVERAGED
-from model.station_constants import HEAVIEST, UNPLACED
-from viewer.render import shader
 from viewer.render.batches import BatchTable, PageMap
 from viewer.render.cull import DrawList
-from viewer.render.edits import BLOCK as EDITS_BLOCK
-from viewer.render.edits import DEFINES as EDITED
-from viewer.render.gpu_buffers import Grown
-from viewer.render.occlusion import HiddenCells, History, worthwhile
-from viewer.render.shader import BINDINGS
-from viewer.render.stations import MOST_STATIONS
+from viewer.render.occlusion import HiddenCells, History
 
 if TYPE_CHECKING:
     import moderngl
 
     from model.soft_z import SoftZ
     from viewer.camera import Camera
-    from viewer.render.context import Device
     from viewer.render.points import PointPages
     from viewer.stream.residency import Round
 
-_SUM_BYTES, _WIDE_SUM_BYTES, _CARRY_BYTES = 8, 16, 16  # a pixel, in common_sums.glsl
-_CARRY_HEAD = 16  # bytes of the indirect command of the pass over pixels with carries
-_COPIED_SUMS, COPIED_KEYS = 1, 2  # texture units of the resolve pass; its depth has 0
-_CLEAR_LANES, _CLEAR_GROUPS = 256, 1024  # invocations of a workgroup, workgroups at most: enough to fill any GPU
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]
 )
@@ -47,46 +33,22 @@ FRAME_FIELDS = np.dtype(
 
 
 class Rasteriser:
-    """Owns programs and targets for one picture size; ``run`` fills ``colour`` (RGBA8), ``depth`` (R32F, +inf where empty) and
+    """Owns the targets of one picture size; ``run`` fills ``colour`` (RGBA8), ``depth`` (R32F, +inf where empty) and
     ``weight`` (R8: MAX_AVERAGED / 255 at most), row 0 at the top."""
 
     kind = ""
-    from_keys: int | None = None  # 1: nearest depths are inverted bits in a buffer, not a texture
     overlap = 0  # points behind a page's end that a batch may include
 
     table: BatchTable
     hider: "HiddenCells | None" = None
 
-    def __init__(self, programs: shader.Programs, size: tuple[int, int], device: "Device"):
-        context = programs.context
+    def __init__(self, context: "moderngl.Context", size: tuple[int, int]):
         self.context, self.size = context, size
-        width, height = size
-        self.band_rows = max(1, min(height, (device.storage_limit - _CARRY_HEAD) // (_CARRY_BYTES * width)))
         self.colour = context.texture(size, 4, dtype="f1")
         self.depth = context.texture(size, 1, dtype="f4")
         self.weight = context.texture(size, 1, dtype="f1")
-        # On a GPU two 32-bit sums share a 64-bit word where it can add to one: carries, each an atomic operation more, are then
-        # as good as never needed.  Software OpenGL has no such atomics, and its sums of 16 bits take half the memory traffic.
-        self.wide_sums = device.atomics_64 and not device.software
-        self.sums = context.buffer(reserve=(_WIDE_SUM_BYTES if self.wide_sums else _SUM_BYTES) * width * self.band_rows)
-        self.carries = context.buffer(reserve=_CARRY_HEAD + _CARRY_BYTES * width * self.band_rows)
-        self._clean = False  # whether the carries are zero, to which resolve.comp resets them
-        self._clear = None if device.software else programs.compute("clear.comp", CLEAR_LANES=_CLEAR_LANES)
-        self.frame = context.buffer(reserve=FRAME_FIELDS.itemsize, dynamic=True)
-        self.cells = Grown(context, orphans=not device.software)
-        self.upload = Grown(context, orphans=not device.software)
-        self._loaded: Round | None = None
-        self.to_linear = context.texture((len(TO_LINEAR), 1), 1, TO_LINEAR.astype("<u2").tobytes(), dtype="u2")
-        self.to_srgb = context.texture((64, 64), 1, TO_SRGB.tobytes(), dtype="u1")
-        # In software the resolve pass takes half the time from copies in textures: 39 and 20 ms of processor time for 960x720.
-        self._copied_sums = context.texture((width, self.band_rows), 2, dtype="u4") if device.software else None
-        self.stations = context.buffer(reserve=16 * MOST_STATIONS, dynamic=True)
         self._record = np.zeros((), FRAME_FIELDS)
-        self.programs = programs
-        steps = {"SUMS_COPIED": None if self._copied_sums is None else 1}, {"CARRIED": 1}
-        constants = {"FROM_KEYS": self.from_keys, "MAX_AVERAGED": MAX_AVERAGED, **self.layout}
-        self._resolves = [programs.compute("resolve.comp", **constants, **more) for more in steps]
-        self.edits = context.buffer(reserve=EDITS_BLOCK.itemsize, dynamic=True)
+        self._loaded: Round | None = None
         self.weighted = False  # whether points have weights in this picture
         self.edited = False  # whether edits remove or recolour points in this picture
 
@@ -99,121 +61,29 @@ class Rasteriser:
         edits: the block of viewer.render.edits; None: every point is drawn as it is.
         history: hidden cells may be left out, where this rasteriser can and it is worth it.  Returns whether history was used.
         """
-        width, height = self.size
+        raise NotImplementedError
+
+    def _begin(self, draw: DrawList, camera: "Camera", soft: "SoftZ", *, weighted: bool, edited: bool) -> None:
+        """Writes the Frame record, except for its size."""
         record = self._record
         record["axes"][:, :3] = draw.axes
         record["axes"][0, 3] = soft.unlit
         record["lens"] = (camera.fx, camera.fy, camera.cx, camera.cy)
         record["soft"] = (1.0 + soft.relative, soft.absolute, 0.5 if soft.rounded else 0.0, float(soft.linear))
-        self.cells.write(draw.cell_view)
         self._loaded = None
-        self.frame.bind_to_uniform_block(BINDINGS["FRAME"])
-        resolve, carried = self._weigh(stations)
-        self.edited = edits is not None
-        if edits is not None:
-            self.edits.write(edits)
-            self.edits.bind_to_uniform_block(BINDINGS["EDITS"])
-        hiding = history is not None and self.can_hide and len(rounds) == 1 and worthwhile(draw, self.size)
-        for first_row in range(0, height, self.band_rows):
-            rows = min(self.band_rows, height - first_row)
-            record["size"] = (width, height, first_row, rows)
-            self.frame.write(record.tobytes())
-            self.zero(self.sums, *(() if self._clean else (self.carries,)))
-            if not self._clean:  # for the first band; later bands are not larger
-                self.carries.write(np.array([0, shader.groups(width, rows)[1], 1, 0], np.uint32))
-            self._clean = False
-            if hiding and history is not None:
-                self.draw_hiding(pages, draw, rounds[0], history)
-            else:
-                self.draw_band(pages, draw, rounds, rows)
-            self._bind_sums()
-            self.colour.bind_to_image(0, read=False, write=True)
-            self.depth.bind_to_image(1, read=False, write=True)
-            self.weight.bind_to_image(2, read=False, write=True)
-            self._copy(resolve)
-            resolve.run(*shader.groups(width, rows))
-            self.context.memory_barrier()
-            carried.run_indirect(self.carries)
-            self.context.memory_barrier()
-            self._clean = True
-        return hiding
+        self.weighted, self.edited = weighted, edited
 
-    def _copy(self, resolve: "moderngl.ComputeShader") -> None:
-        """Copies what the resolve pass reads to textures, in software."""
-        if self._copied_sums is not None:
-            self._copied_sums.write(self.sums)
-            self._copied_sums.use(_COPIED_SUMS)
-            resolve["copied_sums"] = _COPIED_SUMS
-
-    def zero(self, *buffers: "moderngl.Buffer") -> None:
-        """Sets buffers to zero: on a GPU by a shader; in software by moderngl, which maps them.  Mapping is fastest there, and
-        on a GPU would wait for all work that uses them."""
-        for buffer in buffers:
-            if self._clear is None:
-                buffer.clear()
-                continue
-            buffer.bind_to_storage_buffer(BINDINGS["KEYS"])
-            self._clear["count"] = words = buffer.size // 4
-            self._clear.run(min(-(-words // _CLEAR_LANES), _CLEAR_GROUPS))
-        if self._clear is not None:
-            self.context.memory_barrier()
-
-    def _weigh(self, stations: np.ndarray | None) -> "list[moderngl.ComputeShader]":
-        """Uploads the scanner positions; returns the programs of the last steps."""
-        self.weighted = stations is not None
-        if stations is not None:
-            self.stations.write(stations)
-            self.stations.bind_to_uniform_block(BINDINGS["STATIONS"])
-        return self._resolves
-
-    @property
-    def layout(self) -> dict[str, object]:
-        """Constants of the programs that read or write the sums."""
-        return {"WIDE_SUMS": 1 if self.wide_sums else None}
-
-    @property
-    def weights(self) -> dict[str, object]:
-        """Constants of the programs that differ where points have weights."""
-        return {"WEIGHTED": 1, "HEAVIEST": HEAVIEST, "UNPLACED": UNPLACED} if self.weighted else {}
-
-    @property
-    def variant(self) -> dict[str, object]:
-        """Constants of the programs that differ where edits remove or recolour points."""
-        return dict(EDITED) if self.edited else {}
-
-    @property
-    def can_hide(self) -> bool:
-        """Whether this rasteriser can leave out hidden cells at this picture size."""
-        return False
-
-    def _bind_sums(self) -> None:
-        self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])
-        self.carries.bind_to_storage_buffer(BINDINGS["CARRY"])
-        self.to_linear.use(shader.UNITS["TO_LINEAR"])
-        self.to_srgb.use(shader.UNITS["TO_SRGB"])
-
-    def _bring(self, pages: "PointPages", draw: DrawList, part: "Round", group: np.ndarray | None = None) -> None:
-        """Loads the points of a round to the GPU and fills ``table`` with its batches."""
+    def _bring(self, pages: "PointPages", draw: DrawList, part: "Round", group: np.ndarray | None = None) -> bool:
+        """Loads the points of a round into the pages and fills ``table`` with its batches.  Returns whether this is news."""
         if part is self._loaded:
-            return
+            return False
         if not pages.residency.complete:
             pages.load(part)
         where = PageMap.of(pages, self.overlap)
-        groups = 1 if group is None else 2
-        self.upload.write(self.table.fill(draw, where, group=group, groups=groups, start=part.start, stop=part.stop))
+        self.table.fill(draw, where, group=group, groups=1 if group is None else 2, start=part.start, stop=part.stop)
         self._loaded = part
-
-    def draw_band(self, pages: "PointPages", draw: DrawList, rounds: "list[Round]", rows: int) -> None:
-        """Draws all rounds into the band that the Frame block describes."""
-        raise NotImplementedError
-
-    def draw_hiding(self, pages: "PointPages", draw: DrawList, part: "Round", history: History) -> None:
-        """The same without hidden cells, for the whole picture in one band."""
-        raise NotImplementedError
+        return True
 
     def release(self) -> None:
-        grown = self.cells.buffer, self.upload.buffer
-        for resource in (self.colour, self.depth, self.edits, self.sums, self.carries, self.frame, self.stations,
-                         self.to_linear, self.to_srgb, self._copied_sums, self.weight, *grown):
-            if resource is not None:
-                resource.release()
+        for texture in (self.colour, self.depth, self.weight):
+            texture.release()

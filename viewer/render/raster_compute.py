@@ -1,6 +1,6 @@
 """The compute rasteriser: workgroups that draw batches of points with integer atomics (after Schuetz et al. 2021).
 
-See viewer.render.raster.  Only this rasteriser supports occlusion culling (viewer.render.occlusion).
+See viewer.render.raster and raster_shader.  Only this rasteriser supports occlusion culling (viewer.render.occlusion).
 """
 
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from viewer.render.batches import BatchTable
 from viewer.render.cull import DrawList
 from viewer.render.device_class import Workgroup, workgroups
 from viewer.render.occlusion import LAG, MAX_GROUPS, HiddenCells, History
-from viewer.render.raster import COPIED_KEYS, Rasteriser
+from viewer.render.raster_shader import COPIED_KEYS, ShaderRasteriser
 from viewer.render.shader import BATCH, BINDINGS, STRETCH
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from viewer.stream.residency import Round
 
 
-class ComputeRasteriser(Rasteriser):
+class ComputeRasteriser(ShaderRasteriser):
     """Compute shaders with atomics.  workgroup: its shape; None: the default of the device's class."""
 
     kind = "compute"

@@ -1,6 +1,6 @@
 """The rasteriser of point primitives, with MIN blending for depth: for drivers on which compute shaders are slow.
 
-See viewer.render.raster.
+See viewer.render.raster and viewer.render.raster_shader.
 """
 
 from typing import TYPE_CHECKING
@@ -11,7 +11,7 @@ import numpy as np
 from viewer.render import shader
 from viewer.render.batches import UNCUT, BatchTable
 from viewer.render.cull import DrawList
-from viewer.render.raster import Rasteriser
+from viewer.render.raster_shader import ShaderRasteriser
 
 if TYPE_CHECKING:
     from viewer.render.context import Device
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from viewer.stream.residency import Round
 
 
-class PointRasteriser(Rasteriser):
+class PointRasteriser(ShaderRasteriser):
     """OpenGL point primitives, one indirect multi-draw a page and pass."""
 
     kind = "points"

@@ -265,10 +265,11 @@ class Renderer(SizedPasses):
 
     def _choose(self, settings: Settings, draw: DrawList, camera: "Camera", soft: SoftZ, stations: "np.ndarray | None",
                 streaming: bool) -> Rasteriser:
-        """The rasteriser asked for; ``auto``: on a GPU the one that measured fastest, fixed for this renderer's life."""
+        """The rasteriser asked for; ``auto``: ``cpu`` in software OpenGL, on a GPU the one that measured fastest, fixed for
+        this renderer's life."""
         wanted = settings.raster if settings.raster != "auto" else self._raster
         if wanted == "auto" and self.device.software:
-            wanted = self._raster = "compute"
+            wanted = self._raster = "cpu"
         if wanted == "auto":
             best = fastest(self._programs, self._size, self.device, self.pages, draw, camera, soft, stations,
                            streaming=streaming)

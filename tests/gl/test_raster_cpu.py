@@ -1,0 +1,150 @@
+"""The rasteriser of compiled loops against the compute shaders, to the byte, and what only it has: threads, mapped buffers."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from clouds import camera_in, room
+from test_edits import of_two_stations, random_clips
+from test_stations import scanned
+
+from model.common.atomics import atomic_add, atomic_max
+from model.common.jit import compiled
+from viewer.render import raster_cpu
+from viewer.render.context import describe_device
+from viewer.render.edits import Edits
+from viewer.render.raster_cpu import mapped
+from viewer.render.renderer import Renderer
+from viewer.settings import SOFT_Z, Settings
+from viewer.tools.look import COLOUR_BY, Look
+
+pytestmark = pytest.mark.gl
+VIEWS = ("raw", "filled")
+
+
+@pytest.fixture
+def renderer_of(context):
+    if not describe_device(context).software:
+        pytest.skip("bytes are promised in software OpenGL only")
+    made = []
+
+    def make(scene):
+        made.append(Renderer(context, scene))
+        return made[-1]
+
+    yield make
+    for renderer in made:
+        renderer.release()
+
+
+def made_by(renderer, kind, camera, settings=None, edits=None, views=VIEWS) -> list[bytes]:
+    settings = replace(settings or Settings(), raster=kind)
+    frame = renderer.render(camera, settings, views=views, edits=edits)
+    assert frame.stats["raster"] == kind
+    weight = renderer._rasterisers[kind].weight.read()
+    return [*(frame.image(view).tobytes() for view in views), frame.depth().tobytes(), weight]
+
+
+def assert_same(renderer, camera, settings=None, edits=None, views=VIEWS):
+    cpu, shader = (made_by(renderer, kind, camera, settings, edits, views) for kind in ("cpu", "compute"))
+    assert cpu == shader
+    return cpu
+
+
+@compiled(nogil=True)
+def _count(counter, most, calls, value):
+    for _ in range(calls):
+        atomic_add(counter, 1, np.uint64(3))
+        atomic_max(most, 0, value)
+
+
+def test_atomic_operations_lose_nothing_between_threads():
+    counter, most, calls = np.zeros(3, np.uint64), np.zeros(1, np.uint32), 200_000
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda value: _count(counter, most, calls, np.uint32(value)), (5, 1 << 31, 7, 3, 1, 9, 2, 4)))
+    assert counter.tolist() == [0, 8 * 3 * calls, 0] and most[0] == 1 << 31
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
+def test_every_depth_tolerance_and_level_of_detail(renderer_of, scale, seed):
+    scene = room(seed, 60_000, scale=scale)
+    renderer, seen = renderer_of(scene), 0
+    for number, soft_z in enumerate(SOFT_Z):
+        for size, lod in (((97, 61), None), ((333, 251), 2.0), ((1, 37), None)):
+            camera = camera_in(scene, seed + number, size, fov=100.0)
+            made = assert_same(renderer, camera, Settings(soft_z=soft_z, lod=lod))
+            seen += np.isfinite(np.frombuffer(made[-2], "<f4")).sum()
+    assert seen > 10_000
+
+
+def test_weights_of_stations(renderer_of, seed):
+    for unknown in ((), (1,)):
+        scene = scanned(seed, unknown=unknown)
+        scene.points[::9, 2] |= np.uint32(0xFF000000)  # a number that is not listed
+        renderer = renderer_of(scene)
+        for number in range(4):
+            assert_same(renderer, camera_in(scene, seed + number))
+
+
+def test_points_without_a_colour(renderer_of, seed):
+    base = room(seed)
+    points = base.points.copy()
+    points[np.random.default_rng(seed).random(base.count) < 0.4, 2] &= np.uint32(0xFF000000)
+    scene = replace(base, points=points, meta={**base.meta, "colour": {"uncoloured": 0.4}})
+    renderer = renderer_of(scene)
+    for number in range(3):
+        assert_same(renderer, camera_in(scene, seed + number))
+
+
+@pytest.mark.parametrize("colour_by", list(COLOUR_BY))
+def test_edits(renderer_of, colour_by, seed):
+    """Float32 decides both ways at the faces of clips and between levels, by the same operations."""
+    scene = of_two_stations(room(seed, 40_000, origin=(4e5, 5e6, 100.0)), seed)
+    renderer, random, changed = renderer_of(scene), np.random.default_rng(seed), 0
+    for number in range(3):
+        clips = random_clips(random, scene) if number else ()
+        edits = Edits(clips, frozenset({37} if number == 2 else ()), Look(colour_by, "turbo"), up=(0.0, 0.6, 0.8))
+        camera = camera_in(scene, seed + number, (120, 90))
+        changed += assert_same(renderer, camera, None, edits, ("raw",)) != made_by(renderer, "cpu", camera, views=("raw",))
+    assert changed or colour_by == "rgb"
+
+
+@pytest.mark.parametrize("threads", [1, 3, 16])
+def test_any_number_of_threads_makes_the_same_picture(renderer_of, monkeypatch, threads, seed):
+    scene = scanned(seed)
+    camera = camera_in(scene, seed, (160, 120), fov=100.0)
+    wanted = made_by(renderer_of(scene), "compute", camera)
+    monkeypatch.setattr(raster_cpu, "usable_processors", lambda: threads)
+    renderer = renderer_of(scene)
+    for _ in range(3):
+        assert made_by(renderer, "cpu", camera) == wanted
+
+
+def test_an_error_leaves_nothing_in_the_next_picture(renderer_of, monkeypatch, seed):
+    scene = room(seed)
+    renderer, camera = renderer_of(scene), camera_in(scene, seed, fov=100.0)
+    wanted = made_by(renderer, "cpu", camera)
+
+    def broken(*_):
+        raise RuntimeError("broken here")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(raster_cpu, "resolve_pixels", broken)  # the sums are made, and nobody reads them
+        with pytest.raises(RuntimeError, match="broken here"):
+            made_by(renderer, "cpu", camera)
+    assert made_by(renderer, "cpu", camera) == wanted
+
+
+def test_a_mapped_buffer_is_the_buffer_and_can_be_written_afterwards(context, seed):
+    words = np.random.default_rng(seed).integers(0, 1 << 32, 5000, dtype=np.uint32)
+    buffer = context.buffer(words.tobytes())
+    try:
+        with mapped(buffer) as held:
+            assert np.array_equal(held, words)
+        buffer.write(words[::-1].tobytes())
+        with mapped(buffer) as held:
+            assert np.array_equal(held, words[::-1])
+        assert context.error == "GL_NO_ERROR"
+    finally:
+        buffer.release()
