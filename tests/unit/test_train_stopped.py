@@ -55,6 +55,12 @@ def _state(path):
     return load_weights(path)[0].state_dict()
 
 
+@pytest.fixture(scope="module")
+def whole(pairs, tmp_path_factory):
+    """The weights of an uninterrupted run."""
+    return _state(train.train(_config(pairs, tmp_path_factory.mktemp("whole"))))
+
+
 def _press(number=signal.SIGINT):
     os.kill(os.getpid(), number)
 
@@ -72,7 +78,7 @@ def stop(request):
 
 
 @pytest.mark.parametrize("within", [False, True])
-def test_an_interrupt_keeps_every_completed_step(pairs, tmp_path, monkeypatch, within, stop):
+def test_an_interrupt_keeps_every_completed_step(pairs, whole, tmp_path, monkeypatch, within, stop):
     """Between two steps, or within one, which is then completed; the weights equal those of an uninterrupted run."""
     advance = Trainer.advance
 
@@ -82,12 +88,10 @@ def test_an_interrupt_keeps_every_completed_step(pairs, tmp_path, monkeypatch, w
         return advance(self, *rest)
 
     monkeypatch.setattr(Trainer, "advance", pressed)
-    whole = _state(train.train(_config(pairs, tmp_path / "whole"))) if not within else None
     with pytest.raises(KeyboardInterrupt):
         train.train(_config(pairs, tmp_path / "run"), on_step=lambda step: _press(stop) if step == 5 and not within else None)
     monkeypatch.undo()
     assert _step_of(tmp_path / "run") == 5 and (tmp_path / "run" / "fast-filtered.safetensors").is_file()
-    whole = whole or _state(train.train(_config(pairs, tmp_path / "whole")))
     parts = _state(train.train(_config(pairs, tmp_path / "run")))
     assert all(torch.equal(whole[k], parts[k]) for k in whole)
     assert signal.getsignal(stop) is signal.default_int_handler and not list(tmp_path.rglob("*.partial"))

@@ -8,6 +8,9 @@ from viewer.window.loading import Loaded
 from viewer.window.session import Session
 from viewer.window.start_viewpoint import survey
 
+FEW = 4_000
+"""Points of a session's room: the search for a place to stand in it takes longer with more."""
+
 
 def room(*, metre: float = 1.0, offset=(0.0, 0.0, 0.0), scans=None, points=40_000):
     """A furnished-with-nothing room of 8 x 6 x 3 m; ``metre`` in file units."""
@@ -31,7 +34,7 @@ class Clock:
 def session(*, loader=lambda settings: None, settings=None):
     clock = Clock()
     made = Session(settings or Settings(view="filled"), (640, 400), load_network=loader, clock=clock)
-    scene = room()
+    scene = room(points=FEW)
     made.accept(Loaded(scene, survey(scene)))
     return made, clock
 
