@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from model.blend_rows import (
+    allow_row,
     between,
     blend_row,
     blur_row,
@@ -47,6 +48,7 @@ def _make(packed, blocks, block, means, made, first, last):
     behind = 2**BLENDS - 1
     kept = np.empty((2 ** (BLENDS + 1) - 2 + BLENDS, 5, width), np.float32)  # ring k begins at row 2**(k + 1) - 2 + k
     out, limit = np.empty((behind + 1, 3, width), np.float32), np.empty((behind + 1, width), np.float32)
+    allowed = np.empty((behind + 1, 3, width), np.float32)
     smoothest, line = np.empty((5, width), np.float32), np.empty(width + 2 ** (BLENDS + 1), np.float32)
     unpacked, row_of = np.empty(blocks.shape[1] * block, np.float32), np.empty(width, np.float32)
     guide = np.empty((1 + BLENDS, 5, width), np.float32)  # rings of the channels' rows, filled up to had
@@ -81,6 +83,8 @@ def _make(packed, blocks, block, means, made, first, last):
                 guide[channel, had[channel] % 5] = unpacked[:width]
                 had[channel] += 1
             half_band_row(guide[channel], y, height, line, row_of)
+            if number == 0:
+                allow_row(packed[y], smooth, allowed[place])
             blend_row(here, smooth, row_of, out[place])
             if number == CONTRAST_AT:
                 contrast_row(smooth, limit[place])
@@ -92,7 +96,7 @@ def _make(packed, blocks, block, means, made, first, last):
                     had[0] += 1
                 half_band_row(guide[0], y, height, line, row_of)
                 guide_row(blocks, block, 1 + BLENDS, y, unpacked)
-                finish_row(packed[y], out[place], row_of, unpacked[:width], limit[place], made[y])
+                finish_row(packed[y], out[place], row_of, unpacked[:width], limit[place], allowed[place], made[y])
 
 
 class Blender:

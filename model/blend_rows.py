@@ -7,10 +7,11 @@ planar, so that the loops along a row are vectorised.
 import numpy as np
 
 from model.common.jit import compiled
-from model.network_layout import CLOSED
+from model.network_layout import CLOSED, NOISE_SCALE
 from model.unet import (
     FILLED_WEIGHT,
     HALF_BAND,
+    KEPT_DEVIATIONS,
     LEAST_CONTRAST,
     LEAST_LUMINANCE,
     LUMA,
@@ -84,6 +85,23 @@ def blend_row(sharp, smooth, share, out):
 
 
 @compiled(nogil=True)
+def allow_row(packed, smooth, allowed):
+    """Sets by how much the final picture may differ from the filled one: allowed (3, W).
+
+    packed: (W, 8).  smooth: (>= 4, W), sums of the first blur.
+    """
+    red, green, blue, weight = smooth[0], smooth[1], smooth[2], smooth[3]
+    of_red, of_green, of_blue = allowed[0], allowed[1], allowed[2]
+    for x in range(len(red)):
+        noise, measured = _F(KEPT_DEVIATIONS / NOISE_SCALE) * packed[x, 5], packed[x, 3]
+        part = _F(1.0) / measured if measured > _F(0.0) else _F(0.0)
+        least = _F(0.0) if measured > _F(0.0) else _F(1.0)
+        of_red[x] = (noise + abs(packed[x, 0] - red[x] / weight[x])) * part + least
+        of_green[x] = (noise + abs(packed[x, 1] - green[x] / weight[x])) * part + least
+        of_blue[x] = (noise + abs(packed[x, 2] - blue[x] / weight[x])) * part + least
+
+
+@compiled(nogil=True)
 def square_row(sums):
     """Sets the fifth row of sums (5, W): the weighted square of luminance."""
     red, green, blue, weight, square = sums[0], sums[1], sums[2], sums[3], sums[4]
@@ -144,6 +162,11 @@ def _unit(value):
     return min(max(value, _F(0.0)), _F(1.0)) if value == value else _F(0.0)  # NaN becomes 0
 
 
+@compiled(nogil=True, inline="always")
+def _kept(value, measured, allowed):
+    return measured + min(max(value - measured, -allowed), allowed)
+
+
 @compiled(nogil=True)
 def between(block, columns, left, share):
     """Interpolation along a row: left (blocks,), square whose centre is left of each block; share (blocks,) of the next."""
@@ -192,17 +215,20 @@ def half_band_row(rows, y, height, line, row):
 
 
 @compiled(nogil=True)
-def finish_row(packed, out, light, cover, limit, made):
-    """Corrects luminance and sets coverage: made (W, 4) float32, 0..1, never NaN.
+def finish_row(packed, out, light, cover, limit, allowed, made):
+    """Corrects luminance, keeps what was measured, and sets coverage: made (W, 4) float32, 0..1, never NaN.
 
-    light, cover, limit: (W,) correction, which is overwritten, coverage less 1, and bound of the correction.
+    light, cover, limit: (W,) correction, which is overwritten, coverage less 1, and bound of the correction.  allowed: (3, W),
+    largest difference from the filled picture.
     """
     red, green, blue = out[0], out[1], out[2]
+    of_red, of_green, of_blue = allowed[0], allowed[1], allowed[2]
     for x in range(len(light)):
         change = limit[x] * tanh(light[x] / limit[x])
         luma = _F(_RED) * red[x] + _F(_GREEN) * green[x] + _F(_BLUE) * blue[x]
         light[x] = _F(1.0) + change / max(luma, _F(LEAST_LUMINANCE))
     for x in range(len(light)):
-        made[x, 0], made[x, 1] = _unit(red[x] * light[x]), _unit(green[x] * light[x])
-        made[x, 2] = _unit(blue[x] * light[x])
+        made[x, 0] = _unit(_kept(red[x] * light[x], packed[x, 0], of_red[x]))
+        made[x, 1] = _unit(_kept(green[x] * light[x], packed[x, 1], of_green[x]))
+        made[x, 2] = _unit(_kept(blue[x] * light[x], packed[x, 2], of_blue[x]))
         made[x, 3] = max(_unit(_F(1.0) + cover[x]), packed[x, CLOSED])

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import torch
+import torch.nn.functional as F
 from PIL import Image, ImageDraw, ImageFont
 from rooms import make_room
 from safetensors.torch import save_file
@@ -15,7 +16,18 @@ from model.evaluation import evaluate, format_table
 from model.evaluation.metrics import psnr, psnr_after_gain, ssim
 from model.network_layout import BACKGROUND, CLOSED, NOISE_SCALE, PACKED_IN
 from model.reconstruct import FLIPS, Reconstructor, covered, fast_precision, fitting_weights
-from model.unet import INPUT_CHANNELS, SIZES, CompactUNet, PaperUNet, Size, mac_per_pixel, make_network, without_mesh
+from model.unet import (
+    FILLED_WEIGHT,
+    INPUT_CHANNELS,
+    KEPT_DEVIATIONS,
+    SIZES,
+    CompactUNet,
+    PaperUNet,
+    Size,
+    mac_per_pixel,
+    make_network,
+    without_mesh,
+)
 from model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
 
 
@@ -246,7 +258,7 @@ def test_the_light_is_corrected_where_something_is_to_be_seen_and_not_where_poin
     guide[:, 0] = torch.nn.functional.avg_pool2d(torch.randn(1, 1, 98, 98, generator=generator), 3, 1)[0]
 
     def change(wall: torch.Tensor) -> torch.Tensor:
-        x = torch.cat([wall.expand(1, 3, 96, 96), torch.ones(1, 2, 96, 96)], 1)
+        x = torch.cat([wall.expand(1, 3, 96, 96), torch.ones(1, 3, 96, 96)], 1)  # noise level 1: no bound of measured pixels
         return (network._blend(x, guide)[:, :3] - x[:, :3])[..., 8:-8, 8:-8]
 
     noise = 0.02 * torch.randn(1, 1, 96, 96, generator=generator)
@@ -254,6 +266,27 @@ def test_the_light_is_corrected_where_something_is_to_be_seen_and_not_where_poin
     assert change(torch.full((1, 1, 96, 96), 0.5)).abs().max() < 0.002
     stripes = 0.3 * (torch.arange(96) // 6 % 2).float().expand(1, 1, 96, 96)
     assert change(0.3 + stripes + noise).std() > 0.03
+
+
+@pytest.mark.parametrize("level", [0.0, 0.2])
+def test_a_measurement_with_which_its_neighbours_agree_stays_whatever_the_network_wants(level, seed):
+    """Measured pixels change by their noise and by their difference from the 3x3 blur at most, filled ones by any amount."""
+    generator = torch.Generator().manual_seed(seed)
+    network, size = CompactUNet(Size((8, 8), 1)).eval(), (1, 1, 64, 64)
+    guide = torch.rand(1, 6, 64, 64, generator=generator) * 2 - 0.5
+    measured = torch.where(torch.rand(size, generator=generator) < 0.7, torch.rand(size, generator=generator), 0.0)
+    picture = torch.rand(1, 3, 64, 64, generator=generator)
+    picture[..., :32] = 0.5 + 0.01 * picture[..., :32]
+    x = torch.cat([picture, measured, torch.zeros(size), torch.full(size, level)], 1)
+    changed = (network._blend(x, guide)[:, :3] - picture).abs()
+    weight = measured * (1 - FILLED_WEIGHT) + FILLED_WEIGHT
+    sums = F.pad(torch.cat([picture * weight, weight], 1), (1, 1, 1, 1), mode="replicate")
+    taps = [(i, j, (1 + i % 2) * (1 + j % 2)) for i in range(3) for j in range(3)]
+    near = torch.stack([tap * sums[..., i : i + 64, j : j + 64] for i, j, tap in taps]).sum(0)
+    bound = KEPT_DEVIATIONS * level / NOISE_SCALE + (picture - near[:, :3] / near[:, 3:]).abs()
+    kept = (measured > 0).expand_as(picture)
+    assert (changed - bound / measured.clamp_min(1e-3))[kept].max() < 1e-5
+    assert (changed > bound + 1e-3)[~kept].any()
 
 
 @pytest.mark.parametrize("quality", ["fast", "balanced"])
