@@ -14,7 +14,7 @@ from viewer.grid.scene import unpack
 GAINS = (0.9, 1.0, 1.1)
 
 
-def _stations(seed, count=30_000):
+def _stations(seed, count=10_000):
     """One textured floor seen by three stations, each with its own gain: xyz, rgb, station."""
     rng = np.random.default_rng(seed)
     parts = []
