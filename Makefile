@@ -15,9 +15,7 @@ demo: setup  ## set up what is missing and open the demo scan (without a display
 	@.venv/bin/pointglass demo
 
 test: setup  ## set up what is missing, check the code, run every test
-	@$(PYTHON) -m ruff check .
-	@$(PYTHON) -m pyright --warnings
-	@$(PYTHON) -m pytest -q
+	@.ci/test.sh
 
 lint: setup  ## ruff and pyright
 	@$(PYTHON) -m ruff check .

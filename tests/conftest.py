@@ -11,8 +11,10 @@ import pytest
 from viewer.errors import DeviceError
 
 # As every command does (viewer/cli.py): waiting threads of torch sleep.  Otherwise they take the processors from software
-# OpenGL.  torch reads this when it is imported.
+# OpenGL.  One thread, also in what the tests start, where it is not set: small pictures gain nothing from more, and other tests
+# run on the other processors (.ci/test.sh).  torch and NumPy read both when they are imported.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parent.parent
 

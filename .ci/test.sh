@@ -1,0 +1,68 @@
+#!/usr/bin/env bash
+# Checks the code and runs every test, in jobs side by side, one for each processor: `.ci/test.sh`, or `.ci/test.sh JOB...` for
+# some of them.  What a job printed is shown when it has ended; the last line counts the tests of all jobs.
+#
+# The tests of a folder keep their order.  Those of OpenGL share a context, and want no other's objects collected meanwhile.
+set -uo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+JOBS=(unit-2 unit-1 window gl rest lint)  # the longest first, so that the last ones end together
+
+run_job() {
+    local python=.venv/bin/python
+    case $1 in
+        lint) "$python" -m ruff check . && "$python" -m pyright --warnings ;;
+        unit-1) "$python" -m pytest -q tests/unit/test_[a-m]*.py ;;
+        unit-2) "$python" -m pytest -q tests/unit/test_[!a-m]*.py ;;
+        window | gl) "$python" -m pytest -q "tests/$1" ;;
+        rest) "$python" -m pytest -q tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl ;;
+        *) echo "no job is named $1; there are ${JOBS[*]}"; return 2 ;;
+    esac
+}
+
+# Runs one job, and prints its output as a whole.
+logged_job() {
+    local outcome=passed
+    run_job "$1" >"$TEST_LOGS/$1.log" 2>&1 || outcome="FAILED, exit code $?"
+    {
+        flock 9
+        echo "--- $1: $outcome, $SECONDS s"
+        cat "$TEST_LOGS/$1.log"
+        [[ $outcome == passed ]] || echo "$1" >>"$TEST_LOGS/failed"
+    } 9>"$TEST_LOGS/lock"
+}
+
+# The closing lines of pytest in all logs, added up to one.
+sum_up() {
+    local log
+    for log in "$TEST_LOGS"/*.log; do
+        grep -E '^(=+ )?[0-9]+ [a-z]+.* in [0-9.]+s' "$log" | tail -1
+    done | awk -v seconds="$SECONDS" '
+        {
+            sub(/ in [0-9.]+s.*/, "")
+            gsub(/[=,]/, "")
+            for (i = 1; i < NF; i += 2) { sub(/s$/, "", $(i + 1)); count[$(i + 1)] += $i }
+        }
+        END {
+            words = split("failed passed skipped deselected xfailed xpassed warning error", order, " ")
+            for (i = 1; i <= words; i++)
+                if (count[order[i]]) line = line (line ? ", " : "") count[order[i]] " " order[i]
+            print (line ? line : "no tests ran") " in " seconds " s"
+        }'
+}
+
+if [[ -n ${TEST_LOGS:-} ]]; then  # started below
+    logged_job "$1"
+    exit
+fi
+TEST_LOGS=$(mktemp -d)
+export TEST_LOGS
+trap 'rm -rf "$TEST_LOGS"' EXIT
+status=0
+printf '%s\n' "${@:-${JOBS[@]}}" | xargs -P "$(nproc)" -n 1 .ci/test.sh || status=1
+if [[ -e $TEST_LOGS/failed ]]; then
+    status=1
+    echo "failed: $(paste -sd ' ' "$TEST_LOGS/failed")"
+fi
+sum_up
+exit $status
