@@ -1,5 +1,6 @@
 """The number of usable processors, and array work distributed over them."""
 
+import itertools
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -12,7 +13,9 @@ Arrays = tuple[np.ndarray, ...]
 _SLICE = 4096
 """Entries that a thread takes at a time: few enough to balance the load, enough to outweigh the call.  Chosen by hand."""
 _threads: list[int] = []
-"""Number of threads of :func:`in_slices` where :func:`use_threads` has set one."""
+"""Number of threads where :func:`use_threads` has set one."""
+_pools: dict[int, ThreadPoolExecutor] = {}
+"""Threads of :func:`everywhere` and :func:`in_rows`, by their number.  They wait without taking processor time."""
 
 
 def usable_processors() -> int:
@@ -21,8 +24,37 @@ def usable_processors() -> int:
 
 
 def use_threads(count: int) -> None:
-    """Sets the threads of :func:`in_slices` in this process, for one of several processes that share the processors."""
+    """Sets the threads of this module's functions in this process, for one of several processes that share the processors."""
     _threads[:] = [count]
+
+
+def _usable_threads() -> int:
+    return _threads[0] if _threads else usable_processors()
+
+
+def _pool(threads: int) -> ThreadPoolExecutor:
+    if threads not in _pools:
+        _pools[threads] = ThreadPoolExecutor(threads, "loops")
+    return _pools[threads]
+
+
+def everywhere(loop: Callable[..., None], *arguments: Any) -> None:
+    """Calls a compiled loop on every processor and waits for all of them; the loop shares the work by a counter of its own."""
+    threads = _usable_threads()
+    for call in [_pool(threads).submit(loop, *arguments) for _ in range(threads)]:
+        call.result()
+
+
+def in_rows(rows: int, least: int, loop: Callable[..., None], *arguments: Any) -> None:
+    """``loop(*arguments, 0, rows)``, with the rows distributed over the processors, at least ``least`` rows each."""
+    threads = _usable_threads()
+    parts = max(1, min(threads, rows // least))
+    if parts == 1:
+        return loop(*arguments, 0, rows)
+    edges = [rows * i // parts for i in range(parts + 1)]
+    for call in [_pool(threads).submit(loop, *arguments, a, b) for a, b in itertools.pairwise(edges)]:
+        call.result()
+    return None
 
 
 def in_slices(kernel: Callable[..., Arrays], entries: Arrays, *rest: Any) -> Arrays:
@@ -30,7 +62,7 @@ def in_slices(kernel: Callable[..., Arrays], entries: Arrays, *rest: Any) -> Arr
 
     kernel: releases the interpreter's lock and processes each entry independently.  entries: arrays of one length.
     """
-    count, threads = len(entries[0]), _threads[0] if _threads else usable_processors()
+    count, threads = len(entries[0]), _usable_threads()
     if count <= _SLICE or threads == 1:
         return kernel(*entries, *rest)
     with ThreadPoolExecutor(threads) as pool:

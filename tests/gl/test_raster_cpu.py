@@ -1,4 +1,5 @@
-"""The rasteriser of compiled loops against the compute shaders, to the byte, and what only it has: threads, mapped buffers."""
+"""Rasteriser and depth filter of compiled loops against the shaders, to the byte, and what only they have: threads, mapped
+buffers."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -9,6 +10,7 @@ from clouds import camera_in, room
 from test_edits import of_two_stations, random_clips
 from test_stations import scanned
 
+from model.common import processors
 from model.common.atomics import atomic_add, atomic_max
 from model.common.jit import compiled
 from viewer.render import raster_cpu
@@ -97,6 +99,22 @@ def test_points_without_a_colour(renderer_of, seed):
         assert_same(renderer, camera_in(scene, seed + number))
 
 
+@pytest.mark.parametrize("strength, levels", [(1.0, None), (0.3, 1), (2.5, 2), (1.0, 7)])
+def test_the_depth_filter_on_the_processor_keeps_the_same_pixels(renderer_of, strength, levels, seed):
+    """At sizes whose levels are odd, even, and mirrored about a single pixel."""
+    scene = room(seed)
+    renderer, kept = renderer_of(scene), []
+    for number, size in enumerate(((97, 61), (333, 251), (1, 37), (53, 1), (8, 8), (33, 16), (97, 61))):
+        camera = camera_in(scene, seed + number, size)
+        settings, masks = Settings(filter_strength=strength, filter_levels=levels), []
+        for kind in ("cpu", "compute"):
+            frame = renderer.render(camera, replace(settings, raster=kind), views=("filtered", "filled"))
+            masks.append((frame.mask().tobytes(), frame.image("filtered").tobytes(), frame.image("filled").tobytes()))
+            kept.append((frame.mask().sum(), np.isfinite(frame.depth()).sum()))
+        assert masks[0] == masks[1], size
+    assert 0 < sum(mask for mask, _ in kept) < sum(held for _, held in kept), "it removed some, and not all"
+
+
 @pytest.mark.parametrize("colour_by", list(COLOUR_BY))
 def test_edits(renderer_of, colour_by, seed):
     """Float32 decides both ways at the faces of clips and between levels, by the same operations."""
@@ -115,7 +133,7 @@ def test_any_number_of_threads_makes_the_same_picture(renderer_of, monkeypatch, 
     scene = scanned(seed)
     camera = camera_in(scene, seed, (160, 120), fov=100.0)
     wanted = made_by(renderer_of(scene), "compute", camera)
-    monkeypatch.setattr(raster_cpu, "usable_processors", lambda: threads)
+    monkeypatch.setattr(processors, "_threads", [threads])
     renderer = renderer_of(scene)
     for _ in range(3):
         assert made_by(renderer, "cpu", camera) == wanted

@@ -63,6 +63,11 @@ class Rasteriser:
         """
         raise NotImplementedError
 
+    @property
+    def can_hide(self) -> bool:
+        """Whether this rasteriser can leave out hidden cells at this picture size."""
+        return False
+
     def _begin(self, draw: DrawList, camera: "Camera", soft: "SoftZ", *, weighted: bool, edited: bool) -> None:
         """Writes the Frame record, except for its size."""
         record = self._record

@@ -140,11 +140,6 @@ class ShaderRasteriser(Rasteriser):
         """Constants of the programs that differ where edits remove or recolour points."""
         return dict(EDITED) if self.edited else {}
 
-    @property
-    def can_hide(self) -> bool:
-        """Whether this rasteriser can leave out hidden cells at this picture size."""
-        return False
-
     def _bind_sums(self) -> None:
         self.sums.bind_to_storage_buffer(BINDINGS["SUMS"])
         self.carries.bind_to_storage_buffer(BINDINGS["CARRY"])

@@ -26,12 +26,14 @@ from viewer.render.edits import Edits, block_of, without_clipped_cells
 from viewer.render.enclosed_directions import OPEN, Directions, Enclosure
 from viewer.render.fill import Fill
 from viewer.render.filter import DepthFilter
+from viewer.render.filter_cpu import CpuDepthFilter
 from viewer.render.frame import Frame
 from viewer.render.noise_level import NoiseLevel
 from viewer.render.occlusion import History, Occlusion, may_hide
 from viewer.render.points import PointPages
 from viewer.render.raster import Rasteriser
 from viewer.render.raster_compute import ComputeRasteriser
+from viewer.render.raster_cpu import CpuRasteriser
 from viewer.render.shader import Programs
 from viewer.render.sized_passes import SizedPasses
 from viewer.render.stage_times import Stages
@@ -139,7 +141,7 @@ class Renderer(SizedPasses):
         weighted = uses_station_weights(settings, self._scanner_positions)
         stations = self._scanner_positions.seen_from(camera) if weighted else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
-        wanted = self._history(history, settings, views)
+        wanted = self._history(history, settings, views) if rasteriser.can_hide else None
         used_history: list[bool] = []
         stages.run("raster", lambda: used_history.append(rasteriser.run(
             self.pages, draw, camera, soft, self.pages.prepare(draw.first, draw.count, streaming=streaming),
@@ -171,10 +173,9 @@ class Renderer(SizedPasses):
             facts["approximations"].append("hidden cells skipped")
         mask = None
         if set(views) - {"raw"}:
-            step = self._filter_for(settings)
-            stages.run("filter", lambda: step.run(
-                rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre))
-            textures["filtered"], mask = step.filtered, step.mask
+            steps: list[DepthFilter | CpuDepthFilter] = []
+            stages.run("filter", lambda: steps.append(self._filtered(settings, rasteriser)))
+            textures["filtered"], mask = steps[0].filtered, steps[0].mask
             if {"filled", "neural"} & set(views):
                 self._fill_in(camera, settings, edits, rasteriser, mask, facts, textures,
                               neural="neural" in views, defer_network=defer_network, streaming=streaming)
@@ -279,6 +280,20 @@ class Renderer(SizedPasses):
         if wanted not in self._rasterisers:
             self._rasterisers[wanted] = make_rasteriser(wanted, self._workgroup, self._programs, self._size, self.device)
         return self._rasterisers[wanted]
+
+    def _filtered(self, settings: Settings, rasteriser: Rasteriser) -> DepthFilter | CpuDepthFilter:
+        """Runs the depth filter, behind the processor's rasteriser the processor's where it knows the preset."""
+        if not isinstance(rasteriser, CpuRasteriser) or settings.filter != CpuDepthFilter.preset:
+            step = self._filter_for(settings)
+            step.run(rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre)
+            return step
+        here = self._cpu_filter
+        if here is None or here.wanted_levels != settings.filter_levels:
+            if here is not None:
+                here.release()
+            here = self._cpu_filter = CpuDepthFilter(self.context, self._size, settings.filter_levels)
+        here.run(rasteriser, strength=settings.filter_strength)
+        return here
 
     def _filter_for(self, settings: Settings) -> DepthFilter:
         current = self._filter
