@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from model.common.processors import each
 from viewer.tools.surroundings_kernel import add_surroundings
 from viewer.tools.up_axis import turned
 
@@ -190,7 +191,7 @@ def standing_place(seen: Sampled) -> np.ndarray | None:
             places = places[:: max(1, len(places) // _CANDIDATES)]
             xy = seen.low[:2] + (places + 0.5) * side
             standing = [np.array([*place, eye]) for place in xy]
-            worth = [place_worth(seen, place).max() for place in standing]
+            worth = each(lambda place: place_worth(seen, place).max(), standing)
             return standing[int(np.argmax(worth))]
     return None
 

@@ -74,8 +74,12 @@ def start_state(scene: "Scene", seen: Survey, aspect: float, up: Sequence[float]
 
     aspect: width over height of the picture.  up: (3,) unit vector, file coordinates.
     """
+    return state_of(standing_view(scene, seen, upright_axes(up)), seen, aspect, up)
+
+
+def state_of(view: tuple[np.ndarray, np.ndarray] | None, seen: Survey, aspect: float, up: Sequence[float]) -> FlyState:
+    """The same from what :func:`viewer.tools.standing_place.standing_view` found."""
     upright = upright_axes(up)
-    view = standing_view(scene, seen, upright)
     if view is not None:
         walking = float(np.clip(seen.speed, 0.8 * seen.metre, 4.0 * seen.metre))
         return view_along(*view, walking, upright)

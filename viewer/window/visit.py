@@ -14,7 +14,7 @@ from viewer.window.flight import Flight
 from viewer.window.loading import Loaded, scan_notices
 from viewer.window.navigation import FlyState, view_along
 from viewer.window.notices import ScanNotice
-from viewer.window.start_viewpoint import Survey, brightening, darkness, lying, start_state
+from viewer.window.start_viewpoint import Survey, brightening, darkness, lying, start_state, state_of
 
 if TYPE_CHECKING:
     from viewer.grid.scene import Scene
@@ -66,13 +66,14 @@ class Visit:
     def begin(self, document: Document, aspect: float) -> None:
         """Puts the camera where the visit of the scene begins.  aspect: width over height of the picture."""
         assert self.scene is not None and self._seen is not None
-        state = start_state(self.scene, self._seen, aspect, document.up)
+        standing = standing_view(self.scene, self._seen, upright_axes(document.up))
+        self._inside = standing is not None
+        state = state_of(standing, self._seen, aspect, document.up)
         self._chosen = self.start is None and document.view is None
         if self.start is not None:
             state, self.start = _at(self.start, state), None
         if document.view is not None:
             state = _at(document.view.camera(16, 9), state)
-        self._inside = standing_view(self.scene, self._seen) is not None
         self._flight.begin(state, self._seen)
         if document.view is not None:
             self._flight.field_of_view = document.view.vertical_fov
