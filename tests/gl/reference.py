@@ -17,7 +17,7 @@ from viewer.render.stations import ScannerPositions, uses_station_weights
 
 
 @dataclass
-class TwinFrame:
+class ReferenceFrame:
     raster: Raster
     mask: np.ndarray
     filled: np.ndarray
@@ -47,7 +47,7 @@ def directions(scene, camera) -> np.ndarray:
     return looked_up(Enclosure(scene).closed(camera.position), camera)
 
 
-def reference_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
+def reference_frame(scene, camera, settings, *, metre=1.0) -> ReferenceFrame:
     """Renders with ``model.projection`` in float32.  All points of the draw list, in any order."""
     draw = Culler(scene).select(camera, settings.lod)
     take = np.repeat(draw.first - np.concatenate([[0], np.cumsum(draw.count)[:-1]]), draw.count) + np.arange(draw.points)
@@ -70,4 +70,4 @@ def reference_frame(scene, camera, settings, *, metre=1.0) -> TwinFrame:
     around = Enclosure(scene).around(camera.position)
     met = rays_met(around, camera)
     alpha = np.where(looked_up(around.closed, camera) != OPEN, 1.0, coverage(mask, met).numpy()) * bool(mask.any())
-    return TwinFrame(raster, mask.numpy(), packed.numpy(), alpha, met)
+    return ReferenceFrame(raster, mask.numpy(), packed.numpy(), alpha, met)

@@ -1,4 +1,4 @@
-"""Void and holes in the picture: the passes that know all directions in view alike, against the one that looks them up."""
+"""Background and holes in the picture: passes for directions in view that are all alike, against the one that looks them up."""
 
 import numpy as np
 import pytest

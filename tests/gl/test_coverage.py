@@ -1,4 +1,5 @@
-"""Void stays void: the network may take coverage away at an outline, never add any, and never inside a closed room."""
+"""Background stays background: the network may take coverage away at an outline, but never add any, nor take any away inside a
+closed room."""
 
 from types import SimpleNamespace
 
@@ -50,7 +51,7 @@ def test_a_closed_room_cannot_be_opened(context, opening):
 
 
 def test_what_the_tripod_hid_cannot_be_opened_though_there_is_no_roof(context, opening):
-    """A court with a disc missing in its floor, the eye low over it; the sky above the walls is void."""
+    """A court with a disc missing in its floor, the eye low over it; the sky above the walls is background."""
     rng = np.random.default_rng(4)
     points = rng.random((200_000, 3)) * (6, 5, 3)
     side = rng.integers(0, 5, len(points))

@@ -44,7 +44,7 @@ def sent(context, fill: Fill, *inputs, **options) -> np.ndarray:
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 130), (97, 61), (255, 16), (400, 90), (47, 448), (513, 40)])
 @pytest.mark.parametrize("known, marched", [(False, False), (True, False), (False, True)])
-def test_any_mask_is_filled_and_closed_as_by_the_twin(context, seed, size, known, marched):
+def test_any_mask_is_filled_and_closed_as_by_the_reference(context, seed, size, known, marched):
     """Sizes with one to three distances to look at, next to each other or not; masks without a pixel, with few, in clumps, and
     full.  Of the directions nothing is known, or each cell is
     open, closed or sealed by chance; or rays are tested against blocks, some of which hold points by chance."""
@@ -129,7 +129,7 @@ def test_surfaces_and_the_noise_level_are_filled_as_by_the_reference(context, se
 
 
 def without_roof(scene, share=0.6):
-    """What of a room lies below its middle and a little above: directions closed and sealed, and void."""
+    """What of a room lies below its middle and a little above: directions closed and sealed, and background."""
     xyz, rgb, _, scan = unpack(scene)
     kept = xyz[:, 2] < share * xyz[:, 2].max()
     return scene_from_arrays(xyz[kept], rgb[kept], scan=scan[kept], meta={"scans": scene.meta.get("scans")})

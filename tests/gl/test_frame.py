@@ -58,7 +58,7 @@ def sums(renderer) -> np.ndarray:
 
 @pytest.mark.parametrize("number, scale", [(0, 1e-3), (1, 1.0), (2, 1e3)])
 @pytest.mark.parametrize("preset", list(FILTERS))
-def test_frame_agrees_with_twin(context, number, scale, preset):
+def test_frame_agrees_with_the_reference(context, number, scale, preset):
     scene = room(7, scale=scale)
     renderer = Renderer(context, scene)
     try:
@@ -69,7 +69,7 @@ def test_frame_agrees_with_twin(context, number, scale, preset):
 
 
 @pytest.mark.parametrize("preset, soft_z", FILTER_AND_SOFT_Z)
-def test_a_file_in_another_unit_agrees_with_twin(context, preset, soft_z, seed):
+def test_a_file_in_another_unit_agrees_with_the_reference(context, preset, soft_z, seed):
     """Of the published presets some limits are metres, whatever the file's unit is."""
     metre = 1000.0
     base = room(seed, scale=metre)
@@ -101,7 +101,7 @@ def test_every_batch_is_drawn_once_however_they_are_dealt_out(context, monkeypat
 
 
 @pytest.mark.parametrize("soft_z", list(SOFT_Z))
-def test_soft_z_presets_agree_with_twin(drawn, soft_z):
+def test_soft_z_presets_agree_with_the_reference(drawn, soft_z):
     scene, renderer = drawn
     camera, settings = camera_in(scene, 3), Settings(soft_z=soft_z)
     assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
@@ -138,7 +138,7 @@ def test_points_without_a_colour_hide_and_show_nothing(context, preset, soft_z, 
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 37), (53, 1), (127, 97), (2, 2), (333, 251)])
-def test_odd_and_prime_sizes_agree_with_twin(drawn, size):
+def test_odd_and_prime_sizes_agree_with_the_reference(drawn, size):
     scene, renderer = drawn
     camera, settings = camera_in(scene, 5, size), Settings()
     assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
@@ -146,7 +146,7 @@ def test_odd_and_prime_sizes_agree_with_twin(drawn, size):
 
 @pytest.mark.parametrize("strength, levels", [(0.3, 2), (1.0, 1), (2.5, 7)])
 @pytest.mark.parametrize("preset", ["auto", "paper-code", "paper-text", "npbg++"])
-def test_filter_flags_agree_with_twin(drawn, preset, strength, levels):
+def test_filter_flags_agree_with_the_reference(drawn, preset, strength, levels):
     scene, renderer = drawn
     camera = camera_in(scene, 11)
     settings = Settings(filter=preset, filter_strength=strength, filter_levels=levels)

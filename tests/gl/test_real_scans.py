@@ -48,7 +48,7 @@ def test_plant_room_is_the_real_scan_with_a_black_border(opened):
     assert any("black border" in text for text in scene.meta["warnings"]) == (name == "plant_room.laz")
 
 
-def test_real_scan_agrees_with_twin(context, opened):
+def test_real_scan_agrees_with_the_reference(context, opened):
     name, scene = opened
     renderer = Renderer(context, scene)
     try:

@@ -40,7 +40,7 @@ def renderer_of(context):
 
 
 @pytest.mark.parametrize("scale, unknown", [(1e-3, ()), (1.0, (1,)), (1e3, ()), (1e6, (1,))])
-def test_weighed_frame_agrees_with_twin(renderer_of, scale, unknown, seed):
+def test_weighted_frame_agrees_with_the_reference(renderer_of, scale, unknown, seed):
     scene = scanned(seed, scale, unknown=unknown)
     renderer = renderer_of(scene)
     for number, lod in enumerate((None, 1.0)):
@@ -62,7 +62,7 @@ def test_scan_numbers_beyond_those_that_are_listed_are_unknown(renderer_of, seed
 
 
 @pytest.mark.parametrize("preset, size", [*((preset, (97, 61)) for preset in FILTERS), ("auto", (4, 4)), ("auto", (256, 131))])
-def test_every_filter_and_odd_sizes_agree_with_twin(renderer_of, preset, size, seed):
+def test_every_filter_and_odd_sizes_agree_with_the_reference(renderer_of, preset, size, seed):
     scene = scanned(seed, places=5)
     camera, settings = camera_in(scene, seed, size), Settings(filter=preset)
     assert_agrees(renderer_of(scene).render(camera, settings, views=ALL), reference_frame(scene, camera, settings))

@@ -14,7 +14,7 @@ SIZES = [(64, 48), (1, 1), (97, 61), (960, 720)]
 
 
 def pixels(height: int, width: int, seed: int) -> torch.Tensor:
-    """Packed pixels as a scan's are: smooth colour, half of it measured, depth steps, some void."""
+    """Packed pixels as a scan's are: smooth colour, half of it measured, depth steps, some background."""
     generator = np.random.default_rng(seed)
     grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1) @ generator.normal(0, 0.1, (2, 4))
     packed = np.zeros((height, width, PACKED_IN))

@@ -25,7 +25,7 @@ SETTINGS = {
     **{f"soft depth {name}": Settings(soft_z=name) for name in SOFT_Z},
     "level of detail 1": Settings(lod=1.0), "strength 2, 3 levels": Settings(filter_strength=2.0, filter_levels=3),
 }
-WEIGHED = {"weighed by scanners": Settings()}
+WEIGHTED = {"weighted by stations": Settings()}
 
 
 def hashes_of(renderers: Renderers) -> dict[str, str]:
@@ -34,10 +34,10 @@ def hashes_of(renderers: Renderers) -> dict[str, str]:
     for seed, scale, away in PLACES:
         xyz, _, origin = place_at(seed, scale, away)
         rgb = np.random.default_rng(seed).integers(0, 256, xyz.shape).astype(np.uint8)  # no sines, which libraries round
-        weighed = scene_of(xyz, *lit(seed, rgb, 3), standing(seed, 3) * scale + origin)
+        weighted = scene_of(xyz, *lit(seed, rgb, 3), standing(seed, 3) * scale + origin)
         cameras = {"turned": placed(view_inside(seed, (97, 61), 60.0), scale, origin),
                    "along y": placed(axis_camera((64, 48), (4.0, 0.5, 2.0)), scale, origin)}
-        for scene, ways in ((scene_from_arrays(xyz, rgb), SETTINGS), (weighed, WEIGHED)):
+        for scene, ways in ((scene_from_arrays(xyz, rgb), SETTINGS), (weighted, WEIGHTED)):
             with renderers.renderer(scene) as renderer:
                 for where, camera in cameras.items():
                     for how, settings in ways.items():

@@ -41,7 +41,7 @@ def test_a_changed_picture_changes_its_hash(renderers, monkeypatch):
     both = []
     for settings in (Settings(), Settings(filter="off")):
         monkeypatch.setattr(hashes, "SETTINGS", {"the same name": settings})
-        monkeypatch.setattr(hashes, "WEIGHED", {"weighed": settings})
+        monkeypatch.setattr(hashes, "WEIGHTED", {"weighted": settings})
         both.append(hashes_of(renderers))
     first, second = both
     assert first.keys() == second.keys() and not set(first.values()) & set(second.values())

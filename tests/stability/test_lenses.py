@@ -21,7 +21,7 @@ def test_fields_of_view_from_1_to_170_degrees(renderers, seed, claims):
     claims(frame_claims.lenses(renderers, seed, (160, 120)))
 
 
-def test_extreme_lenses_agree_with_the_twin(renderers, seed):
+def test_extreme_lenses_agree_with_the_reference(renderers, seed):
     xyz, rgb, origin = frame_claims.place_at(seed, 1.0, 1e6)
     scene = scene_from_arrays(xyz, rgb)
     with renderers.renderer(scene) as renderer:
@@ -40,7 +40,7 @@ def test_points_at_behind_and_within_an_epsilon_of_the_cameras_plane(renderers, 
 
 
 @pytest.mark.parametrize("power", [None, 12, 30, 45])
-def test_the_cameras_plane_is_the_same_in_both_rasterisers_and_the_twin(renderers, seed, power):
+def test_the_cameras_plane_is_the_same_in_both_rasterisers_and_the_reference(renderers, seed, power):
     """Every second point in one plane, the camera in it or 2**-power from it: depths equal to the bit."""
     rng = np.random.default_rng(seed)
     xyz = np.round(rng.uniform(-1, 1, (3000, 3)) * 2**12) / 2**12
@@ -61,7 +61,7 @@ def test_pictures_from_4x4_to_16384_along_a_side(renderers, seed, claims):
     claims(frame_claims.sizes(renderers, seed))
 
 
-def test_odd_and_prime_sizes_agree_with_the_twin(renderers, seed):
+def test_odd_and_prime_sizes_agree_with_the_reference(renderers, seed):
     rng = np.random.default_rng(seed)
     scene = scene_from_arrays(*walls(seed, 20_000))
     with renderers.renderer(scene) as renderer:

@@ -214,7 +214,7 @@ def test_bench_raster(tmp_path):
 
 
 @pytest.mark.gl
-def test_a_tolerance_of_ones_own_is_that_of_the_twin(small):
+def test_a_tolerance_of_ones_own_is_that_of_the_reference(small):
     """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the reference's picture with 1/4, and not
     that with the usual tolerance."""
     from model.projection import SoftZ

@@ -22,8 +22,8 @@ def test_the_paper_gets_what_its_program_feeds_it():
     assert made.shape == (1, 5, 2, 2)
     assert torch.allclose(made[0, :3, 0, 0], torch.tensor([1.0, 0.0, 0.2]))
     assert made[0, 3].tolist() == [[1, 0], [0, 1]] and torch.allclose(made[0, 4], torch.tensor([[0.0, -1.0], [1.0, 0.25]]))
-    void = opponents.paper_input(colour, torch.full((2, 2), torch.inf), torch.zeros(2, 2, dtype=torch.bool))
-    assert torch.isfinite(void).all() and (void[0, 4] == -1).all()
+    empty = opponents.paper_input(colour, torch.full((2, 2), torch.inf), torch.zeros(2, 2, dtype=torch.bool))
+    assert torch.isfinite(empty).all() and (empty[0, 4] == -1).all()
 
 
 def test_the_papers_network_is_whole_and_its_picture_that_of_the_network():

@@ -7,7 +7,7 @@ import pytest
 
 from viewer.camera import Camera, look_at
 from viewer.grid.open_scene import scene_from_arrays
-from viewer.render import enclosed_directions as void
+from viewer.render import enclosed_directions as module
 from viewer.render.enclosed_directions import CLOSED, OPEN, SEALED, SIDE, Enclosure, cell_of, closed_in_view
 
 
@@ -15,16 +15,16 @@ def closed_plainly(points: np.ndarray, position: np.ndarray) -> np.ndarray:
     ray = points - position
     scanned = np.zeros(6 * SIDE * SIDE, bool)
     scanned[cell_of(ray[np.abs(ray).max(axis=1) > 0])] = True
-    hits = scanned[void._walks()].any(axis=2).sum(axis=1)
-    return settled_plainly(scanned, hits >= void._NEEDED).reshape(6 * SIDE, SIDE)
+    hits = scanned[module._walks()].any(axis=2).sum(axis=1)
+    return settled_plainly(scanned, hits >= module._NEEDED).reshape(6 * SIDE, SIDE)
 
 
 def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[np.ndarray, int, int]:
     """Hole by hole, as sets: what is closed; how many cells below belong to holes that go on
     above; how many the largest sky has."""
-    beside = [set(cells) for cells in void._walks()[:, :, 0].tolist()]
-    below = void._centres()[:, 2] < 0
-    enclosed = (~scanned).mean() <= 1 / void.ENCLOSES
+    beside = [set(cells) for cells in module._walks()[:, :, 0].tolist()]
+    below = module._centres()[:, 2] < 0
+    enclosed = (~scanned).mean() <= 1 / module.ENCLOSES
     closed, left, through = surrounded.copy(), set(np.flatnonzero(~scanned).tolist()), 0
     sky = 0
     while left:
@@ -36,7 +36,7 @@ def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[
         cells = list(hole)
         closed[cells] = surrounded[cells].mean() >= 0.5 or (enclosed and below[cells].all())
         through += 0 if below[cells].all() else below[cells].sum()
-        if below[cells].mean() <= void.SKY_BELOW or len(cells) >= void.ALL_SKY * len(below):
+        if below[cells].mean() <= module.SKY_BELOW or len(cells) >= module.ALL_SKY * len(below):
             sky = max(sky, sum(not scanned[list(beside[cell])].any() for cell in cells))
     for cell in np.flatnonzero(scanned):
         open_or_not = [closed[other] for other in beside[cell] if not scanned[other]]
@@ -46,12 +46,12 @@ def holes_settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> tuple[
 
 def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
     closed, through, sky = holes_settled_plainly(scanned, surrounded)
-    below = void._centres()[:, 2] < 0
-    around, in_room = scanned.mean() >= 1 / void.AROUND, closed.mean() > void.ROOM
-    sealed = closed & (below & (through <= below.sum() / void.GROUND) | in_room)
-    if sky >= void.SKY * len(closed) or not (around or in_room):
-        low = void._centres()[:, 2] < -np.sin(np.radians(void.GROUND_DIP))
-        ground = through <= below.sum() / void.GROUND and (~scanned).mean() <= 1 / void.ENCLOSES
+    below = module._centres()[:, 2] < 0
+    around, in_room = scanned.mean() >= 1 / module.AROUND, closed.mean() > module.ROOM
+    sealed = closed & (below & (through <= below.sum() / module.GROUND) | in_room)
+    if sky >= module.SKY * len(closed) or not (around or in_room):
+        low = module._centres()[:, 2] < -np.sin(np.radians(module.GROUND_DIP))
+        ground = through <= below.sum() / module.GROUND and (~scanned).mean() <= 1 / module.ENCLOSES
         return np.where(closed & low & ground, SEALED, OPEN)
     return np.where(sealed, SEALED, closed)
 
@@ -60,12 +60,12 @@ def settled_plainly(scanned: np.ndarray, surrounded: np.ndarray) -> np.ndarray:
 def test_holes_of_any_shape_are_settled_as_by_sets(seed, share):
     """Holes of one cell to nearly all, of which any share is surrounded, one half to the cell among them."""
     rng = np.random.default_rng(seed)
-    walks, below = void._walks(), void._centres()[:, 2] < 0
+    walks, below = module._walks(), module._centres()[:, 2] < 0
     hole, queue = np.empty((2, len(below)), np.int32)
     for _ in range(8):
         scanned, surrounded = rng.random(len(below)) < share, rng.random(len(below)) < 0.5
         closed = surrounded.astype(np.int8)
-        through, sky = void.settle_holes(scanned, walks, below, void.ENCLOSES, closed, hole, queue)
+        through, sky = module.settle_holes(scanned, walks, below, module.ENCLOSES, closed, hole, queue)
         wanted, cells, largest = holes_settled_plainly(scanned, surrounded)
         assert np.array_equal(closed, wanted) and (through, sky) == (cells, largest)
 
@@ -112,7 +112,7 @@ def test_what_is_near_is_looked_at_point_by_point_in_a_large_scan(seed, monkeypa
     rng = np.random.default_rng(seed)
     points = floor_of_rooms(rng, 12)
     scene = scene_from_arrays(points, np.zeros(points.shape, np.uint8))
-    monkeypatch.setattr(void, "_SAMPLES", 300)
+    monkeypatch.setattr(module, "_SAMPLES", 300)
     large = Enclosure(scene)
     assert len(large._near) > 300 >= len(large._blocks) and large._first[-1] == len(large._near)
     eyes = [np.array([7.0 * room + 3.0, 2.5, 1.5]) for room in (0, 5, 11)]
@@ -121,8 +121,8 @@ def test_what_is_near_is_looked_at_point_by_point_in_a_large_scan(seed, monkeypa
     for eye in (*eyes, *rng.normal(0, 30, (20, 3))):
         distance = np.linalg.norm(large._blocks - eye, axis=1)
         fills = (large._side / (distance * 2 / SIDE)) ** 2
-        wanted = (void._SAMPLES_A_CELL * fills).astype(int)
-        thin = np.flatnonzero((fills >= 1) & (void._SAMPLES_A_CELL * fills > large._marked))
+        wanted = (module._SAMPLES_A_CELL * fills).astype(int)
+        thin = np.flatnonzero((fills >= 1) & (module._SAMPLES_A_CELL * fills > large._marked))
         near = [large._near[large._first[b] : large._first[b + 1]][: wanted[b]] for b in thin]
         assert np.array_equal(large.closed(eye), closed_plainly(np.concatenate([large._points, *near]), eye))
         found += len(near)
@@ -150,11 +150,11 @@ def test_the_sky_over_a_court_stays_open_as_a_whole(seed):
     surroundings = Enclosure(scene_from_arrays(points, np.zeros(points.shape, np.uint8)))
     eye = np.array([3.0, 2.5, 1.5])
     closed = surroundings.closed(eye).ravel()
-    up = np.flatnonzero(void._centres()[:, 2] > np.cos(np.radians(50)))  # the walls reach to 53 degrees from the zenith
+    up = np.flatnonzero(module._centres()[:, 2] > np.cos(np.radians(50)))  # the walls reach to 53 degrees from the zenith
     assert not closed[up].any()
     assert surroundings.around(eye).occupancy is not None
-    height = void._centres()[:, 2]
-    low = height < -np.sin(np.radians(void.GROUND_DIP))
+    height = module._centres()[:, 2]
+    low = height < -np.sin(np.radians(module.GROUND_DIP))
     assert (closed[low] == SEALED).all() and (closed[~low] == OPEN).all(), "there picture and blocks decide"
 
 
@@ -168,7 +168,7 @@ def test_what_one_sees_between_things_without_ground_is_not_cut_at_the_horizon(s
     roof = rng.uniform(-4, 4, (9_000, 3)) * (1, 1, 0) + (0, 0, 4)
     points = np.concatenate([points, floor, roof])
     closed = Enclosure(scene_from_arrays(points, np.zeros(points.shape, np.uint8))).closed(np.zeros(3)).ravel()
-    below = void._centres()[:, 2] < 0
+    below = module._centres()[:, 2] < 0
     assert not (closed == SEALED).any() and (closed[below] == CLOSED).any()
 
 
@@ -183,7 +183,7 @@ def test_all_rays_of_a_picture_have_in_common_what_is_said(seed):
         camera = Camera(width, height, focal * rng.uniform(0.5, 2), focal, width * rng.uniform(-0.2, 1.2),
                         height * rng.uniform(-0.2, 1.2), look_at(np.zeros(3), rng.normal(size=3)))  # fmt: skip
         middle = rng.normal(size=3)
-        near = void._centres() @ (middle / np.linalg.norm(middle)) > rng.uniform(-1, 1)
+        near = module._centres() @ (middle / np.linalg.norm(middle)) > rng.uniform(-1, 1)
         i, j = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
         view = np.stack([(i - camera.cx) / camera.fx, (j - camera.cy) / camera.fy, np.ones_like(i)], -1)
         cells = cell_of((view @ camera.view_rotation).reshape(-1, 3))

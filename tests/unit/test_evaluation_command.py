@@ -55,13 +55,13 @@ def test_pictures_missing_or_of_another_size_are_refused_naming_ten(room, tmp_pa
 def test_a_scene_without_a_return_is_refused(room, tmp_path):
     import shutil
 
-    shutil.copytree(room, tmp_path / "void")
+    shutil.copytree(room, tmp_path / "empty")
     depths = {face.depth_file for faces in load_scene(room).stations for face in faces}
     for name in depths:
         with Image.open(room / name) as depth:
-            Image.new(depth.mode, depth.size).save(tmp_path / "void" / name)
-    with pytest.raises(DataError, match=r"void: the depth pictures of its stations have no return"):
-        evaluate(tmp_path / "void")
+            Image.new(depth.mode, depth.size).save(tmp_path / "empty" / name)
+    with pytest.raises(DataError, match=r"empty: the depth pictures of its stations have no return"):
+        evaluate(tmp_path / "empty")
 
 
 def test_a_density_has_a_folder_of_its_own_where_there_is_one(room, tmp_path):

@@ -130,7 +130,7 @@ def random_shapes(rng, count: int) -> shapes.Shapes:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_kernel_equals_the_plain_twin(seed):
+def test_kernel_equals_the_plain_loop(seed):
     rng = np.random.default_rng(seed)
     scene = random_shapes(rng, 60)
     origins, rays = rng.uniform(-3, 3, (3000, 3)), unit(rng.normal(size=(3000, 3)))

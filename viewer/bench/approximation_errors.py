@@ -120,6 +120,12 @@ def _frame(renderer: BenchRenderer, camera: Camera, settings: Settings, view: st
     return frame.stats["total_ms"], frame.image(view).copy(), frame.mask()
 
 
+def _check_group(only: str, table: list[Approximation]) -> None:
+    groups = list(dict.fromkeys(row.group for row in table))
+    if only not in groups:
+        raise InputError(f"--only {only!r}: expected one of {', '.join(groups)}")
+
+
 def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:
     """All approximations over the eight named views of a scan.  only: one group.  Raises InputError for an unknown group."""
     from model.reconstruct import fast_precision
@@ -128,6 +134,8 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
     from viewer.render.context import create_context
     from viewer.render.neural import load_network
 
+    if only is not None:  # before anything is loaded
+        _check_group(only, approximations(["balanced", "fast"], ["bf16", "int8"], True))
     scene = subject.scene()
     context = create_context()
     exact = BenchRenderer(context, scene, device="cpu")
@@ -145,9 +153,7 @@ def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str 
         left_out.append(f"int8: {error}")
     table = approximations(qualities, precisions, stations_differ(scene.station_places))
     if only is not None:
-        groups = list(dict.fromkeys(row.group for row in table))
-        if only not in groups:
-            raise InputError(f"--only {only!r}: expected one of {', '.join(groups)}")
+        _check_group(only, table)
         table = [row for row in table if row.group == only]
     whole = Whole(load_network(qualities[0], True, None, "fp32", "cpu"))
     found: list[dict] = []
