@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Checks the code and runs every test, in jobs side by side, one for each processor: `.ci/test.sh`, or `.ci/test.sh JOB...` for
-# some of them.  What a job printed is shown when it has ended; the last line counts the tests of all jobs.
+# Checks the code and runs every test, in jobs side by side: `.ci/test.sh`, or `.ci/test.sh JOB...` for some of them.  One job more
+# than processors, because tests also wait.  What a job printed is shown when it has ended; the last line counts the tests of all
+# jobs.
 #
 # The tests of a folder keep their order.  Those of OpenGL share a context, and want no other's objects collected meanwhile.
 set -uo pipefail
@@ -59,7 +60,7 @@ TEST_LOGS=$(mktemp -d)
 export TEST_LOGS
 trap 'rm -rf "$TEST_LOGS"' EXIT
 status=0
-printf '%s\n' "${@:-${JOBS[@]}}" | xargs -P "$(nproc)" -n 1 .ci/test.sh || status=1
+printf '%s\n' "${@:-${JOBS[@]}}" | xargs -P "$(($(nproc) + 1))" -n 1 .ci/test.sh || status=1
 if [[ -e $TEST_LOGS/failed ]]; then
     status=1
     echo "failed: $(paste -sd ' ' "$TEST_LOGS/failed")"

@@ -117,7 +117,8 @@ def test_pixels_of_a_single_station_have_full_confidence(seed):
 
 
 def matched_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixel by pixel; colour (H, W, 3), share (H, W) in 255ths."""
+    """Pixel by pixel; colour (H, W, 3), share (H, W) in 255ths.  Weights below 1 count as 1, as in the shader: only a pixel that is
+    less confident than nothing around it has such a sum, and confidence_of gives none."""
     height, width = share.shape
     tone, settled = colour.copy(), share.copy()
     for j, i in zip(*np.nonzero(share), strict=True):
@@ -136,7 +137,7 @@ def matched_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.nda
                     sums += near * parts[:, None] * np.append(colour[y, x], 1.0)
         rest = 255 - share[j, i]
         if rest:
-            apart = sums[0, :3] / sums[0, 3] - sums[1, :3] / sums[1, 3]
+            apart = sums[0, :3] / max(sums[0, 3], 1.0) - sums[1, :3] / max(sums[1, 3], 1.0)
             tone[j, i] = np.clip(colour[j, i] + rest / 255 * apart, 0, 255)
             settled[j, i] = share[j, i] + rest * CONFIDENCE_HALF_SUM / (CONFIDENCE_HALF_SUM + sums[0, 3])
     return tone, settled
