@@ -117,8 +117,10 @@ def test_pixels_of_a_single_station_have_full_confidence(seed):
 
 
 def matched_by_definition(colour: np.ndarray, share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pixel by pixel; colour (H, W, 3), share (H, W) in 255ths.  Weights below 1 count as 1, as in the shader: only a pixel that is
-    less confident than nothing around it has such a sum, and confidence_of gives none."""
+    """Pixel by pixel; colour (H, W, 3), share (H, W) in 255ths.
+
+    Sums of weights below 1 count as 1, as in the shader; confidence_of leads to none: a lone pixel has full confidence.
+    """
     height, width = share.shape
     tone, settled = colour.copy(), share.copy()
     for j, i in zip(*np.nonzero(share), strict=True):
