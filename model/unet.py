@@ -15,7 +15,8 @@ The last channel is the coverage, 0 in background and sky.  A plain residual net
 for thousands of steps of training.
 
 The convolutions work at half resolution on 2x2 pixel blocks (space to depth), so they are wide and cheap and lose no detail.
-The network is fully convolutional: any size is padded and cropped.  model/README.md lists what each bound costs and gains.
+The network is fully convolutional: any size is padded and cropped.  The model card
+(assets/weights/README.md) lists what each bound costs and gains.
 """
 
 import itertools
@@ -45,8 +46,8 @@ NOISE = 0.03
 contrast of this size, hardly any of a smaller and nearly all of a larger one.  Measured by eye on brick and wood of real scans,
 where without it the correction draws worm-like patterns."""
 KEPT_DEVIATIONS = 3.0
-"""Standard deviations of its noise by which a measured pixel may change, besides its difference from the 3x3 blur.  With 1 to 3
-no more than one view in twelve is worse than the filled picture by any judge (model/README.md)."""
+"""Standard deviations of its noise by which a measured pixel may change, besides its difference from the 3x3 blur.  Chosen on
+atrium and living-room-2 and judged on dining-room and two real scans (assets/weights/README.md)."""
 LEAST_CONTRAST = 0.001
 """Contrast, 0..1, that the correction may use where nothing varies; keeps its bound above 0."""
 LEAST_LUMINANCE = 1 / 255

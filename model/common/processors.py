@@ -3,7 +3,7 @@
 import itertools
 import os
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ _SLICE = 4096
 _threads: list[int] = []
 """Number of threads where :func:`use_threads` has set one."""
 _pools: dict[int, ThreadPoolExecutor] = {}
-"""Threads of :func:`everywhere` and :func:`in_rows`, by their number.  They wait without taking processor time."""
+"""Threads of :func:`everywhere`, :func:`each` and :func:`in_rows`, by their number."""
 
 
 def usable_processors() -> int:
@@ -32,21 +32,36 @@ def _usable_threads() -> int:
     return _threads[0] if _threads else usable_processors()
 
 
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pools.clear)  # a child has none of its parent's threads
+
+
 def _pool(threads: int) -> ThreadPoolExecutor:
     if threads not in _pools:
         _pools[threads] = ThreadPoolExecutor(threads, "loops")
     return _pools[threads]
 
 
+def _finish(calls: list[Future]) -> None:
+    """Waits for all calls, also where one fails or is interrupted: none may go on with what its caller then takes away."""
+    try:
+        for call in calls:
+            call.result()
+    finally:
+        wait(calls)
+
+
 def everywhere(loop: Callable[..., None], *arguments: Any) -> None:
     """Calls a compiled loop on every processor and waits for all of them; the loop shares the work by a counter of its own."""
     threads = _usable_threads()
-    for call in [_pool(threads).submit(loop, *arguments) for _ in range(threads)]:
-        call.result()
+    _finish([_pool(threads).submit(loop, *arguments) for _ in range(threads)])
 
 
 def each(function: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
-    """``[function(item) for item in items]`` on all processors.  function: spends its time outside the interpreter's lock."""
+    """``[function(item) for item in items]`` on all processors.
+
+    function: spends its time outside the interpreter's lock, and calls none of this module's functions.
+    """
     return list(_pool(_usable_threads()).map(function, items))
 
 
@@ -57,9 +72,7 @@ def in_rows(rows: int, least: int, loop: Callable[..., None], *arguments: Any) -
     if parts == 1:
         return loop(*arguments, 0, rows)
     edges = [rows * i // parts for i in range(parts + 1)]
-    for call in [_pool(threads).submit(loop, *arguments, a, b) for a, b in itertools.pairwise(edges)]:
-        call.result()
-    return None
+    return _finish([_pool(threads).submit(loop, *arguments, a, b) for a, b in itertools.pairwise(edges)])
 
 
 def in_slices(kernel: Callable[..., Arrays], entries: Arrays, *rest: Any) -> Arrays:

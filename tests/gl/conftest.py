@@ -42,3 +42,19 @@ def no_gl_error(context):
     yield
     context.__enter__()
     assert context.error == "GL_NO_ERROR"
+
+
+@pytest.fixture
+def renderer_of(context):
+    """Makes renderers of scenes, which are released after the test."""
+    from viewer.render.renderer import Renderer
+
+    made = []
+
+    def make(scene):
+        made.append(Renderer(context, scene))
+        return made[-1]
+
+    yield make
+    for renderer in made:
+        renderer.release()

@@ -61,7 +61,7 @@ def pictures(context, scene, camera, raster, edits=None, views=VIEWS) -> list[np
         renderer.release()
 
 
-@pytest.mark.parametrize("raster", ["compute", "points"])
+@pytest.mark.parametrize("raster", ["compute", "points", "cpu"])
 def test_clipped_points_and_hidden_stations_are_not_drawn(context, raster, seed):
     random = np.random.default_rng(seed)
     shown = 0
@@ -82,7 +82,7 @@ def test_clipped_points_and_hidden_stations_are_not_drawn(context, raster, seed)
     assert shown > 0
 
 
-@pytest.mark.parametrize("raster", ["compute", "points"])
+@pytest.mark.parametrize("raster", ["compute", "points", "cpu"])
 @pytest.mark.parametrize("colour_by", ["intensity", "height", "station", "distance"])
 def test_points_have_the_colour_of_their_attribute(context, raster, colour_by, seed):
     scene = of_two_stations(room(seed, 30_000), seed)
@@ -144,7 +144,7 @@ def test_filled_pictures_keep_rgb_and_fill_nothing_where_clips_cut(context, seed
 
 
 @pytest.mark.parametrize("colour_by", ["class", "intensity"])
-@pytest.mark.parametrize("raster", ["points", "compute"])
+@pytest.mark.parametrize("raster", ["points", "compute", "cpu"])
 def test_a_classified_scan_is_coloured_by_what_its_file_says(context, tmp_path, colour_by, raster):
     import laspy
 
@@ -177,7 +177,7 @@ def test_a_classified_scan_is_coloured_by_what_its_file_says(context, tmp_path, 
     assert (shown == pictures(context, replace(scene, points=words, checksums=None), camera, raster)[0]).mean() > 0.9999
 
 
-@pytest.mark.parametrize("raster", ["compute", "points"])
+@pytest.mark.parametrize("raster", ["compute", "points", "cpu"])
 def test_hidden_ghosts_are_not_drawn_and_dimmed_ones_are_grey(context, raster, seed):
     scene = of_two_stations(room(seed, 30_000), seed)
     random = np.random.default_rng(seed)

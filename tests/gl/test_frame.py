@@ -176,7 +176,7 @@ def test_a_million_points_in_one_pixel_keep_their_mean(context):
     camera = Camera(3, 3, 10.0, 10.0, 1.5, 1.5, np.array([[1, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]]))
     renderer = Renderer(context, scene)
     try:
-        for kind in ("compute", "points"):
+        for kind in ("compute", "points", "cpu"):
             frame = renderer.render(camera, Settings(raster=kind), views=("raw",))
             assert frame.image("raw")[1, 1].tolist() == [255, 255, 255, 255]
             assert np.isfinite(frame.depth()).sum() == 1

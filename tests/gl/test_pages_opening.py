@@ -94,7 +94,7 @@ def test_what_a_moving_picture_needs_comes_first_and_then_all_the_rest(context, 
         pages.release()
 
 
-@pytest.mark.parametrize("kind", ["compute", "points"])
+@pytest.mark.parametrize("kind", ["compute", "points", "cpu"])
 @pytest.mark.parametrize("slots", [20, CHUNKS + 10])
 def test_where_and_when_points_came_changes_no_byte_of_an_exact_picture(context, tmp_path, kind, slots):
     whole, other = Renderer(context, SCENE), Renderer(context, SCENE)

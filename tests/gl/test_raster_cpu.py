@@ -17,7 +17,6 @@ from viewer.render import raster_cpu
 from viewer.render.context import describe_device
 from viewer.render.edits import Edits
 from viewer.render.raster_cpu import mapped
-from viewer.render.renderer import Renderer
 from viewer.settings import SOFT_Z, Settings
 from viewer.tools.look import COLOUR_BY, Look
 
@@ -25,19 +24,10 @@ pytestmark = pytest.mark.gl
 VIEWS = ("raw", "filled")
 
 
-@pytest.fixture
-def renderer_of(context):
+@pytest.fixture(autouse=True)
+def software(context):
     if not describe_device(context).software:
         pytest.skip("bytes are promised in software OpenGL only")
-    made = []
-
-    def make(scene):
-        made.append(Renderer(context, scene))
-        return made[-1]
-
-    yield make
-    for renderer in made:
-        renderer.release()
 
 
 def made_by(renderer, kind, camera, settings=None, edits=None, views=VIEWS) -> list[bytes]:

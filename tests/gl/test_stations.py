@@ -9,7 +9,6 @@ from test_frame import ALL, assert_agrees
 from model.projection import MAX_AVERAGED
 from viewer.grid.open_scene import scene_from_arrays
 from viewer.grid.scene import unpack
-from viewer.render.renderer import Renderer
 from viewer.settings import FILTERS, Settings
 
 pytestmark = pytest.mark.gl
@@ -24,19 +23,6 @@ def scanned(seed: int, scale: float = 1.0, origin=(0.0, 0.0, 0.0), places: int =
     scans = [{"name": f"station {s}", "count": int((scan == s).sum()),
               "position": None if s in unknown else rng.uniform(low, high).tolist()} for s in range(places)]
     return scene_from_arrays(xyz, rgb, scan=scan, meta={"scans": scans})
-
-
-@pytest.fixture
-def renderer_of(context):
-    made = []
-
-    def make(scene):
-        made.append(Renderer(context, scene))
-        return made[-1]
-
-    yield make
-    for renderer in made:
-        renderer.release()
 
 
 @pytest.mark.parametrize("scale, unknown", [(1e-3, ()), (1.0, (1,)), (1e3, ()), (1e6, (1,))])
@@ -126,7 +112,7 @@ def test_a_colour_comes_from_the_station_that_stood_where_the_eye_is(renderer_of
         assert abs(equal[0] - equal[2]) < 30
 
 
-@pytest.mark.parametrize("kind", ["compute", "points"])
+@pytest.mark.parametrize("kind", ["compute", "points", "cpu"])
 def test_heavy_sums_are_carried(renderer_of, kind):
     """A hundred thousand white points of the heaviest weight in one pixel keep their mean."""
     count = 100_000

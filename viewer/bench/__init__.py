@@ -63,7 +63,7 @@ KINDS = {
     "stability": Kind("numerical limits", 1, "nothing", ("seed",)),
     "occlusion": Kind("time saved by occlusion culling, and its error", 1, "nothing",
                       ("lod", "points", "rooms", "frames", "seed")),
-    "raster": Kind("both rasterisers on random points", 5, "nothing", ("points", "repeats", "seed")),
+    "raster": Kind("the rasterisers on random points", 5, "nothing", ("points", "repeats", "seed")),
     "cull": Kind("time to find the visible ones of a million cells", 5, "nothing", ("repeats", "seed")),
 }
 _OF_SCANS = ("procedural", "rooms", "seed")

@@ -37,7 +37,7 @@ _TABLES = {
     False: (np.arange(256, dtype=np.uint64), np.arange(LEVELS, dtype=np.uint16).astype(np.uint8)),
 }
 """By whether colours are averaged in linear light: sRGB level to summed level, and back."""
-_EQUAL = np.empty((0, 4), np.float32)
+_EQUAL, _UNEDITED = np.empty((0, 4), np.float32), Edited.of(None)
 
 
 @contextmanager
@@ -80,7 +80,7 @@ class CpuRasteriser(Rasteriser):
         self._begin(draw, camera, soft, weighted=stations is not None, edited=edits is not None)
         if not self._clean:  # an earlier picture ended in an error
             self._sums = self._cleared()
-        self._clean, sums, edited = False, self._sums, Edited.of(edits)
+        self._clean, sums, edited = False, self._sums, _UNEDITED if edits is None else Edited.of(edits)
         relative, absolute, corner, _ = self._record["soft"]
         view = View(self._record["axes"], self._record["lens"], width, height, corner, relative, absolute)
         to_linear, to_srgb = _TABLES[soft.linear]

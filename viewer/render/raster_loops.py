@@ -63,15 +63,17 @@ class Sums(NamedTuple):
 
 
 @compiled(nogil=True)
-def _project(words, cell, view, pixel, x, y, z):
-    """Pixels of the points of a batch, -1 outside the picture, and their view positions.  words: (3 n,)."""
+def _project(drawn, number, view, pixel, x, y, z):
+    """Pixels of the points of a batch, -1 outside the picture, and their view positions.  Returns its words, (3 n,)."""
+    start, count = np.int64(drawn.table[number, 0]), np.int64(drawn.table[number, 1])
+    words, cell = drawn.words[3 * start : 3 * (start + count)], drawn.cells[drawn.table[number, 2]]
     xx, xy, xz = view.axes[0, 0], view.axes[0, 1], view.axes[0, 2]
     yx, yy, yz = view.axes[1, 0], view.axes[1, 1], view.axes[1, 2]
     zx, zy, zz = view.axes[2, 0], view.axes[2, 1], view.axes[2, 2]
     fx, fy, cx, cy = view.lens[0], view.lens[1], view.lens[2], view.lens[3]
     x0, y0, z0, corner = cell[0], cell[1], cell[2], view.corner
     width, height, row = _F(view.width), _F(view.height), np.int32(view.width)
-    for i in range(len(words) // 3):
+    for i in range(count):
         first, second = words[3 * i], words[3 * i + 1]
         qx = _F(np.int32(first & _U(0xFFFF)))
         qy = _F(np.int32(first >> _U(16)))
@@ -87,6 +89,7 @@ def _project(words, cell, view, pixel, x, y, z):
         # no branches, which prevent vectorisation; NaN and infinity fail every comparison
         inside = (pz > _F(0.0)) & (u >= _F(0.0)) & (u < width) & (v >= _F(0.0)) & (v < height)
         pixel[i] = np.int32(v) * row + np.int32(u) if inside else np.int32(-1)
+    return words
 
 
 @compiled(nogil=True)
@@ -99,10 +102,8 @@ def nearest_depths(drawn, view, keys, edits):
         if first >= drawn.stop:
             return
         for number in range(first, min(first + _TAKEN, drawn.stop)):
-            start, count = np.int64(drawn.table[number, 0]), np.int64(drawn.table[number, 1])
-            words = drawn.words[3 * start : 3 * (start + count)]
-            _project(words, drawn.cells[drawn.table[number, 2]], view, pixel, x, y, z)
-            for i in range(count):
+            words = _project(drawn, number, view, pixel, x, y, z)
+            for i in range(len(words) // 3):
                 at = pixel[i]
                 if at < 0:
                     continue
@@ -129,10 +130,8 @@ def colour_sums(drawn, view, made, to_linear, unlit, stations, edits):
         if first >= drawn.stop:
             return
         for number in range(first, min(first + _TAKEN, drawn.stop)):
-            start, count = np.int64(drawn.table[number, 0]), np.int64(drawn.table[number, 1])
-            words = drawn.words[3 * start : 3 * (start + count)]
-            _project(words, drawn.cells[drawn.table[number, 2]], view, pixel, x, y, z)
-            for i in range(count):
+            words = _project(drawn, number, view, pixel, x, y, z)
+            for i in range(len(words) // 3):
                 at = pixel[i]
                 if at < 0:
                     continue
