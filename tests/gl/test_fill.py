@@ -152,7 +152,7 @@ def test_each_channel_is_what_the_network_learnt_from(context, seed, size, weigh
         mask = torch.from_numpy(reference.mask)
         sealed = (towards == SEALED) | ((towards == OPEN) & far_inside(mask, reference.met).numpy())
         (rasteriser,), around = renderer._rasterisers.values(), renderer._enclosure.around(camera.position)
-        colour, trusted = renderer._fill_input(rasteriser, (renderer._cpu_filter or renderer._filter).mask)
+        colour, trusted = renderer._fill_input(rasteriser, renderer._filter.mask)
         for factor, limit in ((1e-7, 1), (1.0, 0), (1e7, -1)):
             spacing = factor * scene.spacing
             got = sent(context, renderer._fill, colour, trusted, rasteriser.depth,

@@ -21,7 +21,7 @@ from driver import SIZE, Driver, middle
 
 from viewer.settings import Settings
 
-INTERVALS = 8
+INTERVALS = 10
 OBJECTS = ("Texture", "Buffer", "Framebuffer", "Query", "VertexArray", "Sampler", "Program", "Shader")
 os.environ["ONEDNN_PRIMITIVE_CACHE_CAPACITY"] = "64"
 """torch keeps compiled convolutions for 1,024 layers and sizes, 50 MB after 50 sizes of the window: bounded, but not flat."""

@@ -1,6 +1,6 @@
 """Random actions in a window: no exception, no growth of memory, no growth in the number of OpenGL objects.
 
-The short version takes 128 actions; POINTGLASS_RANDOM_ACTIONS=2000 is the long one.  POINTGLASS_SEED repeats a run.
+The short version takes 200 actions; POINTGLASS_RANDOM_ACTIONS=2000 is the long one.  POINTGLASS_SEED repeats a run.
 """
 
 import json
@@ -24,12 +24,13 @@ CACHED = 120.0
 """Blocks of an interval that are caches' own, however many actions it has."""
 MOST_JUMPS = 150.0
 """MB in use that all single jumps together may add."""
-LAZY = 2
-"""Objects of a kind that a pass or shader first needed after the warm-up may have made."""
+LAZY = 6
+"""Objects of a kind that passes or shaders first needed after the warm-up may have made, in all: single jumps, where a leak grows
+in most intervals.  A seed was found whose textures went from 80 to 84 after the warm-up and stayed there."""
 
 
 def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_path, seed):
-    actions = int(os.environ.get("POINTGLASS_RANDOM_ACTIONS") or 128)
+    actions = int(os.environ.get("POINTGLASS_RANDOM_ACTIONS") or 200)
     done = run_with_display("random_actions.py", tmp_path, str(actions), str(seed), seconds=120 + 0.6 * actions)
     path = tmp_path / "random.json"
     assert done.returncode == 0 and path.exists(), f"the window ended with {done.returncode}\n{done.stderr}"
@@ -42,6 +43,7 @@ def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_p
     assert {one["error"] for one in counted} == {"GL_NO_ERROR"}
     for kind in OBJECTS:
         assert counted[-1][kind] <= max(one[kind] for one in counted[:WARM]) + LAZY, kind
+        assert np.median(np.diff([one[kind] for one in counted[WARM - 1 :]])) <= 0, f"{kind}: more in most intervals"
     assert counted[-1]["Texture"] > 10, "the counting sees the window's context"
     grown = {key: np.diff([one[key] for one in counted[WARM - 1 :]]) for key in ("resident", "in_use", "objects")
              if counted[-1][key] is not None}

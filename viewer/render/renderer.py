@@ -141,7 +141,7 @@ class Renderer(SizedPasses):
         weighted = uses_station_weights(settings, self._scanner_positions)
         stations = self._scanner_positions.seen_from(camera) if weighted else None
         rasteriser = self._choose(settings, draw, camera, soft, stations, streaming)
-        wanted = self._history(history, settings, views) if rasteriser.can_hide else None
+        wanted = self._history(history, settings, views, rasteriser)
         used_history: list[bool] = []
         stages.run("raster", lambda: used_history.append(rasteriser.run(
             self.pages, draw, camera, soft, self.pages.prepare(draw.first, draw.count, streaming=streaming),
@@ -256,10 +256,13 @@ class Renderer(SizedPasses):
         """The depth tolerance; a benchmark replaces it."""
         return SoftZ.preset(settings.soft_z, self.scene.spacing, self.metre, unlit=self.scene.unlit)
 
-    def _history(self, memory: Occlusion | None, settings: Settings, views: tuple[str, ...]) -> History | None:
-        if memory is None or not may_hide(settings, views):
+    def _history(self, memory: Occlusion | None, settings: Settings, views: tuple[str, ...], rasteriser: Rasteriser
+                 ) -> History | None:
+        if memory is None or not rasteriser.can_hide or not may_hide(settings, views):
             return None
-        return History(memory, self.scene, self._filter_for(settings), settings.filter_strength)
+        step = self._filter_for(settings, rasteriser)
+        assert isinstance(step, DepthFilter)  # behind every rasteriser that can hide cells
+        return History(memory, self.scene, step, settings.filter_strength)
 
     def _approximations(self, settings: Settings) -> list[str]:
         return [] if settings.lod is None else [f"level of detail: {counted(settings.lod, 'point')} per pixel"]
@@ -282,25 +285,24 @@ class Renderer(SizedPasses):
         return self._rasterisers[wanted]
 
     def _filtered(self, settings: Settings, rasteriser: Rasteriser) -> DepthFilter | CpuDepthFilter:
-        """Runs the depth filter, behind the processor's rasteriser the processor's where it knows the preset."""
-        if not isinstance(rasteriser, CpuRasteriser) or settings.filter != CpuDepthFilter.preset:
-            step = self._filter_for(settings)
+        """Runs the depth filter and returns it."""
+        step = self._filter_for(settings, rasteriser)
+        if isinstance(step, CpuDepthFilter):
+            assert isinstance(rasteriser, CpuRasteriser)
+            step.run(rasteriser, strength=settings.filter_strength)
+        else:
             step.run(rasteriser.colour, rasteriser.depth, strength=settings.filter_strength, metre=self.metre)
-            return step
-        here = self._cpu_filter
-        if here is None or here.wanted_levels != settings.filter_levels:
-            if here is not None:
-                here.release()
-            here = self._cpu_filter = CpuDepthFilter(self.context, self._size, settings.filter_levels)
-        here.run(rasteriser, strength=settings.filter_strength)
-        return here
+        return step
 
-    def _filter_for(self, settings: Settings) -> DepthFilter:
-        current = self._filter
-        if current is None or (current.preset, current.wanted_levels) != (settings.filter, settings.filter_levels):
+    def _filter_for(self, settings: Settings, rasteriser: Rasteriser) -> DepthFilter | CpuDepthFilter:
+        """The depth filter of these settings; behind the processor's rasteriser its own, where it knows the preset."""
+        here = isinstance(rasteriser, CpuRasteriser) and settings.filter == CpuDepthFilter.preset
+        current, wanted = self._filter, (here, settings.filter, settings.filter_levels)
+        if current is None or (isinstance(current, CpuDepthFilter), current.preset, current.wanted_levels) != wanted:
             if current is not None:
                 current.release()
-            current = self._filter = DepthFilter(self._programs, self._size, settings.filter, settings.filter_levels)
+            current = self._filter = (CpuDepthFilter(self.context, self._size, settings.filter_levels) if here else
+                                      DepthFilter(self._programs, self._size, settings.filter, settings.filter_levels))
         return current
 
     def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from viewer.render.raster import Rasteriser
     from viewer.render.stations import Confidence
 
-_NAMES = ("_rasterisers", "_filter", "_cpu_filter", "_fill", "_confidence", "_noise", "_neural", "_spare_neural")
+_NAMES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural", "_spare_neural")
 """Attributes of SizedPasses that belong to one picture size."""
 
 
@@ -25,8 +25,7 @@ class SizedPasses:
 
     def __init__(self, kept_sizes: int):
         self._rasterisers: dict[str, Rasteriser] = {}
-        self._filter: DepthFilter | None = None
-        self._cpu_filter: CpuDepthFilter | None = None
+        self._filter: DepthFilter | CpuDepthFilter | None = None
         self._fill: Fill | None = None
         self._confidence: Confidence | None = None
         self._noise: NoiseLevel | None = None
