@@ -25,8 +25,8 @@ CACHED = 120.0
 MOST_JUMPS = 150.0
 """MB in use that all single jumps together may add."""
 LAZY = 6
-"""Objects of a kind that passes or shaders first needed after the warm-up may have made, in all: single jumps, where a leak grows
-in most intervals.  A seed was found whose textures went from 80 to 84 after the warm-up and stayed there."""
+"""Objects of a kind that passes or shaders first needed after the warm-up may have made, in all.  They are single jumps, and a
+leak grows in most intervals.  With one seed textures went from 80 to 84 after the warm-up and stayed there."""
 
 
 def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_path, seed):
