@@ -1,9 +1,10 @@
 """Random actions in a window, for ``test_random_actions.py``: ``python random_actions.py FOLDER ACTIONS SEED``.
 
-At regular intervals the window is brought to the same state, and resident memory and OpenGL objects are counted there.  Writes
-``random.json``: the counts, and the last actions before an exception.  Besides resident memory, the memory in use is counted
-(what the C library has given out, and Python's objects): freed blocks between others keep pages resident, by chance of the
-threads' timing.
+At regular intervals the scan is closed and OpenGL objects are counted; then the window is brought to the same state, and
+resident memory is taken there.  (While a scan is open, sizes of the picture in motion may have passes of their own, by chance
+of the timing.)  Writes ``random.json``: the counts, and the last actions before an exception.  Besides resident memory, the
+memory in use is counted (what the C library has given out, and Python's objects): freed blocks between others keep pages
+resident, by chance of the threads' timing.
 """
 
 import ctypes
@@ -217,8 +218,9 @@ class Monkey:
         panels = self.d.panels
         setattr(panels, self._pick(("scenes", "look")), bool(self.rng.integers(2)))
 
-    def rest(self) -> None:
-        """The state in which memory and objects are counted: the same each time."""
+    def rest(self) -> dict[str, int]:
+        """Brings the window to the state in which memory is taken: the same each time.  Returns the OpenGL objects that exist
+        while no scan is open."""
         d = self.d
         d.app.input.on_focus(d.app.window, 0)
         for _ in range(8):
@@ -233,8 +235,10 @@ class Monkey:
         if d.session.view_settings.split:
             d.session.view_settings.compare(False)
         d.app.act("close_scan")
-        d.settle(3)
         d.resize(*SIZE)
+        d.settle(3)
+        gc.collect()
+        objects = gl_objects(d)
         d.drop(Path("room1"))
         d.until(lambda: d.session.loads.current is None and d.session.scene is not None)
         for raster in ("compute", "points"):  # "auto" would choose by time: with another one, other objects are alive
@@ -244,6 +248,7 @@ class Monkey:
                 d.rest()
         d.key("ESCAPE")
         d.rest()
+        return objects
 
 
 def main(folder: Path, count: int, seed: int) -> None:
@@ -262,11 +267,11 @@ def main(folder: Path, count: int, seed: int) -> None:
             for _ in range(count // INTERVALS):
                 monkey.act()
                 report["actions"] += 1
-            monkey.rest()
+            objects = monkey.rest()
             gc.collect()
             give_back()
             report["counted"].append({
-                "resident": resident(), "in_use": in_use(), "objects": sys.getallocatedblocks(), **gl_objects(d),
+                "resident": resident(), "in_use": in_use(), "objects": sys.getallocatedblocks(), **objects,
                 "error": d.app.context.error,
             })
     except Exception:

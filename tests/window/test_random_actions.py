@@ -25,8 +25,8 @@ CACHED = 120.0
 MOST_JUMPS = 150.0
 """MB in use that all single jumps together may add."""
 LAZY = 6
-"""Objects of a kind that passes or shaders first needed after the warm-up may have made, in all.  They are single jumps, and a
-leak grows in most intervals.  With one seed textures went from 80 to 84 after the warm-up and stayed there."""
+"""Objects of a kind that may be made after the warm-up, in all: the start page has a picture for each of five recent scans, and
+a shader is compiled when it is first needed.  They are single jumps; a leak grows in most intervals."""
 
 
 def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_path, seed):
@@ -44,7 +44,7 @@ def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_p
     for kind in OBJECTS:
         assert counted[-1][kind] <= max(one[kind] for one in counted[:WARM]) + LAZY, kind
         assert np.median(np.diff([one[kind] for one in counted[WARM - 1 :]])) <= 0, f"{kind}: more in most intervals"
-    assert counted[-1]["Texture"] > 10, "the counting sees the window's context"
+    assert counted[-1]["Texture"] > 0, "the counting sees the window's context"
     grown = {key: np.diff([one[key] for one in counted[WARM - 1 :]]) for key in ("resident", "in_use", "objects")
              if counted[-1][key] is not None}
     for key, most, unit in (("resident", MOST_RESIDENT, "MB"), ("in_use", MOST_IN_USE, "MB"),
