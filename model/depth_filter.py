@@ -5,9 +5,11 @@ nearest point of each block (maximum of w) and the number of level-0 pixels that
 level a pixel is hidden if the eight blocks around its own hold something clearly nearer in every direction: at least one of
 each two consecutive blocks of the ring.  "Clearly" allows a relative tolerance and the slope of the surface around.  A level
 decides only where the surface in front is so sparse that a gap of one finer block may be chance, or where the block holds that
-surface itself; where the surface is dense, a gap is a real opening.  At a silhouette the nearer surface lies on one side only,
-so the background beside it is kept at any level.  Beyond the picture's border nothing is known; at the levels MIRRORED the
-picture is mirrored there, because otherwise hidden points in the outermost pixels would be kept.  No threshold has a unit.
+surface itself; where the surface is dense, a gap is a real opening.  Where the points in front are few but clumped in few finer
+blocks, they are thin things or of several surfaces: there, and at coarse levels, only what is much farther is hidden.  At a
+silhouette the nearer surface lies on one side only, so the background beside it is kept at any level.  Beyond the picture's
+border nothing is known; at the levels MIRRORED the picture is mirrored there, because otherwise hidden points in the outermost
+pixels would be kept.  No threshold has a unit.
 
 ``paper-code`` follows the published program, ``paper-text`` the paper's description (Vanherck et al. 2025, "Depth
 filtering"), ``npbg++`` the visibility test of Rakhimov et al. 2022.
@@ -18,6 +20,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from model.filter_constants import (
+    CLUMPED,
     EDGE,
     EMPTY,
     LEVELS,
@@ -25,11 +28,11 @@ from model.filter_constants import (
     NPBG_DEPTH,
     PARENT_RATIO,
     SAME_SURFACE,
-    SLOPE,
+    STEEPEST,
     SUPPORT,
     SUPPORT_SHARED,
-    TOLERANCE,
     TWIST,
+    hiding_limits,
 )  # fmt: skip
 from model.pyramid import RING, bilinear, clamped, mirrored, parents, quads, shifted
 
@@ -52,30 +55,34 @@ def keep_mask(depth: Tensor, preset: str = "auto", *, strength: float = 1.0, lev
     return _parents(depth, strength, levels, metre, published=preset == "paper-code")
 
 
-def _near_pyramid(depth: Tensor, levels: int) -> tuple[list[Tensor], list[Tensor]]:
-    """For each level: inverse depth of the nearest point in each block, and number of level-0 pixels on its surface."""
+def _near_pyramid(depth: Tensor, levels: int) -> tuple[list[Tensor], list[Tensor], list[Tensor]]:
+    """For each level: inverse depth of the nearest point in each block; number of level-0 pixels on its surface; and number of
+    its four children that hold them (at level 0 the pixel itself)."""
     near = [torch.where(torch.isfinite(depth), 1.0 / depth, torch.zeros_like(depth))]
     support = [(near[0] > 0).to(depth.dtype)]
+    children = [support[0]]
     for _ in range(levels):
-        a, b, c, d = children = quads(near[-1], 0.0)
+        a, b, c, d = quad = quads(near[-1], 0.0)
         top = torch.maximum(torch.maximum(a, b), torch.maximum(c, d))
         bottom = torch.minimum(torch.minimum(a, b), torch.minimum(c, d))
-        planar = (bottom > 0) & (((a - b) - (c - d)).abs() <= TWIST * top)
         slope = torch.minimum((a - b).abs(), (c - d).abs()) + torch.minimum((a - c).abs(), (b - d).abs())
+        planar = (bottom > 0) & (((a - b) - (c - d)).abs() <= TWIST * top) & (slope <= STEEPEST * top)
         limit = top * (1.0 - SAME_SURFACE) - torch.where(planar, slope, torch.zeros_like(slope))
         counts = quads(support[-1], 0.0)
         zero = torch.zeros_like(top)
-        support.append(sum((torch.where(w >= limit, n, zero) for w, n in zip(children, counts, strict=True)), zero))
+        on = [torch.where(w >= limit, n, zero) for w, n in zip(quad, counts, strict=True)]
+        support.append(sum(on, zero))
+        children.append(sum(((n > 0).to(depth.dtype) for n in on), zero))
         near.append(top)
-    return near, support
+    return near, support, children
 
 
-def _hiding_threshold(near: Tensor, support: Tensor, strength: float, level: int) -> Tensor:
+def _hiding_threshold(near: Tensor, support: Tensor, children: Tensor, strength: float, level: int) -> Tensor:
     """Inverse depth below which a pixel inside each block is hidden by the blocks around; 0 where the level does not decide."""
     if level in MIRRORED:
-        ring, counts = ([mirrored(image, dx, dy) for dx, dy in RING] for image in (near, support))
+        ring, counts, occupied = ([mirrored(image, dx, dy) for dx, dy in RING] for image in (near, support, children))
     else:
-        ring, counts = ([shifted(image, dx, dy, 0.0) for dx, dy in RING] for image in (near, support))
+        ring, counts, occupied = ([shifted(image, dx, dy, 0.0) for dx, dy in RING] for image in (near, support, children))
     front = torch.maximum(ring[0], ring[1])
     for k in range(1, 8):
         front = torch.minimum(front, torch.maximum(ring[k], ring[(k + 1) % 8]))
@@ -84,11 +91,17 @@ def _hiding_threshold(near: Tensor, support: Tensor, strength: float, level: int
     slope = slope + _slope(((south, north), (south_west, north_west), (south_east, north_east)))
     limit = front * (1.0 - SAME_SURFACE)
     shared = near >= limit
-    count = torch.where(shared, support, torch.zeros_like(support))
-    for w, n in zip(ring, counts, strict=True):
-        count = count + torch.where(w >= limit, n, torch.zeros_like(n))
-    threshold = front * (1.0 - TOLERANCE * strength) - slope * (SLOPE * strength)
-    sparse = (count < 36.0 * SUPPORT) | (shared & (count < 36.0 * SUPPORT_SHARED))  # 36: nine blocks of four finer ones
+    zero = torch.zeros_like(support)
+    count, held = torch.where(shared, support, zero), torch.where(shared, children, zero)
+    for w, n, o in zip(ring, counts, occupied, strict=True):
+        count = count + torch.where(w >= limit, n, zero)
+        held = held + torch.where(w >= limit, o, zero)
+    # Points at random in 36 children (nine blocks of four) occupy ``held`` of them when they are -36 ln(1 - held / 36), about
+    # held + held^2 / 56.  At levels 0 and 1 a child is a pixel, and points are never clumped.
+    clumped = 56.0 * count >= CLUMPED * (56.0 * held + held * held)
+    share, slope_share, share_clumped = hiding_limits(level, strength)
+    threshold = torch.where(clumped, front * share_clumped, front * share) - slope * slope_share
+    sparse = (count < 36.0 * SUPPORT) | (shared & (count < 36.0 * SUPPORT_SHARED))
     return torch.where(sparse, threshold.clamp_min(0.0), torch.zeros_like(threshold))
 
 
@@ -101,12 +114,13 @@ def _slope(pairs) -> Tensor:
 
 
 def _auto(depth: Tensor, strength: float, levels: int) -> Tensor:
-    near, support = _near_pyramid(depth, levels)
-    threshold = _hiding_threshold(near[-1], support[-1], strength, levels)
+    pyramid = list(zip(*_near_pyramid(depth, levels), strict=True))
+    threshold = _hiding_threshold(*pyramid[-1], strength, levels)
     for i in range(levels - 1, -1, -1):
-        own = _hiding_threshold(near[i], support[i], strength, i)
+        own = _hiding_threshold(*pyramid[i], strength, i)
         threshold = torch.maximum(own, parents(threshold, *own.shape))
-    return (near[0] > 0) & (near[0] >= threshold)
+    near = pyramid[0][0]
+    return (near > 0) & (near >= threshold)
 
 
 def _parents(depth: Tensor, strength: float, levels: int, metre: float, *, published: bool) -> Tensor:

@@ -3,10 +3,10 @@
 #include "common_filter.glsl"
 
 layout(local_size_x = TILE_X, local_size_y = TILE_Y) in;
-uniform sampler2D level;   // near (x) and support (y)
+uniform sampler2D level;   // as filter_down.comp writes it
 uniform sampler2D coarse;  // thresholds of the next coarser level
 layout(r32f, binding = 0) uniform writeonly image2D threshold;
-uniform vec3 tolerance;    // as in hiding_threshold; the third is unused
+uniform vec3 tolerance;    // as in hiding_threshold
 uniform int mirror;        // 1: the picture is mirrored at its border; 0: it is empty beyond it
 
 vec2 block(ivec2 at, ivec2 extent) {
@@ -24,7 +24,7 @@ void main() {
     float value = hiding_threshold(
         block(at, extent), block(at + ivec2(1, 0), extent), block(at + ivec2(1, 1), extent), block(at + ivec2(0, 1), extent),
         block(at + ivec2(-1, 1), extent), block(at + ivec2(-1, 0), extent), block(at + ivec2(-1, -1), extent),
-        block(at + ivec2(0, -1), extent), block(at + ivec2(1, -1), extent), tolerance.xy);
+        block(at + ivec2(0, -1), extent), block(at + ivec2(1, -1), extent), tolerance);
 #ifndef TOP
     value = max(value, texelFetch(coarse, at >> 1, 0).x);
 #endif

@@ -23,6 +23,25 @@ def room(seed: int, points: int = 60_000, scale: float = 1.0, origin=(0.0, 0.0, 
     return scene_from_arrays(xyz, rgb)
 
 
+def slats(seed: int, scale: float = 1.0):
+    """A dense wall behind thin dense bars, with single points floating between them: few points in front, and clumped.  The
+    wall is at x 4, bars and points from x 3 to 3.8, within y and z of 2 from the x axis."""
+    rng = np.random.default_rng(seed)
+    wall = np.column_stack([np.full(60_000, 4.0), rng.uniform(-2, 2, (60_000, 2))])
+    bars = np.column_stack([rng.uniform(3.2, 3.8, 12).repeat(4_000), rng.uniform(-1.5, 1.5, 12).repeat(4_000),
+                            rng.uniform(-2, 2, 48_000)])  # fmt: skip
+    bars[:, 1] += rng.uniform(0, 0.03, len(bars))
+    floating = rng.uniform((3.0, -1.5, -1.5), (3.8, 1.5, 1.5), (150, 3))
+    xyz = np.concatenate([wall, bars, floating]) * scale
+    return scene_from_arrays(xyz, rng.integers(0, 256, (len(xyz), 3)).astype(np.uint8))
+
+
+def before_slats(seed: int, size=(320, 240), scale: float = 1.0) -> Camera:
+    """A camera that looks at the wall of ``slats``."""
+    eye = np.random.default_rng(seed).uniform((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)) * scale
+    return from_fov(*size, 55.0, look_at(eye, np.array([4.0, 0.0, 0.0]) * scale), name=f"slats{seed}")
+
+
 def camera_in(scene, seed: int, size=(320, 240), fov: float | None = None) -> Camera:
     """A camera at a random place inside the scene's bounds, looking anywhere."""
     rng = np.random.default_rng(seed)

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clouds import camera_in, room
+from clouds import before_slats, camera_in, room, slats
 from reference import reference_frame
 
+from model import depth_filter
 from viewer.bench.stability.point_claims import mean_level
 from viewer.camera import Camera
 from viewer.grid.open_scene import scene_from_arrays
@@ -151,6 +152,24 @@ def test_filter_flags_agree_with_the_reference(drawn, preset, strength, levels):
     camera = camera_in(scene, 11)
     settings = Settings(filter=preset, filter_strength=strength, filter_levels=levels)
     assert_agrees(renderer.render(camera, settings, views=ALL), reference_frame(scene, camera, settings))
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_thin_things_in_front_agree_with_the_reference(context, monkeypatch, scale, seed):
+    """The depth filter's rule for few but clumped points decides on many of these pixels."""
+    scene, decided = slats(seed, scale), 0
+    renderer = Renderer(context, scene)
+    try:
+        for number, size in enumerate(((320, 240), (211, 127))):
+            camera = before_slats(seed + number, size, scale)
+            reference = reference_frame(scene, camera, Settings())
+            assert_agrees(renderer.render(camera, Settings(), views=ALL), reference)
+            monkeypatch.setattr(depth_filter, "CLUMPED", 1e9)
+            decided += (reference_frame(scene, camera, Settings()).mask != reference.mask).sum()
+            monkeypatch.undo()
+        assert decided > 50
+    finally:
+        renderer.release()
 
 
 @pytest.mark.parametrize("lod", [None, 1.0, 4.0])

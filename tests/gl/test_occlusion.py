@@ -136,10 +136,10 @@ def test_what_the_tally_says_is_what_was_listed(floor):
 def what_hides(scene, frame) -> np.ndarray:
     """(H, W): the inverse depth below which a point shows nowhere, by the filter's reference in torch."""
     depth = torch.from_numpy(frame.depth().copy())
-    near, support = depth_filter._near_pyramid(depth, GAP_LEVELS)
-    threshold = depth_filter._hiding_threshold(near[-1], support[-1], 1.0, len(near) - 1)
+    pyramid = list(zip(*depth_filter._near_pyramid(depth, GAP_LEVELS), strict=True))
+    threshold = depth_filter._hiding_threshold(*pyramid[-1], 1.0, GAP_LEVELS)
     for level in range(GAP_LEVELS - 1, 0, -1):
-        own = depth_filter._hiding_threshold(near[level], support[level], 1.0, level)
+        own = depth_filter._hiding_threshold(*pyramid[level], 1.0, level)
         threshold = torch.maximum(own, parents(threshold, *own.shape))
     soft = SoftZ.preset("auto", scene.spacing, 1.0)
     behind = 1.0 / torch.maximum(depth * (1.0 + soft.relative), depth + soft.absolute)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from clouds import camera_in, room
+from clouds import before_slats, camera_in, room, slats
 from test_edits import of_two_stations, random_clips
 from test_stations import scanned
 
@@ -92,10 +92,11 @@ def test_points_without_a_colour(renderer_of, seed):
 @pytest.mark.parametrize("strength, levels", [(1.0, None), (0.3, 1), (2.5, 2), (1.0, 7)])
 def test_the_depth_filter_on_the_processor_keeps_the_same_pixels(renderer_of, strength, levels, seed):
     """At sizes whose levels are odd, even, and mirrored about a single pixel."""
-    scene = room(seed)
-    renderer, kept = renderer_of(scene), []
-    for number, size in enumerate(((97, 61), (333, 251), (1, 37), (53, 1), (8, 8), (33, 16), (97, 61))):
-        camera = camera_in(scene, seed + number, size)
+    scene, barred = room(seed), slats(seed)
+    kept = []
+    for number, size in enumerate(((97, 61), (333, 251), (1, 37), (53, 1), (8, 8), (33, 16), (97, 61), (320, 240))):
+        renderer = renderer_of(barred if size == (320, 240) else scene)
+        camera = before_slats(seed, size) if size == (320, 240) else camera_in(scene, seed + number, size)
         settings, masks = Settings(filter_strength=strength, filter_levels=levels), []
         for kind in ("cpu", "compute"):
             frame = renderer.render(camera, replace(settings, raster=kind), views=("filtered", "filled"))

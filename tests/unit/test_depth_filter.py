@@ -68,6 +68,40 @@ def test_empty_pixels_stay_empty_and_a_single_point_is_kept(preset):
     assert keep_mask(depth, preset).nonzero().tolist() == [[100, 77]]
 
 
+def barred(seed: int, gap: float, spacing: int = 10, width: int = 3):
+    """Depth of a dense wall at 4 behind dense vertical bars, nearer by the share ``gap``; and where the bars are."""
+    shift = np.random.default_rng(seed).integers(spacing)
+    bars = np.broadcast_to((np.arange(SIZE[1]) + shift) % spacing < width, SIZE)
+    return torch.from_numpy(np.where(bars, 4.0 * (1 - gap), 4.0).astype(np.float32)), bars
+
+
+@pytest.mark.parametrize("gap", [0.03, 0.06, 0.12])
+def test_a_wall_close_behind_thin_dense_bars_is_kept(seed, gap):
+    """In blocks of four pixels each has a bar, and they look like a sparse surface: without the rule for clumped points more
+    than half of the wall would go."""
+    depth, bars = barred(seed, gap)
+    keep = keep_mask(depth).numpy()
+    assert keep[bars].all() and keep[~bars].mean() > 0.9
+
+
+def test_a_dense_surface_is_not_hidden_by_a_few_nearer_points_around_it(seed):
+    """A column 5 % behind single points of other things: they are no surface, at any level."""
+    rng = np.random.default_rng(seed)
+    depth = np.full(SIZE, 9.0, np.float32)
+    floating = rng.random(SIZE) < 1 / 700
+    depth[floating] = rng.uniform(8.4, 8.8, floating.sum())
+    keep = keep_mask(torch.from_numpy(depth)).numpy()
+    assert keep.mean() > 0.99
+
+
+def test_rows_of_points_a_metre_away_hide_what_is_far_behind(seed):
+    """A scanner's rows on a near surface are clumped, and still a surface."""
+    shift = np.random.default_rng(seed).integers(8)
+    rows = np.broadcast_to(((np.arange(SIZE[0]) + shift) % 8 == 0)[:, None], SIZE)
+    keep = keep_mask(torch.from_numpy(np.where(rows, 1.0, 5.0).astype(np.float32))).numpy()
+    assert keep[rows].all() and keep[8:-8][~rows[8:-8]].mean() < 0.02
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (5, 4), (13, 31)])
 def test_pyramid_steps_equal_a_plain_loop(shape):
     rng = np.random.default_rng(0)

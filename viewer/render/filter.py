@@ -15,9 +15,12 @@ from viewer.render.shader import BINDINGS
 _SHARED = {
     "EMPTY": constants.EMPTY,
     "TWIST": constants.TWIST,
+    "STEEPEST": constants.STEEPEST,
     "SAME_SURFACE_FACTOR": 1.0 - constants.SAME_SURFACE,
     "SUPPORT_LIMIT": 36.0 * constants.SUPPORT,
     "SUPPORT_LIMIT_SHARED": 36.0 * constants.SUPPORT_SHARED,
+    "CHILDREN": float(constants.CHILDREN),
+    "CLUMPED": constants.CLUMPED,
 }
 
 
@@ -72,18 +75,18 @@ class DepthFilter:
         tolerance, top = self._tolerance(strength, metre), depth
         if self._down:
             self._pass("down_base" if "down_base" in self._programs else "down", self._down[0].size, self._down[:1], fine=depth)
-            top = self._climb(tolerance, self.levels)
+            top = self._climb(strength, metre, self.levels)
         name, size = ("quads", level_sizes(self.size, 1)[0]) if "quads" in self._programs else ("base", self.size)
         self._pass(name, size, [self.mask, self.filtered], tolerance, level=depth, coarse=top, raw=raw)
 
-    def _tolerance(self, strength: float, metre: float) -> tuple[float, float, float]:
-        """The three numbers of the uniform ``tolerance`` for this preset."""
+    def _tolerance(self, strength: float, metre: float, level: int = 0) -> tuple[float, float, float]:
+        """The three numbers of the uniform ``tolerance`` for this preset, and for a level of preset auto."""
         if self.preset == "auto":
-            return 1.0 - constants.TOLERANCE * strength, constants.SLOPE * strength, 0.0
+            return constants.hiding_limits(level, strength)
         edge = constants.EDGE * (metre if self.preset == "paper-code" else 1.0)
         return 1.0 + constants.PARENT_RATIO * strength, edge, constants.NPBG_DEPTH * strength * metre
 
-    def _climb(self, tolerance: tuple[float, float, float], levels: int) -> moderngl.Texture:
+    def _climb(self, strength: float, metre: float, levels: int) -> moderngl.Texture:
         """From level 1, which exists, to coarser levels up to ``levels`` (at least 1) and back; returns the texture that level
         0 is compared with."""
         for fine, coarse in itertools.pairwise(self._down[:levels]):
@@ -91,12 +94,13 @@ class DepthFilter:
         top = self._down[levels - 1]
         if self.preset == "auto":
             self._mirror("top", levels)
-            self._pass("top", self._up[levels - 1].size, [self._up[levels - 1]], tolerance, level=top)
+            self._pass("top", self._up[levels - 1].size, [self._up[levels - 1]], self._tolerance(strength, metre, levels),
+                       level=top)
             top = self._up[levels - 1]
         if self.preset in ("auto", "paper-code", "paper-text"):
             for index in range(levels - 2, -1, -1):
                 self._mirror("up", index + 1)
-                self._pass("up", self._up[index].size, [self._up[index]], tolerance,
+                self._pass("up", self._up[index].size, [self._up[index]], self._tolerance(strength, metre, index + 1),
                            level=self._down[index], coarse=top)
                 top = self._up[index]
         return top
@@ -116,7 +120,7 @@ class DepthFilter:
         keys.bind_to_storage_buffer(BINDINGS["KEYS"])
         self._programs["down_keys"]["size"] = self.size
         self._pass("down_keys", self._down[0].size, self._down[:1])
-        return self._climb(self._tolerance(strength, 1.0), min(levels, self.levels))
+        return self._climb(strength, 1.0, min(levels, self.levels))
 
     def _pass(self, name: str, size: tuple[int, int], outputs: list[moderngl.Texture],
               tolerance: tuple[float, float, float] | None = None, **inputs: moderngl.Texture) -> None:

@@ -25,6 +25,10 @@ _FEW = 32
 _NONE = np.empty(0, np.float32)
 
 
+def _limits(level: int, strength: float) -> tuple[np.float32, ...]:
+    return tuple(np.float32(limit) for limit in constants.hiding_limits(level, strength))
+
+
 @dataclass(frozen=True)
 class _Level:
     """A level of the pyramid; planes as in filter_loops, thresholds (h * w,)."""
@@ -65,18 +69,17 @@ class CpuDepthFilter:
         for fine, coarse in itertools.pairwise(pyramid):
             in_rows(coarse.height, _FEW, coarser_rows, fine.near, fine.support, fine.width, coarse.near, coarse.support,
                     coarse.width)  # fmt: skip
-        limits = np.float32(1.0 - constants.TOLERANCE * strength), np.float32(constants.SLOPE * strength)
         coarser = _NONE
         for number in range(self.levels, 0, -1):
             level = pyramid[number]
             if number in constants.MIRRORED:
                 level.surround(mirrored=True)
-            in_rows(level.height, _FEW, threshold_rows, level.near, level.support, level.width, coarser, *limits,
-                    level.threshold)  # fmt: skip
+            in_rows(level.height, _FEW, threshold_rows, level.near, level.support, level.width, coarser,
+                    *_limits(number, strength), level.threshold)  # fmt: skip
             if number in constants.MIRRORED:
                 level.surround(mirrored=False)  # the next picture's blocks are empty beyond the edge
             coarser = level.threshold
-        in_rows(base.height, _FEW, keep_rows, base.near, base.support, base.width, coarser, *limits, rasteriser.colours,
+        in_rows(base.height, _FEW, keep_rows, base.near, base.width, coarser, *_limits(0, strength)[:2], rasteriser.colours,
                 self._kept, self._shown)  # fmt: skip
         self.mask.write(self._kept)
         self.filtered.write(self._shown)

@@ -1,6 +1,7 @@
 """Compiled loops of the depth filter on the processor (viewer.render.filter_cpu), preset ``auto``: the same operations as
 shaders/filter_down.comp, filter_up.comp, filter_keep.comp and common_filter.glsl, in the same order and in float32.
 
+``support`` holds two whole numbers, pixels times CHILDREN plus occupied children (shaders/common_filter.glsl).
 A plane of a level is flat, (height + 2) rows of width + 2, with an edge of one pixel around the picture.  Rows ``first`` to
 ``last`` of the picture are written, so that threads can share a plane.
 """
@@ -8,7 +9,7 @@ A plane of a level is flat, (height + 2) rows of width + 2, with an edge of one 
 import numpy as np
 
 from model.common.jit import compiled
-from model.filter_constants import EMPTY, SAME_SURFACE, SUPPORT, SUPPORT_SHARED, TWIST
+from model.filter_constants import CHILDREN, CLUMPED, EMPTY, SAME_SURFACE, STEEPEST, SUPPORT, SUPPORT_SHARED, TWIST
 
 _F, _U = np.float32, np.uint32
 _SAME, _LIMIT, _LIMIT_SHARED = _F(1.0 - SAME_SURFACE), _F(36.0 * SUPPORT), _F(36.0 * SUPPORT_SHARED)
@@ -19,20 +20,28 @@ def _on(limit, near, support):
     return support if near >= limit else _F(0.0)
 
 
+@compiled(nogil=True, inline="always")
+def _part(limit, near, support):
+    """A child's part of a block's support: its pixels, and itself."""
+    pixels = np.floor(support * _F(1.0 / CHILDREN)) * _F(CHILDREN) + _F(1.0)
+    return pixels if (near >= limit) & (support > _F(0.0)) else _F(0.0)
+
+
 @compiled(nogil=True)
 def base_rows(depth, near, support, width, first, last):
-    """Inverse depth, 0 where empty, and 1 where there is a point.  depth: (H * W,) view-space z, +inf where empty."""
+    """Inverse depth, 0 where empty, and the support of one pixel where there is a point.  depth: (H * W,) view-space z, +inf
+    where empty."""
     for y in range(first, last):
         start = (y + 1) * (width + 2) + 1
         line, made, points = depth[y * width : (y + 1) * width], near[start : start + width], support[start : start + width]
         for x in range(width):
             made[x] = inverse = _F(1.0) / line[x]
-            points[x] = _F(1.0) if inverse > _F(0.0) else _F(0.0)
+            points[x] = _F(CHILDREN) if inverse > _F(0.0) else _F(0.0)
 
 
 @compiled(nogil=True)
 def coarser_rows(fine, fine_support, fine_width, near, support, width, first, last):
-    """Nearest inverse depth of each block of 2x2, and how many level-0 pixels are on its surface."""
+    """Nearest inverse depth of each block of 2x2, and its support."""
     stride = fine_width + 2
     for y in range(first, last):
         start, begin = (2 * y + 1) * stride + 1, (y + 1) * (width + 2) + 1
@@ -42,12 +51,12 @@ def coarser_rows(fine, fine_support, fine_width, near, support, width, first, la
         for x in range(width):
             a, b, c, d = upper[2 * x], upper[2 * x + 1], lower[2 * x], lower[2 * x + 1]
             top, bottom = max(max(a, b), max(c, d)), min(min(a, b), min(c, d))
-            planar = (bottom > _F(0.0)) & (abs((a - b) - (c - d)) <= _F(TWIST) * top)
             slope = min(abs(a - b), abs(c - d)) + min(abs(a - c), abs(b - d))
+            planar = (bottom > _F(0.0)) & (abs((a - b) - (c - d)) <= _F(TWIST) * top) & (slope <= _F(STEEPEST) * top)
             limit = top * _SAME - (slope if planar else _F(0.0))
             made[x] = top
-            points[x] = ((_on(limit, a, counts[2 * x]) + _on(limit, b, counts[2 * x + 1]))
-                         + _on(limit, c, counts_below[2 * x])) + _on(limit, d, counts_below[2 * x + 1])
+            points[x] = ((_part(limit, a, counts[2 * x]) + _part(limit, b, counts[2 * x + 1]))
+                         + _part(limit, c, counts_below[2 * x])) + _part(limit, d, counts_below[2 * x + 1])
 
 
 @compiled(nogil=True)
@@ -72,8 +81,34 @@ def _narrower(best, a, b):
     return min(best, abs(a - b) * _F(0.5)) if (a > _F(0.0)) & (b > _F(0.0)) else best
 
 
+@compiled(nogil=True, inline="always")
+def _front(e, se, s, sw, w, nw, n, ne):
+    """A surface in every direction: of each two consecutive neighbours the nearer one, and of those the farthest."""
+    return min(min(min(max(e, se), max(se, s)), min(max(s, sw), max(sw, w))),
+               min(min(max(w, nw), max(nw, n)), min(max(n, ne), max(ne, e))))
+
+
+@compiled(nogil=True, inline="always")
+def _slope(e, se, s, sw, w, nw, n, ne):
+    across = _narrower(_narrower(_narrower(_F(EMPTY), e, w), ne, nw), se, sw)
+    return across + _narrower(_narrower(_narrower(_F(EMPTY), s, n), sw, nw), se, ne)
+
+
 @compiled(nogil=True)
-def _thresholds(near, support, y, width, tolerance, share, row):
+def _fine_thresholds(near, y, width, share, slope_share, row):
+    """As ``_thresholds`` at level 0, where nine blocks are always few pixels and never clumped."""
+    stride = width + 2
+    start = y * stride
+    above, here, below = near[start : start + stride], near[start + stride :][:stride], near[start + 2 * stride :][:stride]
+    for x in range(width):
+        nw, n, ne, w, e = above[x], above[x + 1], above[x + 2], here[x], here[x + 2]
+        sw, s, se = below[x], below[x + 1], below[x + 2]
+        value = _front(e, se, s, sw, w, nw, n, ne) * share - _slope(e, se, s, sw, w, nw, n, ne) * slope_share
+        row[x] = max(value, _F(0.0))
+
+
+@compiled(nogil=True)
+def _thresholds(near, support, y, width, share, slope_share, share_clumped, row):
     """The inverse depth below which a pixel of each block of row y is hidden by the blocks around it; 0 where none is."""
     stride = width + 2
     start = y * stride
@@ -84,23 +119,23 @@ def _thresholds(near, support, y, width, tolerance, share, row):
         nw, n, ne = above[x], above[x + 1], above[x + 2]
         w, own, e = here[x], here[x + 1], here[x + 2]
         sw, s, se = below[x], below[x + 1], below[x + 2]
-        front = min(min(min(max(e, se), max(se, s)), min(max(s, sw), max(sw, w))),
-                    min(min(max(w, nw), max(nw, n)), min(max(n, ne), max(ne, e))))
-        across = _narrower(_narrower(_narrower(_F(EMPTY), e, w), ne, nw), se, sw)
-        along = _narrower(_narrower(_narrower(_F(EMPTY), s, n), sw, nw), se, ne)
+        front = _front(e, se, s, sw, w, nw, n, ne)
         limit = front * _SAME
         shared = own >= limit
-        count = counts[x + 1] if shared else _F(0.0)
-        count += _on(limit, e, counts[x + 2])
-        count += _on(limit, se, counts_below[x + 2])
-        count += _on(limit, s, counts_below[x + 1])
-        count += _on(limit, sw, counts_below[x])
-        count += _on(limit, w, counts[x])
-        count += _on(limit, nw, counts_above[x])
-        count += _on(limit, n, counts_above[x + 1])
-        count += _on(limit, ne, counts_above[x + 2])
-        value = front * tolerance - (across + along) * share
+        total = counts[x + 1] if shared else _F(0.0)
+        total += _on(limit, e, counts[x + 2])
+        total += _on(limit, se, counts_below[x + 2])
+        total += _on(limit, s, counts_below[x + 1])
+        total += _on(limit, sw, counts_below[x])
+        total += _on(limit, w, counts[x])
+        total += _on(limit, nw, counts_above[x])
+        total += _on(limit, n, counts_above[x + 1])
+        total += _on(limit, ne, counts_above[x + 2])
+        count = np.floor(total * _F(1.0 / CHILDREN))
+        held = total - count * _F(CHILDREN)
         sparse = (count < _LIMIT) | (shared & (count < _LIMIT_SHARED))
+        clumped = _F(56.0) * count >= _F(CLUMPED) * (_F(56.0) * held + held * held)
+        value = front * (share_clumped if clumped else share) - _slope(e, se, s, sw, w, nw, n, ne) * slope_share
         row[x] = max(value, _F(0.0)) if (front > _F(0.0)) & sparse else _F(0.0)
 
 
@@ -120,20 +155,20 @@ def _raise(row, coarse, y, width):
 
 
 @compiled(nogil=True)
-def threshold_rows(near, support, width, coarse, tolerance, share, made, first, last):
-    """Thresholds of a level, (h, w) flat, also of coarser ones.  tolerance: 1 - tolerance x strength.  share: of the slope."""
+def threshold_rows(near, support, width, coarse, share, slope_share, share_clumped, made, first, last):
+    """Thresholds of a level, (h, w) flat, also of coarser ones.  The three shares: model.filter_constants.hiding_limits."""
     for y in range(first, last):
         row = made[y * width : (y + 1) * width]
-        _thresholds(near, support, y, width, tolerance, share, row)
+        _thresholds(near, support, y, width, share, slope_share, share_clumped, row)
         _raise(row, coarse, y, width)
 
 
 @compiled(nogil=True)
-def keep_rows(near, support, width, coarse, tolerance, share, colour, mask, filtered, first, last):
+def keep_rows(near, width, coarse, share, slope_share, colour, mask, filtered, first, last):
     """Level 0: keep-mask, 255 where kept, and filtered picture.  colour, filtered: (H * W,) uint32 RGBA8.  mask: (H * W,)."""
     row = np.empty(width, _F)
     for y in range(first, last):
-        _thresholds(near, support, y, width, tolerance, share, row)
+        _fine_thresholds(near, y, width, share, slope_share, row)
         _raise(row, coarse, y, width)
         start = (y + 1) * (width + 2) + 1
         own, raw = near[start : start + width], colour[y * width : (y + 1) * width]
