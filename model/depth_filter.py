@@ -15,6 +15,8 @@ pixels would be kept.  No threshold has a unit.
 filtering"), ``npbg++`` the visibility test of Rakhimov et al. 2022.
 """
 
+from functools import partial
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor
@@ -34,7 +36,7 @@ from model.filter_constants import (
     TWIST,
     hiding_limits,
 )  # fmt: skip
-from model.pyramid import RING, bilinear, clamped, mirrored, parents, quads, shifted
+from model.pyramid import RING, bilinear, clamped, mirrored_neighbours, neighbours, parents, quads
 
 
 def keep_mask(depth: Tensor, preset: str = "auto", *, strength: float = 1.0, levels: int | None = None,
@@ -79,10 +81,8 @@ def _near_pyramid(depth: Tensor, levels: int) -> tuple[list[Tensor], list[Tensor
 
 def _hiding_threshold(near: Tensor, support: Tensor, children: Tensor, strength: float, level: int) -> Tensor:
     """Inverse depth below which a pixel inside each block is hidden by the blocks around; 0 where the level does not decide."""
-    if level in MIRRORED:
-        ring, counts, occupied = ([mirrored(image, dx, dy) for dx, dy in RING] for image in (near, support, children))
-    else:
-        ring, counts, occupied = ([shifted(image, dx, dy, 0.0) for dx, dy in RING] for image in (near, support, children))
+    around = mirrored_neighbours if level in MIRRORED else partial(neighbours, empty=0.0)
+    ring, counts, occupied = around(near), around(support), around(children)
     front = torch.maximum(ring[0], ring[1])
     for k in range(1, 8):
         front = torch.minimum(front, torch.maximum(ring[k], ring[(k + 1) % 8]))

@@ -30,7 +30,7 @@ from model.hole_constants import (
     strides,
     window_reach,
 )  # fmt: skip
-from model.pyramid import RING, clamped, parents, quads, shifted
+from model.pyramid import clamped, neighbours, parents, quads
 from model.ray_march import IN_SURFACE, RAY_BLOCK, TOUCHED
 
 
@@ -84,7 +84,7 @@ def _around(cells: Tensor, mask: Tensor, met: Tensor | None) -> Tensor:
 
 def _between_neighbours(level: Tensor) -> Tensor:
     """(h, w) 1 where of each two consecutive neighbours in the ring of eight one is occupied; outside the picture none is."""
-    ring = [shifted(level, dx, dy, 0.0) for dx, dy in RING]
+    ring = neighbours(level, 0.0)
     pairs = [torch.maximum(ring[k], ring[(k + 1) % 8]) for k in range(8)]
     return torch.stack(pairs).amin(0)
 

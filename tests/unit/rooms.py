@@ -31,8 +31,8 @@ def _shoot(rotation, position, size, fl, box=(2.0, 1.5, 2.5)):
     return np.clip(rgb, 0, 255).astype(np.uint8), t
 
 
-def make_room(folder: Path, *, face: int = 48, view: tuple[int, int] = (36, 48)) -> Path:
-    """Writes the scene and returns its folder."""
+def make_room(folder: Path, *, face: int = 48, view: tuple[int, int] = (36, 48), views: int = 4) -> Path:
+    """Writes the scene, with so many of its four views, and returns its folder."""
     folder.mkdir(parents=True)
 
     def save(name, rotation, position, size, fl):
@@ -48,8 +48,8 @@ def make_room(folder: Path, *, face: int = 48, view: tuple[int, int] = (36, 48))
         {"position": list(p), "faces": [save(f"s{n}f{k}", _look(*d), p, (face, face), face / 2) for k, d in enumerate(FACES)]}
         for n, p in enumerate([(-0.6, 0.0, 0.3), (0.7, 0.2, -0.4)])
     ]
-    views = [save(f"v{n}", _look(*FACES[d]), p, view, 40.0)
-             for n, (d, p) in enumerate([(0, (0, 0, 0)), (1, (0.3, 0, 0.2)), (4, (0, 0.1, 0)), (5, (-0.2, 0, 0.5))])]
+    cameras = [(0, (0, 0, 0)), (1, (0.3, 0, 0.2)), (4, (0, 0.1, 0)), (5, (-0.2, 0, 0.5))][:views]
+    seen = [save(f"v{n}", _look(*FACES[d]), p, view, 40.0) for n, (d, p) in enumerate(cameras)]
     (folder / "scene.json").write_text(json.dumps(
-        {"scene": "box", "depth_scale": 1000, "stations": stations, "views": views}))
+        {"scene": "box", "depth_scale": 1000, "stations": stations, "views": seen}))
     return folder

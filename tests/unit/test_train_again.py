@@ -15,7 +15,7 @@ from viewer.cli import main
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory):
     root = tmp_path_factory.mktemp("data")
-    return [make_room(root / name, view=(72, 96)) for name in ("one", "two")]
+    return [make_room(root / name, view=(72, 96), views=1) for name in ("one", "two")]
 
 
 @pytest.fixture(scope="module")

@@ -43,7 +43,7 @@ def pairs(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory):
     root = tmp_path_factory.mktemp("rooms")
-    return [make_room(root / name / "room", view=(72, 96)) for name in "ab"]
+    return [make_room(root / name / "room", view=(72, 96), views=1) for name in "ab"]
 
 
 def _config(pairs, out, **changes):
@@ -155,8 +155,8 @@ def test_the_log_has_every_step_once_after_a_kill(pairs, tmp_path, monkeypatch):
 
 def test_a_recipe_makes_pairs_of_every_room(rooms, tmp_path):
     """Rooms with the same name, and rooms with two picture sizes in one folder."""
-    make_room(tmp_path / "mixed" / "small", view=(72, 96))
-    make_room(tmp_path / "mixed" / "large", view=(80, 112))
+    make_room(tmp_path / "mixed" / "small", view=(72, 96), views=1)
+    make_room(tmp_path / "mixed" / "large", view=(80, 112), views=1)
     made = follow(TINY, [*rooms, tmp_path / "mixed"], tmp_path / "run", minutes=0.015, perceptual=None, device="cpu",
                   most_places=0)
     found = {}
