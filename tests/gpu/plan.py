@@ -18,5 +18,5 @@ class Plan:
     device: str = "cuda"
 
 
-SMALL = Plan(points=30_000, many=40_000, scale="20000,40000", grid=50_000, sizes=("96x72",), repeats=2, frames=20, device="cpu")
+SMALL = Plan(points=30_000, many=40_000, scale="20000,40000", grid=50_000, sizes=("96x72",), repeats=2, frames=6, device="cpu")
 """The plumbing alone, on the CPU in half a minute or so."""

@@ -23,7 +23,7 @@ from model.unet import make_network
 
 if sys.argv[1] == "kept" and not keep_freed_memory():
     sys.exit(3)
-network, picture = make_network("fast").eval(), torch.rand(1, 6, 480, 640)
+network, picture = make_network("fast").eval(), torch.rand(1, 6, 240, 480)
 with torch.inference_mode():
     for _ in range(2):
         network(picture)

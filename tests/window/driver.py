@@ -116,7 +116,7 @@ class Driver:
                 assert time.monotonic() < end, "waited too long"
                 self.app.step()
                 if self.session.flight.moving:
-                    time.sleep(2 * NAP)  # a flight takes its time, however many pictures are made of it
+                    time.sleep(4 * NAP)  # a flight takes its time, however many pictures are made of it
         finally:
             app._NAP = nap
         self.settle()

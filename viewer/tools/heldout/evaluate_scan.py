@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
         from model.evaluation.heldout_report import format_withheld
 
     result, rows = judge_scan(options.data[0], names_of(files), densities=tuple(dict.fromkeys(options.densities)),
-                              views=options.views or VIEWS, sheet=options.plot is not None)
+                              views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None)
     print(format_withheld(result))
     if options.json:
         save(result, options.json)
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, ...], views: int,
-               size: tuple[int, int] = SIZE, sheet: bool = False) -> tuple[dict, list[np.ndarray]]:
+               size: tuple[int, int], sheet: bool = False) -> tuple[dict, list[np.ndarray]]:
     """Metrics of a scan, for JSON, and the rows of the sheet, (H, W, 3) uint8 each.
 
     weights: name -> file.  densities: shares of the points that are not withheld.  sheet: whether to make rows, each with the
