@@ -32,7 +32,7 @@ def test_the_shares_of_every_recipe_add_up_and_its_stages_exist():
 
 
 def test_a_finished_recipe_trains_no_further_when_repeated(room, tmp_path):
-    made = follow(TINY, [room], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=0)
+    made = follow(TINY, [room], tmp_path, minutes=0.04, perceptual=None, device="cpu", most_places=0)
     headers = [load_weights(path)[1] for path in made]
     assert [h["input"] for h in headers] == ["filtered", "unfiltered"]
     pairs = sorted(tmp_path.glob("pairs/*/*"))
@@ -41,7 +41,7 @@ def test_a_finished_recipe_trains_no_further_when_repeated(room, tmp_path):
     assert (tmp_path / "pairs" / "filtered" / "folder-box-2" / "neighbours.npy").is_file()
     before = [p.stat().st_mtime_ns for p in pairs]
     steps = json.loads(headers[0]["notes"])["step"]
-    follow(TINY, [room], tmp_path, minutes=0.1, perceptual=None, device="cpu", most_places=0)
+    follow(TINY, [room], tmp_path, minutes=0.04, perceptual=None, device="cpu", most_places=0)
     assert [p.stat().st_mtime_ns for p in pairs] == before
     assert json.loads(load_weights(made[0])[1]["notes"])["step"] == steps  # its time is used up
 
