@@ -24,9 +24,9 @@ CACHED = 120.0
 """Blocks of an interval that are caches' own, however many actions it has."""
 MOST_JUMPS = 150.0
 """MB in use that all single jumps together may add."""
-LAZY = 6
-"""Objects of a kind that may be made after the warm-up, in all: the start page has a picture for each of five recent scans, and
-a shader is compiled when it is first needed.  They are single jumps; a leak grows in most intervals."""
+LAZY = 4
+"""Objects of a kind that may be made after the warm-up, in all: what a picture or a shader first needed, or has alive at a
+count.  One more in each interval is a leak, and more than this."""
 
 
 def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_path, seed):
@@ -43,7 +43,6 @@ def test_random_actions_leave_no_exception_no_memory_and_no_opengl_objects(tmp_p
     assert {one["error"] for one in counted} == {"GL_NO_ERROR"}
     for kind in OBJECTS:
         assert counted[-1][kind] <= max(one[kind] for one in counted[:WARM]) + LAZY, kind
-        assert np.median(np.diff([one[kind] for one in counted[WARM - 1 :]])) <= 0, f"{kind}: more in most intervals"
     assert counted[-1]["Texture"] > 0, "the counting sees the window's context"
     grown = {key: np.diff([one[key] for one in counted[WARM - 1 :]]) for key in ("resident", "in_use", "objects")
              if counted[-1][key] is not None}
