@@ -39,10 +39,14 @@ uint recoloured(uint second, uint third, vec3 at) {
     if (mode.x == 3u) row = point_class(second, mode.y != 0u);
     else if (mode.x == 4u) row = third >> 24;
     else {
+        // In the order of viewer/render/point_loops.py, which must choose the same colour.
+        precise float height = ((upward.x * at.x + upward.y * at.y) + upward.z * at.z) + upward.w;
+        precise float far = sqrt((at.x * at.x + at.y * at.y) + at.z * at.z);
         float above = mode.x == 1u ? point_intensity(second, mode.y != 0u, ramp.zw) - ramp.x
-                    : mode.x == 2u ? dot(upward.xyz, at) + upward.w
-                    : length(at) - ramp.x;
-        row = uint(clamp(above * ramp.y, 0.0, 255.0) + 0.5);
+                    : mode.x == 2u ? height
+                    : far - ramp.x;
+        precise float level = above * ramp.y;
+        row = uint(clamp(level, 0.0, 255.0) + 0.5);
     }
     return (third & 0xFF000000u) | table[row >> 2][row & 3u];
 }
