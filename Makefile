@@ -22,7 +22,7 @@ lint: setup  ## ruff and pyright
 	@$(PYTHON) -m pyright --warnings
 
 assets: setup  ## generate the demo scan and its cameras again (a minute or two)
-	@$(PYTHON) -m model.synth.demo assets/demo.laz
+	@$(PYTHON) -m pointglass.model.synth.demo assets/demo.laz
 
 pictures: setup  ## render the README's picture and animation again (a minute)
 	@PYTHONPATH=. $(PYTHON) .ci/readme_pictures.py

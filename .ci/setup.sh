@@ -125,7 +125,7 @@ main() {
     install_torch
     .venv/bin/python -m pip install -q -c .ci/constraints.txt -e ".[$extras]"
     say "compiling numba's loops (half a minute)"
-    .venv/bin/python -m viewer.compile_kernels
+    .venv/bin/python -m pointglass.viewer.compile_kernels
     echo "$wanted" >.venv/.stamp
     say "done"
 }

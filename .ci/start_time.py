@@ -24,7 +24,7 @@ LAUNCHED = "POINTGLASS_LAUNCHED"
 # Runs the window as `pointglass view` does, and leaves when the first picture of the scan has been shown.
 WINDOW = f"""
 import os, sys, time
-import viewer.window.app as window
+import pointglass.viewer.window.app as window
 step = window.App.step
 def until_a_picture(self, **options):
     step(self, **options)
@@ -32,7 +32,7 @@ def until_a_picture(self, **options):
         print("first picture", time.monotonic() - float(os.environ["{LAUNCHED}"]), flush=True)
         os._exit(0)
 window.App.step = until_a_picture
-from viewer.cli import main
+from pointglass.viewer.cli import main
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -83,8 +83,8 @@ def compare(options: argparse.Namespace, work: Path) -> None:
     for view in options.views:
         for checkout in (path.resolve() for path in options.checkouts):
             python, demo = [sys.executable], str(checkout / "assets/demo.laz")
-            cases["render", view, checkout] = [*python, "-m", "viewer", "render", demo, "--cameras", str(work / "one.json"),
-                                               "--out", str(work / "out"), "--view", view]
+            cases["render", view, checkout] = [*python, "-m", "pointglass.viewer", "render", demo, "--cameras",
+                                               str(work / "one.json"), "--out", str(work / "out"), "--view", view]
             cases["window", view, checkout] = [*python, "-c", WINDOW, "view", demo, "--view", view]
     cases = {case: command for case, command in cases.items() if options.only in (None, case[0])}
     found: dict[tuple, list[tuple[float, float]]] = {case: [] for case in cases}

@@ -23,9 +23,9 @@ def main() -> None:
     from driver import Driver, middle
     from PIL import Image
 
-    from viewer.tools.demo import demo_camera, demo_scan
-    from viewer.window.interaction.clip_tool import extent_of
-    from viewer.window.interaction.editing import edit
+    from pointglass.viewer.tools.demo import demo_camera, demo_scan
+    from pointglass.viewer.window.interaction.clip_tool import extent_of
+    from pointglass.viewer.window.interaction.editing import edit
 
     with tempfile.TemporaryDirectory() as folder:
         d = Driver(Path(folder))

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from model.blend_rows import (
+from .blend_rows import (
     allow_row,
     between,
     blend_row,
@@ -30,8 +30,8 @@ from model.blend_rows import (
     start_row,
     unshuffled_rows,
 )
-from model.common.jit import compiled
-from model.unet import BLENDS, CONTRAST_AT, INPUT_CHANNELS, MEAN_BLOCK
+from .common.jit import compiled
+from .unet import BLENDS, CONTRAST_AT, INPUT_CHANNELS, MEAN_BLOCK
 
 _LEAST_ROWS = 32
 """Fewest rows of a thread: 2**BLENDS - 1 = 15 rows above and below them are blurred as well.  Chosen by hand."""

@@ -6,9 +6,9 @@ planar, so that the loops along a row are vectorised.
 
 import numpy as np
 
-from model.common.jit import compiled
-from model.network_layout import CLOSED, NOISE_SCALE
-from model.unet import (
+from .common.jit import compiled
+from .network_layout import CLOSED, NOISE_SCALE
+from .unet import (
     FILLED_WEIGHT,
     HALF_BAND,
     KEPT_DEVIATIONS,

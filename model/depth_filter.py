@@ -21,7 +21,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.filter_constants import (
+from .filter_constants import (
     CLUMPED,
     EDGE,
     EMPTY,
@@ -36,7 +36,7 @@ from model.filter_constants import (
     TWIST,
     hiding_limits,
 )  # fmt: skip
-from model.pyramid import RING, bilinear, clamped, mirrored_neighbours, neighbours, parents, quads
+from .pyramid import RING, bilinear, clamped, mirrored_neighbours, neighbours, parents, quads
 
 
 def keep_mask(depth: Tensor, preset: str = "auto", *, strength: float = 1.0, levels: int | None = None,

@@ -13,8 +13,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from model.network_layout import PACKED_IN
-from model.runnable import Runnable
+from .network_layout import PACKED_IN
+from .runnable import Runnable
 
 ENGINES = {
     "graph": "a CUDA graph",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.data.spacing import median_spacing
+from .data.spacing import median_spacing
 
 DARKEST, BRIGHTEST = 20, 240
 """sRGB values between which neither noise nor clipping dominates.  Chosen by hand."""

@@ -1,6 +1,6 @@
 """Constants of the pull-push fill, shared by its shaders and model/pull_push.py; imports no torch."""
 
-from model.network_layout import DEPTH_FEATURE_SCALE
+from .network_layout import DEPTH_FEATURE_SCALE
 
 EMPTY_FEATURE = -8.0
 """Depth feature of a child without weight: nearer than any real one, so that the child hides nothing."""

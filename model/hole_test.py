@@ -18,7 +18,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.hole_constants import (
+from .hole_constants import (
     BACKGROUND_BELOW,
     COVER_SLOPE,
     DIRECTIONS,
@@ -30,8 +30,8 @@ from model.hole_constants import (
     strides,
     window_reach,
 )  # fmt: skip
-from model.pyramid import clamped, neighbours, parents, quads
-from model.ray_march import IN_SURFACE, RAY_BLOCK, TOUCHED
+from .pyramid import clamped, neighbours, parents, quads
+from .ray_march import IN_SURFACE, RAY_BLOCK, TOUCHED
 
 
 def coverage(mask: Tensor, met: Tensor | None = None) -> Tensor:

@@ -143,7 +143,7 @@ class Sampler:
 
     def pick(self, xyz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (n,) of the points of xyz (N, 3) float64 that lie in sampled boxes, and the boxes' identifiers (n,) uint64."""
-        from model.noise_kernels import pick_points
+        from .noise_kernels import pick_points
 
         rows, boxes = np.empty(len(xyz), np.int64), np.empty(len(xyz), np.uint64)
         used = pick_points(np.ascontiguousarray(xyz), self.low, 1 / self.cell, self._sides, self._salt, np.uint64(self._limit),
@@ -176,7 +176,7 @@ def _robust_bounds(places: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, 
 
 def _neighbourhoods(xyz, rgb, boxes, group):
     """Of each usable neighbourhood: centre (K, 3) float64, luma (K,), variance (K,) of a point's luma, and weight (K,)."""
-    from model.noise_kernels import STRIDE, residuals
+    from .noise_kernels import STRIDE, residuals
 
     coloured = np.flatnonzero(rgb.any(axis=1))
     group = np.zeros(len(xyz), np.int64) if group is None else group

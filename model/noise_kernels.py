@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.common.jit import compiled
+from .common.jit import compiled
 
 NEAR, FAR = 7, 20
 """Neighbours that predict a point, at two scales: texture makes the far prediction worse, noise does not.  Chosen by hand."""

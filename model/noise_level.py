@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from model.data.projected import Projected
-from model.noise import LUMA, NoiseModel
-from model.projection import Raster
+from .data.projected import Projected
+from .noise import LUMA, NoiseModel
+from .projection import Raster
 
 
 def pixel_noise(noise: NoiseModel | None, raster: Raster, camera, view_to_world: np.ndarray, eye: np.ndarray) -> Tensor:

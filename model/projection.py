@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.depth_filter import keep_mask
-from model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE, TYPICAL_WEIGHT
-from model.pull_push import pull_push
-from model.soft_z import MAX_AVERAGED, SoftZ
-from model.station_weights import confidence_of, match_tone
+from .common.linear_light import TO_LINEAR, TO_SRGB
+from .depth_filter import keep_mask
+from .network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE, NOISE_SCALE, TYPICAL_WEIGHT
+from .pull_push import pull_push
+from .soft_z import MAX_AVERAGED, SoftZ
+from .station_weights import confidence_of, match_tone
 
 MEASURED_CHANNELS = 6
 """Channels of :func:`measured_input`."""

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from model.fill_constants import (
+from .fill_constants import (
     EMPTY_FEATURE,
     FIRST_LEVEL,
     NEARER_SCALE,
@@ -25,7 +25,7 @@ from model.fill_constants import (
     WIDER_SCALE,
     wider_offset,
 )  # fmt: skip
-from model.pyramid import bilinear, clamped, quads
+from .pyramid import bilinear, clamped, quads
 
 DEPTH = 3
 """Channel of the depth feature."""

@@ -14,13 +14,13 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from model.blend_cpu import Blender
-from model.common.processors import usable_processors
-from model.engines import fold_normalisation
-from model.interruption import check
-from model.network_layout import BACKGROUND, CLOSED, PACKED_OUT
-from model.unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
-from model.weights import MIRRORED, WeightsError, digest, load_weights, weights_dir, weights_name
+from .blend_cpu import Blender
+from .common.processors import usable_processors
+from .engines import fold_normalisation
+from .interruption import check
+from .network_layout import BACKGROUND, CLOSED, PACKED_OUT
+from .unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
+from .weights import MIRRORED, WeightsError, digest, load_weights, weights_dir, weights_name
 
 FLIPS: tuple[tuple[int, ...], ...] = ((), (1,), (0,), (0, 1))
 """Axes (rows 0, columns 1) along which mirrored pictures are flipped; the first is the picture itself."""

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.common.jit import compiled
-from model.data.spacing import median_spacing
+from .common.jit import compiled
+from .data.spacing import median_spacing
 
 BLOCKS = (8192, 2048, 512, 128, 32)
 """Block lengths to choose from, in points of the sample."""

@@ -13,7 +13,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST, UNPLACED
+from .station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST, UNPLACED
 
 
 def station_weights(x: Tensor, y: Tensor, z: Tensor, station: Tensor, places: Tensor) -> Tensor:

@@ -26,7 +26,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from model.network_layout import NOISE_SCALE
+from .network_layout import NOISE_SCALE
 
 BLENDS = 4
 """Number of smoother versions of the filled picture: 3x3 binomial blurs at dilations 1, 2, 4, 8, each of the last."""

@@ -11,9 +11,9 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from model.common.atomic_write import write_atomic
-from model.common.errors import PointglassError
-from model.unet import INPUT_CHANNELS, SIZES, make_network
+from .common.atomic_write import write_atomic
+from .common.errors import PointglassError
+from .unet import INPUT_CHANNELS, SIZES, make_network
 
 FORMAT = "pointglass-weights-3"
 """Format in the header; its number is raised when the meaning of the tensors changes."""

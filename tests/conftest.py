@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from viewer.errors import DeviceError
+from pointglass.viewer.errors import DeviceError
 
 # As every command does (viewer/cli.py): waiting threads of torch sleep.  Otherwise they take the processors from software
 # OpenGL.  One thread, also in what the tests start, where it is not set: small pictures gain nothing from more, and other tests
@@ -70,7 +70,7 @@ def one_thread():
 
 @pytest.fixture(scope="session")
 def context():
-    from viewer.render.context import create_context
+    from pointglass.viewer.render.context import create_context
 
     try:
         made = create_context()

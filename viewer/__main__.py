@@ -1,4 +1,4 @@
-"""``python -m viewer`` is ``pointglass``: starts the command line, and handles Ctrl-C and SIGTERM while it is imported."""
+"""``python -m pointglass.viewer`` is ``pointglass``: starts the command line; handles Ctrl-C and SIGTERM during its import."""
 
 import gc
 import signal
@@ -11,16 +11,16 @@ def main() -> int:
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:  # a scheduler, `timeout`, a container that is stopped
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        from model.common.signals import importing
+        from ..model.common.signals import importing
 
         with importing():
-            from viewer.cli import main as run
+            from .cli import main as run
 
         code = run()
     except KeyboardInterrupt:
         print("pointglass: stopped", file=sys.stderr)
         code = 130
-    from model.common.background_threads import leave
+    from ..model.common.background_threads import leave
 
     return leave(code)
 

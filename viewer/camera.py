@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from viewer.errors import InputError
+from .errors import InputError
 
 _FLIP = np.diag([1.0, -1.0, -1.0])  # OpenGL camera axes -> view axes (y down, z forward)
 MAX_SIDE = 16384

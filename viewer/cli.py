@@ -16,14 +16,14 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
 
-from model.common.signals import importing
-from viewer.command_log import logging_to
-from viewer.commands import COMMANDS, make_parser
-from viewer.errors import Cancelled, InputError, PointglassError, is_opengl_error
-from viewer.options import memory_of, settings_of
-from viewer.progress import progress
-from viewer.settings import Settings
-from viewer.text import counted
+from ..model.common.signals import importing
+from .command_log import logging_to
+from .commands import COMMANDS, make_parser
+from .errors import Cancelled, InputError, PointglassError, is_opengl_error
+from .options import memory_of, settings_of
+from .progress import progress
+from .settings import Settings
+from .text import counted
 
 _log = logging.getLogger(__name__)
 
@@ -33,12 +33,12 @@ def _view(options: argparse.Namespace) -> int:
         if not path.exists():
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     if any(path.suffix.lower() == ".pointglass" for path in options.scans):
-        from viewer.tools.project import check_projects
+        from .tools.project import check_projects
 
         check_projects(options.scans)  # refused before a window opens
     if options.scans:
         _preload()
-    from viewer.window.app import run
+    from .window.app import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
                memory=memory_of(options), columns=options.columns)
@@ -52,21 +52,21 @@ def _preload() -> None:
 
     def load() -> None:
         with contextlib.suppress(Exception):
-            import viewer.render.renderer  # isort: skip  # noqa: F401
+            from .render import renderer  # isort: skip  # noqa: F401
             import scipy.ndimage  # isort: skip  # noqa: F401
 
     threading.Thread(target=load, name="pointglass preload", daemon=True).start()
 
 
 def _demo(options: argparse.Namespace) -> int:
-    from viewer.tools.demo import demo_camera, demo_pictures, demo_scan, has_display
+    from .tools.demo import demo_camera, demo_pictures, demo_scan, has_display
 
     settings = settings_of(options)
     if has_display():
-        from viewer.window.app import run
+        from .window.app import run
 
         return run([demo_scan()], settings, start=demo_camera())
-    from model.common.torch_process import prepare_inference
+    from ..model.common.torch_process import prepare_inference
 
     prepare_inference()
     files = demo_pictures(options.out, settings)
@@ -76,10 +76,10 @@ def _demo(options: argparse.Namespace) -> int:
 
 
 def _render(options: argparse.Namespace) -> int:
-    from viewer.tools.camera_files import read_cameras
-    from viewer.tools.export import export_pictures, parse_shard, parse_size
-    from viewer.tools.ghosts import prepared
-    from viewer.tools.shot_metadata import describe_shot, differences, read_shot
+    from .tools.camera_files import read_cameras
+    from .tools.export import export_pictures, parse_shard, parse_size
+    from .tools.ghosts import prepared
+    from .tools.shot_metadata import describe_shot, differences, read_shot
 
     settings, memory = settings_of(options), memory_of(options)
     background, exposures, shot = options.background, options.exposures, None
@@ -94,9 +94,9 @@ def _render(options: argparse.Namespace) -> int:
         part, parts = parse_shard(options.shard)
         cameras = cameras[part::parts]
     _check_weights(settings)
-    from viewer.grid.open_scene import open_scene
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
+    from .grid.open_scene import open_scene
+    from .render.context import create_context
+    from .render.renderer import Renderer
 
     context = create_context()
     scene = open_scene(options.scans, cache=not options.no_cache, match=exposures == "matched", columns=options.columns)
@@ -118,7 +118,7 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _video(options: argparse.Namespace) -> int:
-    from viewer.tools.film.command import run
+    from .tools.film.command import run
 
     settings = settings_of(options)
     _check_weights(settings)
@@ -126,13 +126,13 @@ def _video(options: argparse.Namespace) -> int:
 
 
 def _export(options: argparse.Namespace) -> int:
-    from viewer.tools.exporting.command import run
+    from .tools.exporting.command import run
 
     return run(options)
 
 
 def _section(options: argparse.Namespace) -> int:
-    from viewer.tools.section.command import run
+    from .tools.section.command import run
 
     return run(options)
 
@@ -141,8 +141,8 @@ def _check_weights(settings: Settings) -> None:
     """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
     if settings.view == "neural":
         with importing():
-            from model.common.torch_process import prepare_inference
-            from model.reconstruct import fitting_weights
+            from ..model.common.torch_process import prepare_inference
+            from ..model.reconstruct import fitting_weights
 
         prepare_inference()
 
@@ -151,11 +151,11 @@ def _check_weights(settings: Settings) -> None:
 
 
 def _info(options: argparse.Namespace) -> int:
-    from viewer.grid.info import describe, format_text
-    from viewer.tools.project import is_project
+    from .grid.info import describe, format_text
+    from .tools.project import is_project
 
     if any(map(is_project, options.scans)):
-        from viewer.tools.open_project import project_facts
+        from .tools.open_project import project_facts
 
         facts = project_facts(options)
     else:
@@ -165,10 +165,10 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _convert(options: argparse.Namespace) -> int:
-    from viewer.grid.convert import convert, convert_each
+    from .grid.convert import convert, convert_each
 
     if options.each or options.shard:
-        from viewer.tools.export import parse_shard
+        from .tools.export import parse_shard
 
         shard = parse_shard(options.shard) if options.shard else (0, 1)
         made = convert_each(options.scans, options.out, shard=shard, match=options.exposures == "matched",
@@ -181,13 +181,13 @@ def _convert(options: argparse.Namespace) -> int:
 
 
 def _bench(options: argparse.Namespace) -> int:
-    from viewer.bench import run_bench
+    from .bench import run_bench
 
     return run_bench(options, settings_of(options))
 
 
 def _simulate(options: argparse.Namespace) -> int:
-    from model.synth.demo import cameras_of, check, main
+    from ..model.synth.demo import cameras_of, check, main
 
     check(options.out, options.points, options.seed)
     with progress(int(1.1 * options.points), "scanning", " pulses") as meter:
@@ -197,12 +197,12 @@ def _simulate(options: argparse.Namespace) -> int:
 
 
 def _train(options: argparse.Namespace) -> int:
-    from model.train import command as train_command
+    from ..model.train import command as train_command
 
     if options.tune is not None:
         train_command.check(options)
-        from model.common.torch_process import prepare_training
-        from viewer.tools.tuning.tune import tune
+        from ..model.common.torch_process import prepare_training
+        from .tools.tuning.tune import tune
 
         prepare_training()
         tune(options.tune, options.out, quality=options.quality, minutes=10.0 if options.minutes is None else options.minutes,
@@ -212,8 +212,8 @@ def _train(options: argparse.Namespace) -> int:
 
 
 def _evaluate(options: argparse.Namespace) -> int:
-    from model.evaluation import command as evaluation_command
-    from viewer.tools.heldout import evaluate_scan as withheld
+    from ..model.evaluation import command as evaluation_command
+    from .tools.heldout import evaluate_scan as withheld
 
     scans = [path for path in options.data if withheld.is_scan(path)]
     if scans and len(scans) < len(options.data):
@@ -222,7 +222,7 @@ def _evaluate(options: argparse.Namespace) -> int:
 
 
 def _doctor(options: argparse.Namespace) -> int:
-    from viewer.doctor import examine, exit_code, format_text
+    from .doctor import examine, exit_code, format_text
 
     found = examine()
     print(json.dumps(found, indent=1) if options.json else format_text(found))

@@ -11,10 +11,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from viewer import __version__
-from viewer.errors import InputError
+from . import __version__
+from .errors import InputError
 
-OURS = ("viewer", "model", "pointglass")
+OURS = ("pointglass",)
 """Top-level loggers; those of libraries keep to themselves."""
 
 

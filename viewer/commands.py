@@ -4,10 +4,10 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from viewer import __version__
-from viewer.options import Parser, add_columns, add_exposures, add_logging, add_memory, add_scans, add_settings
-from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
-from viewer.settings import BACKGROUNDS
+from . import __version__
+from .options import Parser, add_columns, add_exposures, add_logging, add_memory, add_scans, add_settings
+from .readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from .settings import BACKGROUNDS
 
 
 def _view_options(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +44,7 @@ def _render_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _video_options(parser: argparse.ArgumentParser) -> None:
-    from viewer.tools.film.command import add_arguments
+    from .tools.film.command import add_arguments
 
     add_scans(parser)
     add_exposures(parser)
@@ -54,7 +54,7 @@ def _video_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _export_options(parser: argparse.ArgumentParser) -> None:
-    from viewer.tools.exporting.command import add_arguments
+    from .tools.exporting.command import add_arguments
 
     add_scans(parser)
     add_exposures(parser)
@@ -62,7 +62,7 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _section_options(parser: argparse.ArgumentParser) -> None:
-    from viewer.tools.section.command import add_arguments
+    from .tools.section.command import add_arguments
 
     add_scans(parser)
     add_exposures(parser)
@@ -90,7 +90,7 @@ def _convert_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _bench_options(parser: argparse.ArgumentParser) -> None:
-    from viewer.bench import add_arguments
+    from .bench import add_arguments
 
     add_arguments(parser)
     add_settings(parser, view=False)
@@ -106,7 +106,7 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _train_options(parser: argparse.ArgumentParser) -> None:
-    from model.train.command import add_arguments
+    from ..model.train.command import add_arguments
 
     add_arguments(parser)
     parser.add_argument("--tune", type=Path, metavar="SCAN",
@@ -115,7 +115,7 @@ def _train_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _evaluate_options(parser: argparse.ArgumentParser) -> None:
-    from model.evaluation.command import add_arguments
+    from ..model.evaluation.command import add_arguments
 
     add_arguments(parser)
 

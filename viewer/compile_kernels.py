@@ -1,4 +1,6 @@
-"""Compiles numba's loops ahead of the first use: ``python -m viewer.compile_kernels``, the last step of ``make``'s set-up.
+"""Compiles numba's loops ahead of the first use: the last step of ``make``'s set-up.
+
+``python -m pointglass.viewer.compile_kernels``.
 
 numba keeps compiled loops on disk, beside the modules or in its cache folder.  Each is compiled for the types it is called
 with, so this calls them as the commands do: it opens the demo scan and a text file in a temporary cache, renders the scan in
@@ -11,7 +13,7 @@ import tempfile
 from pathlib import Path
 from time import perf_counter
 
-from viewer.errors import DeviceError
+from .errors import DeviceError
 
 
 def compile_kernels() -> str | None:
@@ -38,9 +40,9 @@ def compile_kernels() -> str | None:
 def _open_scans(folder: Path) -> None:
     import numpy as np
 
-    from viewer.grid.open_scene import open_scene
-    from viewer.tools.demo import demo_scan
-    from viewer.tools.standing_place import sample_scene, surroundings
+    from .grid.open_scene import open_scene
+    from .tools.demo import demo_scan
+    from .tools.standing_place import sample_scene, surroundings
 
     text = folder / "points.xyz"
     rng = np.random.default_rng(0)
@@ -51,14 +53,14 @@ def _open_scans(folder: Path) -> None:
 
 def _render_demo() -> None:
     """From the cache: every view of the first camera, then with level of detail and occlusion culling as a window has them."""
-    from viewer.grid.open_scene import open_scene
-    from viewer.paths import assets_dir
-    from viewer.render.context import create_context
-    from viewer.render.occlusion import Occlusion
-    from viewer.render.renderer import Renderer
-    from viewer.settings import VIEWS, Settings
-    from viewer.tools.camera_files import read_cameras
-    from viewer.tools.demo import demo_scan
+    from .grid.open_scene import open_scene
+    from .paths import assets_dir
+    from .render.context import create_context
+    from .render.occlusion import Occlusion
+    from .render.renderer import Renderer
+    from .settings import VIEWS, Settings
+    from .tools.camera_files import read_cameras
+    from .tools.demo import demo_scan
 
     camera = read_cameras(assets_dir() / "demo_cameras.json", size=(320, 240))[0]
     context = create_context()

@@ -15,12 +15,12 @@ import textwrap
 from importlib import metadata
 from pathlib import Path
 
-import viewer
-from model.common.processors import usable_processors
-from viewer.doctor_probes import GB, PROBES, item
-from viewer.paths import cache_dir
-from viewer.stream.residency import available_memory
-from viewer.text import counted
+from ..model.common.processors import usable_processors
+from . import __version__
+from .doctor_probes import GB, PROBES, item
+from .paths import cache_dir, import_root
+from .stream.residency import available_memory
+from .text import counted
 
 LIBRARIES = (
     "av", "brotli", "glfw", "imgui-bundle", "laspy", "lazrs", "matplotlib", "moderngl", "numba", "numpy", "open3d", "pillow",
@@ -39,7 +39,7 @@ def examine() -> dict:
     found = [item for name, process in running.items() for item in _finish(name, process)]
     items = found + items
     able = any(item["name"] in ("OpenGL", "window") and item["status"] in ("ok", "warn") for item in items)
-    return {"version": viewer.__version__, "pictures": able, "items": items}
+    return {"version": __version__, "pictures": able, "items": items}
 
 
 def exit_code(report: dict) -> int:
@@ -67,10 +67,9 @@ def format_text(report: dict, width: int = 110) -> str:
 
 
 def _start(name: str) -> subprocess.Popen:
-    above = str(Path(viewer.__file__).resolve().parents[1])
-    path = os.pathsep.join(filter(None, [above, os.environ.get("PYTHONPATH")]))
+    path = os.pathsep.join(filter(None, [str(import_root()), os.environ.get("PYTHONPATH")]))
     return subprocess.Popen(
-        [sys.executable, "-m", "viewer.doctor_probes", name], env=os.environ | {"PYTHONPATH": path},
+        [sys.executable, "-m", f"{__package__}.doctor_probes", name], env=os.environ | {"PYTHONPATH": path},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace",
     )  # fmt: skip
 

@@ -5,7 +5,7 @@ Any other exception that escapes is a bug and keeps its traceback.
 
 import sys
 
-from model.common.errors import PointglassError
+from ..model.common.errors import PointglassError
 
 __all__ = ["Cancelled", "DeviceError", "DeviceLostError", "InputError", "PointglassError", "is_opengl_error"]
 

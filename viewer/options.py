@@ -7,9 +7,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NoReturn
 
-from viewer.errors import InputError
-from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
-from viewer.settings import CHOICES, MEMORY, Memory, Settings
+from .errors import InputError
+from .readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from .settings import CHOICES, MEMORY, Memory, Settings
 
 
 class Parser(argparse.ArgumentParser):
@@ -100,7 +100,7 @@ _MEMORY = {"gpu": "gpu-memory", "read_ahead": "read-ahead"}
 
 def memory_of(options: argparse.Namespace) -> Memory:
     """The Memory of parsed options.  Raises InputError for what is not a size."""
-    from viewer.stream.residency import byte_count
+    from .stream.residency import byte_count
 
     given = {"gpu": options.gpu_memory, "read_ahead": options.read_ahead}
     return Memory(**{name: byte_count(text, f"--{_MEMORY[name]}") for name, text in given.items() if text is not None})

@@ -11,6 +11,11 @@ def _root() -> Path:
     return _BUNDLED if _BUNDLED.is_dir() else _PACKAGE.parent
 
 
+def import_root() -> Path:
+    """Folder from which ``import pointglass`` finds this code: of the checkout, or site-packages."""
+    return _PACKAGE.parent.parent if _BUNDLED.is_dir() else _PACKAGE.parent
+
+
 def shaders_dir() -> Path:
     """Folder of the GLSL files."""
     return _root() / "shaders"

@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from viewer.errors import Cancelled
+from .errors import Cancelled
 
 Sink = Callable[[str, int, int], bool]
 """Called with (label, done, total); total is 0 where it is not known.  Returns False to cancel."""

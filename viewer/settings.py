@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from numbers import Integral
 from typing import Literal
 
-from viewer.errors import InputError
+from .errors import InputError
 
 View = Literal["raw", "filtered", "filled", "neural"]
 VIEWS: dict[str, str] = {

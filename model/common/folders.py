@@ -4,7 +4,7 @@ import contextlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from model.common.atomic_write import write_atomic
+from .atomic_write import write_atomic
 
 
 @contextlib.contextmanager

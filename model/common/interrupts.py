@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
-from model.common.signals import STOPS, handled
+from .signals import STOPS, handled
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 from numba import njit
 
-from model.common.signals import STOPS, handled
+from .signals import STOPS, handled
 
 _BLAS = "scipy.linalg.cython_blas"
 """Module that numba imports to compile np.dot."""

@@ -11,8 +11,8 @@ processors.  Only fp32 networks on CUDA then differ, because cuDNN may round the
 
 import logging
 
-from model.common.memory import keep_freed_memory
-from model.common.processors import usable_processors
+from .memory import keep_freed_memory
+from .processors import usable_processors
 
 _log = logging.getLogger(__name__)
 

@@ -15,8 +15,8 @@ import torch
 import torch.nn.functional as F
 from scipy.ndimage import gaussian_filter
 
-from model.data.lettering import lettering
-from model.unet import LUMA
+from ..unet import LUMA
+from .lettering import lettering
 
 GRAIN_SHARE = 0.12
 """Share of the crops (here and below: of those without a neighbouring camera) with a fine texture.  All shares and ranges below

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.data.dataset import FAR, DataError, Scan
+from .dataset import FAR, DataError, Scan
 
 _LISTS = {"face": {"vertex_indices": 3, "vertex_index": 3}}
 """List properties that are expected to be triangles; plyfile memory-maps lists of known length."""

@@ -13,8 +13,8 @@ from itertools import islice
 
 import numpy as np
 
-from model.data.dataset import MemoryPicture, Scan, TruePicture, TruePlace
-from model.data.stations import StationScene
+from .dataset import MemoryPicture, Scan, TruePicture, TruePlace
+from .stations import StationScene
 
 MIN_COVERED = 0.04
 """Smallest covered share of a picture of a cut-out.  Chosen by hand."""

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from model.common.errors import PointglassError
+from ..common.errors import PointglassError
 
 FAR = 1e9
 """Metres from the origin beyond which a coordinate is invalid.  Chosen by hand, beyond any projected coordinate on Earth."""

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from model.data.dataset import Scan, TruePicture
-from model.data.projected import Projected
+from .dataset import Scan, TruePicture
+from .projected import Projected
 
 RELATIVE, METRES = 0.015, 0.01
 """Difference from the true depth, as a share of it and in metres, within which a point is on the visible surface.  Chosen by

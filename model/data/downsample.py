@@ -6,7 +6,7 @@ colour.
 
 import numpy as np
 
-from model.common.linear_light import TO_LINEAR, TO_SRGB
+from ..common.linear_light import TO_LINEAR, TO_SRGB
 
 
 def in_blocks(picture: np.ndarray, side: int) -> np.ndarray:

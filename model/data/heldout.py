@@ -17,9 +17,9 @@ import torch
 from scipy.ndimage import grey_closing
 from torch import Tensor
 
-from model.data.projected import Projected
-from model.depth_filter import keep_mask
-from model.projection import SoftZ
+from ..depth_filter import keep_mask
+from ..projection import SoftZ
+from .projected import Projected
 
 HELD_OUT = 0.1
 """Share of the points that is withheld.  Pictures of the other nine tenths are nearly those of all points, and a view of

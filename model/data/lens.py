@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from scipy.ndimage import map_coordinates
 
-from model.data.dataset import MAX_FOCAL, DataError
+from .dataset import MAX_FOCAL, DataError
 
 MODELS = {  # number of focal lengths and of distortion parameters, COLMAP's names and order
     "SIMPLE_PINHOLE": (1, 0), "PINHOLE": (2, 0), "SIMPLE_RADIAL": (1, 1), "RADIAL": (1, 2), "OPENCV": (2, 4),

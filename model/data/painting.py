@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from model.common.jit import compiled
-from model.common.linear_light import to_linear, to_srgb
-from model.data.dataset import DataError, TruePicture
+from ..common.jit import compiled
+from ..common.linear_light import to_linear, to_srgb
+from .dataset import DataError, TruePicture
 
 SIDE = 128
 """Texels along a side of a texture: the size of ambientCG's thumbnails."""

@@ -31,16 +31,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from model.data.dataset import DataError, Scan, TruePicture, TruePlace
-from model.data.diffuse import diffuse
-from model.data.downsample import reduced_colour, reduced_share
-from model.data.painting import Painting, make_painting, paint_picture, painted
-from model.data.projected import Projected, project_scan, raster_of, scan_spacing
-from model.depth_filter import keep_mask
-from model.exposure import match_exposures
-from model.noise import NoiseModel
-from model.noise_level import seen_noise
-from model.projection import MEASURED_CHANNELS, measured_input
+from ..depth_filter import keep_mask
+from ..exposure import match_exposures
+from ..noise import NoiseModel
+from ..noise_level import seen_noise
+from ..projection import MEASURED_CHANNELS, measured_input
+from .dataset import DataError, Scan, TruePicture, TruePlace
+from .diffuse import diffuse
+from .downsample import reduced_colour, reduced_share
+from .painting import Painting, make_painting, paint_picture, painted
+from .projected import Projected, project_scan, raster_of, scan_spacing
 
 MATCHED_SHARE = 0.7
 """Share of the scans with exposure compensation, as the viewer applies it.  This and the shares below were chosen by hand."""

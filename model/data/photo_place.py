@@ -17,11 +17,11 @@ import numpy as np
 import torch
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from model.data.dataset import DataError, Scan, TruePicture
-from model.data.downsample import in_blocks, reduced_colour
-from model.data.projected import Projected, project_scan, raster_of, scan_spacing
-from model.depth_filter import keep_mask
-from model.projection import SoftZ
+from ..depth_filter import keep_mask
+from ..projection import SoftZ
+from .dataset import DataError, Scan, TruePicture
+from .downsample import in_blocks, reduced_colour
+from .projected import Projected, project_scan, raster_of, scan_spacing
 
 BRIGHTNESS, CONTRAST, SETS = 20.0, 0.2, (2, 5)
 """The paper's augmentation: 2 to 5 sets of brightness +-20 (of 255) and contrast x0.8 to x1.2, one for each station."""

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from model.data.dataset import DataError
-from model.data.lens import Lens, pinhole_focal, undistort
+from .dataset import DataError
+from .lens import Lens, pinhole_focal, undistort
 
 
 @dataclass(frozen=True, eq=False)

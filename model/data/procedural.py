@@ -11,13 +11,13 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from model.data.dataset import MemoryPicture, Scan, TruePicture
-from model.synth.demo import camera_towards, exposures
-from model.synth.outdoors import OpenPlace, single_object, street
-from model.synth.panorama import Passer, with_passers
-from model.synth.place import Place
-from model.synth.rooms import DEPTH, WIDTH
-from model.synth.scanner import ScannerModel, VirtualScanner
+from ..synth.demo import camera_towards, exposures
+from ..synth.outdoors import OpenPlace, single_object, street
+from ..synth.panorama import Passer, with_passers
+from ..synth.place import Place
+from ..synth.rooms import DEPTH, WIDTH
+from ..synth.scanner import ScannerModel, VirtualScanner
+from .dataset import MemoryPicture, Scan, TruePicture
 
 KINDS = ("room", "street", "thing")
 CLEAR = 0.35

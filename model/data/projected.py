@@ -7,13 +7,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from model.common.jit import compiled
-from model.common.scanner_positions import stations_differ
-from model.data.dataset import Scan, TruePicture
-from model.data.spacing import median_spacing
-from model.depth_filter import keep_mask
-from model.projection import Raster, SoftZ, network_input, pixels, rasterise
-from model.station_weights import station_weights
+from ..common.jit import compiled
+from ..common.scanner_positions import stations_differ
+from ..depth_filter import keep_mask
+from ..projection import Raster, SoftZ, network_input, pixels, rasterise
+from ..station_weights import station_weights
+from .dataset import Scan, TruePicture
+from .spacing import median_spacing
 
 MARGIN = 2.0
 """Pixels around a picture within which points are projected again in float32, as the renderer does; more than the rounding."""

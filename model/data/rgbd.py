@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from model.data.dataset import DataError, Scan
-from model.data.photo_place import PhotoPlace
-from model.data.photos import check_pictures
-from model.data.rgbd_forms import read_frames
-from model.data.rgbd_frame import FARTHEST, Frame
+from .dataset import DataError, Scan
+from .photo_place import PhotoPlace
+from .photos import check_pictures
+from .rgbd_forms import read_frames
+from .rgbd_frame import FARTHEST, Frame
 
 HELD_OUT = 8
 """One frame in this many is a true picture.  Chosen by hand."""

@@ -19,10 +19,10 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
-from model.data.dataset import FAR, MAX_FOCAL, DataError
-from model.data.lens import Lens
-from model.data.photos import check_pictures
-from model.data.rgbd_frame import MILLIMETRE, Frame
+from .dataset import FAR, MAX_FOCAL, DataError
+from .lens import Lens
+from .photos import check_pictures
+from .rgbd_frame import MILLIMETRE, Frame
 
 APART = 0.02
 """Largest time between a picture and its depth, seconds: as in TUM's own tool for association."""

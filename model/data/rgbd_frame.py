@@ -10,8 +10,8 @@ import numpy as np
 from PIL import Image
 from scipy.ndimage import map_coordinates
 
-from model.data.lens import Lens
-from model.data.photos import Photograph
+from .lens import Lens
+from .photos import Photograph
 
 FARTHEST = 65.0
 """Largest valid depth, metres: several formats store 65535 mm for unknown depth."""

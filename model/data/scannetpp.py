@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from model.data.coloured_mesh import check_mesh, points_scan, read_mesh, scattered_scan
-from model.data.dataset import DataError, Scan
-from model.data.lens import Lens
-from model.data.photo_place import PhotoPlace
-from model.data.photos import Photograph, check_pictures
+from .coloured_mesh import check_mesh, points_scan, read_mesh, scattered_scan
+from .dataset import DataError, Scan
+from .lens import Lens
+from .photo_place import PhotoPlace
+from .photos import Photograph, check_pictures
 
 SPLITS = {"train": "nvs_sem_train", "val": "nvs_sem_val", "test": "nvs_test"}
 TO_OPENGL = np.diag((1.0, -1.0, -1.0, 1.0))

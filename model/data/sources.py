@@ -7,7 +7,7 @@ with depth and poses (RGB-D), or subfolders with ``scene.json``.
 from collections.abc import Sequence
 from pathlib import Path
 
-from model.data.dataset import DataError, TruePlace
+from .dataset import DataError, TruePlace
 
 
 def open_places(folders: Sequence[Path]) -> list[TruePlace]:
@@ -19,20 +19,20 @@ def _open(folder: Path) -> list[TruePlace]:
     if not folder.is_dir():
         raise DataError(f"{folder}: no such folder; give a folder with scene.json, of ScanNet++ or of RGB-D frames")
     if (folder / "scene.json").is_file():
-        from model.data.stations import load_scene
+        from .stations import load_scene
 
         return [load_scene(folder)]
     if (folder / "splits").is_dir() and (folder / "data").is_dir():
-        from model.data.scannetpp import load_scannetpp, scenes
+        from .scannetpp import load_scannetpp, scenes
 
         return [load_scannetpp(folder, scene) for scene in scenes(folder, "nvs_sem_train")]
     if any((folder / name).exists() for name in ("transforms.json", "groundtruth.txt", "pose")):
-        from model.data.rgbd import load_rgbd
+        from .rgbd import load_rgbd
 
         return [load_rgbd(folder)]
     below = sorted(path.parent for path in folder.glob("*/scene.json"))
     if below:
-        from model.data.stations import load_scene
+        from .stations import load_scene
 
         return [load_scene(path) for path in below]
     raise DataError(f"{folder}: neither scene.json, nor ScanNet++, nor RGB-D frames with poses in this folder")

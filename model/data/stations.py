@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from model.data.dataset import FAR, MAX_FOCAL, DataError, Scan
-from model.data.photos import wrong_pictures
-from model.synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
-from model.synth.scanner import ScannerModel, VirtualScanner
+from ..synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
+from ..synth.scanner import ScannerModel, VirtualScanner
+from .dataset import FAR, MAX_FOCAL, DataError, Scan
+from .photos import wrong_pictures
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from model.evaluation.methods import true_visibility
-    from model.evaluation.precision import precision_table
-    from model.evaluation.report import format_table, save
-    from model.evaluation.room_scores import evaluate
+    from .methods import true_visibility
+    from .precision import precision_table
+    from .report import format_table, save
+    from .room_scores import evaluate
 
 __all__ = ["evaluate", "format_table", "precision_table", "save", "true_visibility"]
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from model.common.signals import importing
+from ..common.signals import importing
 
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
 """Value of ``--exposures`` -> exposures that are evaluated."""
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def names_of(files: Sequence[Path]) -> dict[str, Path]:
     """Unique name -> weights file: its stem, after the folder's name if stems repeat.  Raises DataError if two are equal."""
-    from model.data.dataset import DataError
+    from ..data.dataset import DataError
 
     stems = [path.stem for path in files]
     names: dict[str, Path] = {}
@@ -68,13 +68,13 @@ def run(options: argparse.Namespace) -> int:
     JSON of one scene: the result of :func:`model.evaluation.evaluate`; of several: ``scenes``, a list of results, worst first.
     """
     with importing():
-        from model.data.dataset import DataError
-        from model.evaluation.outside import parse_outside
-        from model.evaluation.precision import precision_of_scene
-        from model.evaluation.report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
-        from model.evaluation.room_scores import evaluate
-        from model.evaluation.worse import Worst, ratio_of_room
-        from model.weights import weights_dir
+        from ..data.dataset import DataError
+        from ..weights import weights_dir
+        from .outside import parse_outside
+        from .precision import precision_of_scene
+        from .report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
+        from .room_scores import evaluate
+        from .worse import Worst, ratio_of_room
 
     for path, suffixes in ((options.json, ()), (options.plot, PLOT_SUFFIXES), (options.worst, (".png",))):
         if path:
@@ -113,10 +113,10 @@ _NOT_IN_PAPER_TABLE = {"outside": [], "precision": False, "plot": None, "exposur
 
 
 def _paper_table(options: argparse.Namespace, weights: dict[str, Path]) -> int:
-    from model.data.scannetpp import load_scannetpp, scenes
-    from model.data.sources import open_places
-    from model.evaluation.paper_table import format_paper_table, paper_table
-    from model.evaluation.report import save
+    from ..data.scannetpp import load_scannetpp, scenes
+    from ..data.sources import open_places
+    from .paper_table import format_paper_table, paper_table
+    from .report import save
 
     folder = options.data[0]
     if ignored := [f"--{name}" for name, default in _NOT_IN_PAPER_TABLE.items() if getattr(options, name) != default]:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 
-from model.evaluation.flip import FlipTo
-from model.evaluation.metrics import SsimTo, masked_error, masked_psnr, psnr, psnr_after_gain
-from model.perceptual import SqueezeDistance
+from ..perceptual import SqueezeDistance
+from .flip import FlipTo
+from .metrics import SsimTo, masked_error, masked_psnr, psnr, psnr_after_gain
 
 
 @dataclass(frozen=True)

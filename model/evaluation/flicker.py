@@ -13,8 +13,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.data.dataset import TruePicture
-from model.evaluation.metrics import gradient_energy
+from ..data.dataset import TruePicture
+from .metrics import gradient_energy
 
 ROUNDING = 1e-6
 """Pixels beyond the outermost pixel centres that still count as inside.  Chosen by hand, above the rounding errors."""

@@ -20,13 +20,13 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
-from model.data.dataset import Scan, TruePicture
-from model.data.heldout import HELD_OUT, Targets, targets
-from model.data.projected import Projected, project_scan
-from model.evaluation.labelled import picture_bytes
-from model.evaluation.methods import OURS, Method, ViewPoints, soft_z, view_points
-from model.noise import NoiseModel
-from model.unet import LUMA
+from ..data.dataset import Scan, TruePicture
+from ..data.heldout import HELD_OUT, Targets, targets
+from ..data.projected import Projected, project_scan
+from ..noise import NoiseModel
+from ..unet import LUMA
+from .labelled import picture_bytes
+from .methods import OURS, Method, ViewPoints, soft_z, view_points
 
 HIGH_PASS = 4.0
 """Standard deviation, pixels, of the Gaussian mean subtracted for the slope: it removes shading and keeps texture and noise.

@@ -1,6 +1,6 @@
 """The metrics at withheld points as text."""
 
-from model.evaluation.report import Column, table
+from .report import Column, table
 
 COLUMNS = (
     Column("withheld", "withheld", "{}"), Column("points", "density", "{:.4g}%"), Column("views", "views", "{:d}"),

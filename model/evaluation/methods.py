@@ -16,14 +16,14 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from model.data.projected import Projected
-from model.depth_filter import keep_mask
-from model.evaluation.open3d_points import POINT_SIZES, Open3DPoints
-from model.noise import NoiseModel
-from model.noise_level import seen_noise
-from model.projection import Raster, SoftZ, network_input
-from model.unet import CompactUNet, mac_per_pixel
-from model.weights import load_weights
+from ..data.projected import Projected
+from ..depth_filter import keep_mask
+from ..noise import NoiseModel
+from ..noise_level import seen_noise
+from ..projection import Raster, SoftZ, network_input
+from ..unet import CompactUNet, mac_per_pixel
+from ..weights import load_weights
+from .open3d_points import POINT_SIZES, Open3DPoints
 
 PRESETS = {
     "no filter": "off", "paper's filter": "paper-code", "NPBG++'s visibility": "npbg++", "our filter": "auto",

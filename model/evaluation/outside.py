@@ -13,8 +13,8 @@ import torch
 from PIL import Image, UnidentifiedImageError
 from torch import Tensor
 
-from model.data.dataset import DataError
-from model.data.stations import RoomView
+from ..data.dataset import DataError
+from ..data.stations import RoomView
 
 NAMED = 10
 """Largest number of files named in a message.  Chosen by hand."""

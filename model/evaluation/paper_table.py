@@ -20,16 +20,16 @@ import torch
 from PIL import Image
 from torch import Tensor, nn
 
-from model.data.dataset import DataError, MemoryPicture, Scan, TruePicture, TruePlace
-from model.data.photo_place import PhotoPlace
-from model.data.projected import Projected, project_scan, raster_of, scan_spacing
-from model.depth_filter import keep_mask
-from model.evaluation.metrics import WINDOW, masked_psnr, ssim
-from model.perceptual import SqueezeDistance
-from model.projection import SoftZ, network_input, pixels, rasterise
-from model.reconstruct import PRECISIONS, fast_precision
-from model.unet import CompactUNet
-from model.weights import load_weights
+from ..data.dataset import DataError, MemoryPicture, Scan, TruePicture, TruePlace
+from ..data.photo_place import PhotoPlace
+from ..data.projected import Projected, project_scan, raster_of, scan_spacing
+from ..depth_filter import keep_mask
+from ..perceptual import SqueezeDistance
+from ..projection import SoftZ, network_input, pixels, rasterise
+from ..reconstruct import PRECISIONS, fast_precision
+from ..unet import CompactUNet
+from ..weights import load_weights
+from .metrics import WINDOW, masked_psnr, ssim
 
 _log = logging.getLogger(__name__)
 

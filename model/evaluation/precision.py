@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from model.data.projected import Projected, picture
-from model.evaluation.metrics import psnr
-from model.reconstruct import PRECISIONS
-from model.unet import CompactUNet
-from model.weights import load_weights
+from ..data.projected import Projected, picture
+from ..reconstruct import PRECISIONS
+from ..unet import CompactUNet
+from ..weights import load_weights
+from .metrics import psnr
 
 SCALES = (1e-3, 1.0, 1e3)
 """File units per metre: kilometres, metres, millimetres."""
@@ -79,10 +79,10 @@ def precision_table(weights: Path, inputs: Sequence[PrecisionInput]) -> list[dic
 
 def precision_of_scene(folder: Path, weights: Sequence[Path], densities: Sequence[float], seed: int = 11) -> list[dict]:
     """:func:`precision_table` of each weights file on the first view of a scene, at each density and scale."""
-    from model.data.projected import project_scan, scan_spacing
-    from model.data.stations import load_scene, scan_stations
-    from model.evaluation.methods import thinned
-    from model.evaluation.room_scores import pick_views, truth_of
+    from ..data.projected import project_scan, scan_spacing
+    from ..data.stations import load_scene, scan_stations
+    from .methods import thinned
+    from .room_scores import pick_views, truth_of
 
     filtered = {path: load_weights(path)[1].get("input") != "unfiltered" for path in weights}
     scene = load_scene(folder)

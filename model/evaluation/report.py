@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from model.common.atomic_write import passes_through, write_atomic
-from model.data.dataset import DataError
-from model.evaluation.worse import format_summary
+from ..common.atomic_write import passes_through, write_atomic
+from ..data.dataset import DataError
+from .worse import format_summary
 
 PLOT_SUFFIXES = (".png", ".svg", ".pdf")
 """File types of a plot."""

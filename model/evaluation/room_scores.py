@@ -13,13 +13,16 @@ import torch
 from torch import Tensor
 from tqdm import tqdm
 
-from model.data.dataset import DataError, Scan, TruePicture
-from model.data.projected import Projected, project_scan, scan_spacing
-from model.data.stations import RoomView, StationScene, load_scene, scan_stations
-from model.evaluation.figures import Figures, Truth
-from model.evaluation.flicker import Key, measure_flicker, middle_stretch
-from model.evaluation.flip import ABSENT, flip_metric
-from model.evaluation.methods import (
+from ..data.dataset import DataError, Scan, TruePicture
+from ..data.projected import Projected, project_scan, scan_spacing
+from ..data.stations import RoomView, StationScene, load_scene, scan_stations
+from ..exposure import Exposures, exposures_of
+from ..noise import estimate_noise
+from ..perceptual import perceptual
+from .figures import Figures, Truth
+from .flicker import Key, measure_flicker, middle_stretch
+from .flip import ABSENT, flip_metric
+from .methods import (
     OURS,
     TRUE,
     WEIGHTED,
@@ -33,13 +36,10 @@ from model.evaluation.methods import (
     true_visibility,
     view_points,
 )
-from model.evaluation.metrics import WINDOW
-from model.evaluation.open3d_points import Open3DError, Open3DPoints
-from model.evaluation.outside import Outside, open_outside
-from model.evaluation.worse import Case, Worst, summary
-from model.exposure import Exposures, exposures_of
-from model.noise import estimate_noise
-from model.perceptual import perceptual
+from .metrics import WINDOW
+from .open3d_points import Open3DError, Open3DPoints
+from .outside import Outside, open_outside
+from .worse import Case, Worst, summary
 
 EXPOSURES = ("scanned", "matched")
 """Names of the exposures."""

@@ -9,8 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from model.common.linear_light import to_linear
-
+from ..common.linear_light import to_linear
 from .shapes import BOX, CAPSULE, CYLINDER, QUAD, ROUND, SPHERE, Shapes, half_extents, make_shapes
 from .textures import NAMES
 

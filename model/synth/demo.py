@@ -1,4 +1,6 @@
-"""The demo scan: two furnished rooms from three stations.  `python -m model.synth.demo assets/demo.laz` makes it again.
+"""The demo scan: two furnished rooms from three stations.
+
+`python -m pointglass.model.synth.demo assets/demo.laz` makes it again.
 
 ``demo_cameras.json`` beside the scan holds eight views in nerfstudio's camera path format.  Frame: metres, z up.
 """
@@ -12,10 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.folders import made_folder
-from model.common.seeds import MAX_SEED
-from model.data.dataset import DataError
-
+from ..common.folders import made_folder
+from ..common.seeds import MAX_SEED
+from ..data.dataset import DataError
 from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner
 
@@ -168,5 +169,5 @@ def main(out: Path, points: int = 1_200_000, seed: int = 1, *, step: Callable[[i
 
 if __name__ == "__main__":
     if len(sys.argv) < 2:
-        sys.exit("usage: python -m model.synth.demo OUT.laz [POINTS [SEED]]")
+        sys.exit("usage: python -m pointglass.model.synth.demo OUT.laz [POINTS [SEED]]")
     main(Path(sys.argv[1]), *(int(v) for v in sys.argv[2:4] or [DEMO_POINTS]))

@@ -5,7 +5,7 @@ Rays have origin o, metres, and direction d, of unit length; t is the distance a
 
 import numpy as np
 
-from model.common.jit import compiled
+from ..common.jit import compiled
 
 EPSILON = 1e-6
 """Metres.  Nearer hits are ignored as the surface from which the ray starts.  Chosen by hand, far above the rounding errors of

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.common.jit import compiled, uninterrupted
-from model.common.processors import in_slices
-
+from ..common.jit import compiled, uninterrupted
+from ..common.processors import in_slices
 from .shapes import Shapes, nearest, one_hit
 
 WINDOW, LAMP, SUN = range(3)

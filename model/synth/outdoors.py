@@ -7,8 +7,7 @@ Frame: world metres, z up, the street along x, its floor at z = 0.
 
 import numpy as np
 
-from model.common.linear_light import to_linear, to_srgb
-
+from ..common.linear_light import to_linear, to_srgb
 from . import furniture as f
 from .builder import Builder, Look
 from .place import SKY, Hits, pixel_rays, tone

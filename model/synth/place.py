@@ -8,8 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.common.linear_light import to_linear, to_srgb
-
+from ..common.linear_light import to_linear, to_srgb
 from .light import Lighting
 from .rooms import DEPTH, HEIGHT, PARTING, WIDTH, furnish
 from .textures import Patch, albedo

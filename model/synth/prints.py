@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from model.common.linear_light import to_linear
+from ..common.linear_light import to_linear
 
 PALETTES = [
     ("#f3ead7", "#c8402f", "#1d3b53", "#e3a83b"),

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from model.common.linear_light import to_linear, to_srgb
+from ..common.linear_light import to_linear, to_srgb
 
 
 @dataclass(frozen=True)

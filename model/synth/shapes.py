@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.common.jit import compiled, uninterrupted
-from model.common.processors import in_slices
-from model.synth.hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
+from ..common.jit import compiled, uninterrupted
+from ..common.processors import in_slices
+from .hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)
 _STACK = 64

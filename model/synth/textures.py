@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.common.linear_light import to_linear
-
+from ..common.linear_light import to_linear
 from . import prints
 
 

@@ -1,7 +1,7 @@
 """Command line of ``pointglass train``: options, their checks, and the run.  Importing this loads nothing heavy.
 
-Runs in one process, or as ``torchrun --nproc-per-node N -m viewer train ...``: the first process then makes the training pairs
-and the others wait.
+Runs in one process, or as ``torchrun --nproc-per-node N -m pointglass.viewer train ...``: the first process then makes the
+training pairs and the others wait.
 """
 
 import argparse
@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from model.common.seeds import MAX_SEED
-from model.common.signals import importing
-from model.data.dataset import MIN_CROP
+from ..common.seeds import MAX_SEED
+from ..common.signals import importing
+from ..data.dataset import MIN_CROP
 
 if TYPE_CHECKING:
-    from model.data.dataset import TruePlace
-    from model.train.manifest import Facts
+    from ..data.dataset import TruePlace
+    from .manifest import Facts
 
 _log = logging.getLogger(__name__)
 
@@ -62,15 +62,15 @@ def run(options: argparse.Namespace) -> int:
 
     Raises DataError where data is missing, unreadable or does not fit, before anything is written.
     """
-    from model.common.torch_process import prepare_training
-    from model.data.dataset import DataError
+    from ..common.torch_process import prepare_training
+    from ..data.dataset import DataError
 
     if options.out is None:
         raise DataError("--out DIR is missing: the folder for pairs, checkpoint and weights")
     check(options)
     prepare_training()
     if options.recipe:
-        from model.train.recipes import RECIPES, follow
+        from .recipes import RECIPES, follow
 
         recipe = RECIPES[options.recipe]
         follow(recipe, options.data, options.out, minutes=recipe.minutes if options.minutes is None else options.minutes,
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     if any((options.out / name).exists() for name in ("recipe.json", "pairs/filtered", "pairs/unfiltered")):
         raise DataError(f"{options.out}: contains a training with --recipe; choose another --out")
     with importing():
-        from model.train.trainer import TrainConfig, train
+        from .trainer import TrainConfig, train
 
     facts = _facts(options)
     path = train(TrainConfig(
@@ -131,7 +131,7 @@ def check(options: argparse.Namespace) -> None:
 
     Prints the options that this mode ignores to standard error.
     """
-    from model.data.dataset import DataError
+    from ..data.dataset import DataError
 
     mode = _mode(options)
     if mode and int(os.environ.get("WORLD_SIZE", 1)) > 1:
@@ -150,11 +150,11 @@ def check(options: argparse.Namespace) -> None:
     if options.out is not None and options.out.exists() and not options.out.is_dir():
         raise DataError(f"--out {options.out}: is a file; give a folder")
     if options.textures is not None:
-        from model.data.painting import load_textures
+        from ..data.painting import load_textures
 
         load_textures(options.textures)
     if options.perceptual is not None:
-        from model.perceptual import SQUEEZE_FILES
+        from ..perceptual import SQUEEZE_FILES
 
         for name in SQUEEZE_FILES:
             if not (options.perceptual / name).is_file():
@@ -163,7 +163,7 @@ def check(options: argparse.Namespace) -> None:
     if options.start_from is not None and "start_from" not in _UNUSED_OPTIONS[mode]:
         _check_start(options.start_from, options.quality)
     if options.device == "cuda":
-        from model.reconstruct import cuda_problem
+        from ..reconstruct import cuda_problem
 
         if problem := cuda_problem():
             raise DataError(f"--device cuda: {problem}; see `pointglass doctor`, or use --device cpu")
@@ -174,10 +174,10 @@ def check(options: argparse.Namespace) -> None:
 
 def _check_start(path: Path, quality: str) -> None:
     """Raises DataError where a network of ``quality`` cannot start from the weights at ``path``."""
-    from model.data.dataset import DataError
-    from model.train.net2net import started_from
-    from model.unet import make_network
-    from model.weights import WeightsError, load_weights
+    from ..data.dataset import DataError
+    from ..unet import make_network
+    from ..weights import WeightsError, load_weights
+    from .net2net import started_from
 
     try:
         started_from(make_network(quality), load_weights(path)[0])
@@ -189,7 +189,7 @@ def _check_start(path: Path, quality: str) -> None:
 
 def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
     """Raises DataError where crops do not fit into a place's pictures at half resolution."""
-    from model.data.dataset import DataError
+    from ..data.dataset import DataError
 
     for place in places:
         for least, view in ((min(view.width, view.height) // 2, view) for view in place.views):
@@ -200,7 +200,7 @@ def _check_sizes(places: "Sequence[TruePlace]", crop: int) -> None:
 
 def _facts(options: argparse.Namespace) -> "Facts":
     """Facts from which the pairs are made (model/train/manifest.py)."""
-    from model.train.manifest import whereabouts
+    from .manifest import whereabouts
 
     return {**whereabouts(options.out, options.data), "procedural": options.procedural, "seed": options.seed,
             "textures": None if options.textures is None else options.textures.resolve().name}
@@ -229,11 +229,11 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
     listed, manifest = options.out / f"{name}.txt", options.out / f"{name}.json"
     while not first and not _folders(listed):
         time.sleep(1.0)
-    from model.common.folders import made_folder, replace_text
-    from model.data.dataset import DataError
-    from model.data.procedural import procedural_places
-    from model.data.sources import open_places
-    from model.train.manifest import EARLIER, read_manifest, refuse_other
+    from ..common.folders import made_folder, replace_text
+    from ..data.dataset import DataError
+    from ..data.procedural import procedural_places
+    from ..data.sources import open_places
+    from .manifest import EARLIER, read_manifest, refuse_other
 
     made = sorted(path for path in options.out.glob(f"{name}-*-[12]") if path.is_dir())
     kept, complete = read_manifest(manifest) if made else None, _folders(listed)
@@ -267,9 +267,9 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
 
 def _build(places: "Sequence[TruePlace]", out: Path, name: str, *, unfiltered: bool, seed: int,
            textures: Path | None) -> list[Path]:
-    from model.data.cutout import with_cut_outs
-    from model.data.painting import load_textures
-    from model.data.pairs import build, by_size
+    from ..data.cutout import with_cut_outs
+    from ..data.painting import load_textures
+    from ..data.pairs import build, by_size
 
     folders, paint = [], load_textures(textures) if textures is not None else []
     for number, alike in enumerate(by_size(places)):

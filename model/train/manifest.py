@@ -13,8 +13,8 @@ from typing import Any
 
 from torch import Tensor
 
-from model.data.dataset import DataError
-from model.weights import load_weights
+from ..data.dataset import DataError
+from ..weights import load_weights
 
 Facts = dict[str, Any]
 

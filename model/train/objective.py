@@ -14,8 +14,8 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from model.data.crops import Batch
-from model.perceptual import Dissimilarity, perceptual
+from ..data.crops import Batch
+from ..perceptual import Dissimilarity, perceptual
 
 
 def warp(picture: Tensor, flow: Tensor) -> Tensor:

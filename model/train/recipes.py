@@ -16,15 +16,15 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 from pathlib import Path
 
-from model.common.folders import made_folder, replace_text
-from model.common.interrupts import run_in_worker, workers
-from model.common.processors import usable_processors, use_threads
-from model.data.crops import PairFolder
-from model.data.dataset import MIN_CROP, DataError
-from model.data.procedural import procedural_place
-from model.train.manifest import Facts, read_manifest, refuse_other, whereabouts
-from model.train.trainer import TrainConfig, train
-from model.weights import weights_name
+from ..common.folders import made_folder, replace_text
+from ..common.interrupts import run_in_worker, workers
+from ..common.processors import usable_processors, use_threads
+from ..data.crops import PairFolder
+from ..data.dataset import MIN_CROP, DataError
+from ..data.procedural import procedural_place
+from ..weights import weights_name
+from .manifest import Facts, read_manifest, refuse_other, whereabouts
+from .trainer import TrainConfig, train
 
 
 @dataclass(frozen=True)
@@ -250,8 +250,8 @@ def _listed(out: Path, recipe: Recipe) -> dict[str, list[str]]:
 
 def _folder_jobs(folders: Sequence[Path]) -> list[_Job]:
     """One job for every folder and picture size in it.  Raises DataError where a folder cannot be used."""
-    from model.data.pairs import by_size
-    from model.data.sources import open_places
+    from ..data.pairs import by_size
+    from ..data.sources import open_places
 
     jobs: list[_Job] = []
     for index, folder in enumerate(folders):
@@ -266,10 +266,10 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int, textures: str | 
     """Makes the pairs of a job, in a worker process.  Returns the job's name."""
     import torch
 
-    from model.data.cutout import with_cut_outs
-    from model.data.painting import load_textures
-    from model.data.pairs import build, by_size
-    from model.data.sources import open_places
+    from ..data.cutout import with_cut_outs
+    from ..data.painting import load_textures
+    from ..data.pairs import build, by_size
+    from ..data.sources import open_places
 
     torch.set_num_threads(1)
     use_threads(1)
@@ -288,7 +288,7 @@ def _make(job: _Job, out: str, kinds: Sequence[str], seed: int, textures: str | 
 
 
 def _judge(validation: Path, made: dict[str, Path], out: Path, perceptual: Path | None) -> None:
-    from model.evaluation import evaluate, format_table
+    from ..evaluation import evaluate, format_table
 
     result = evaluate(validation, weights=made, distance_path=perceptual)
     print(format_table(result), flush=True)

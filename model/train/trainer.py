@@ -20,19 +20,19 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from model.common.atomic_write import write_atomic
-from model.common.folders import made_folder, replace_text
-from model.common.interrupts import finish_before_interrupt
-from model.data.crops import Crops, Prefetcher
-from model.data.dataset import DataError
-from model.reconstruct import fast_precision
-from model.train.manifest import EARLIER, Facts, pairs_facts, refuse_other, start_fact
-from model.train.net2net import started_from
-from model.train.objective import Objective
-from model.train.torchrun import Process, of_the_first, processes
-from model.train.training_log import TrainingLog
-from model.unet import make_network
-from model.weights import WeightsError, load_weights, save_weights, weights_name
+from ..common.atomic_write import write_atomic
+from ..common.folders import made_folder, replace_text
+from ..common.interrupts import finish_before_interrupt
+from ..data.crops import Crops, Prefetcher
+from ..data.dataset import DataError
+from ..reconstruct import fast_precision
+from ..unet import make_network
+from ..weights import WeightsError, load_weights, save_weights, weights_name
+from .manifest import EARLIER, Facts, pairs_facts, refuse_other, start_fact
+from .net2net import started_from
+from .objective import Objective
+from .torchrun import Process, of_the_first, processes
+from .training_log import TrainingLog
 
 _log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor, nn
 
-from model.common.folders import replace_text
+from ..common.folders import replace_text
 
 EVERY = 50
 """Steps between log lines."""

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from viewer.render.context import describe_device
-from viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS, pictures_agree
+from pointglass.viewer.render.context import describe_device
+from pointglass.viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS, pictures_agree
 
 HERE = Path(__file__).parent
 
@@ -47,7 +47,7 @@ def no_gl_error(context):
 @pytest.fixture
 def renderer_of(context):
     """Makes renderers of scenes, which are released after the test."""
-    from viewer.render.renderer import Renderer
+    from pointglass.viewer.render.renderer import Renderer
 
     made = []
 

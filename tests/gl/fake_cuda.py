@@ -185,7 +185,7 @@ def runtime_module(driver: Driver) -> types.ModuleType:
 def install(monkeypatch, driver: Driver, *, core: bool = True, bindings: bool = True) -> None:
     """Puts the fakes in place, as if NVIDIA's OpenGL drew.  core, bindings: whether that package is 'installed'."""
     for module in ("cuda_bridge", "match_device"):
-        monkeypatch.setattr(f"viewer.render.{module}.unshared", lambda context: None)
+        monkeypatch.setattr(f"pointglass.viewer.render.{module}.unshared", lambda context: None)
     for name in ("cuda", "cuda.core", "cuda.bindings", "cuda.bindings.runtime"):
         monkeypatch.setitem(sys.modules, name, None)
     package = types.ModuleType("cuda")
@@ -232,7 +232,7 @@ def install(monkeypatch, driver: Driver, *, core: bool = True, bindings: bool = 
                         "current_device": lambda: 0, "device_count": lambda: 4, "set_device": lambda index: None,
                         "get_device_properties": lambda index: types.SimpleNamespace(name=f"GPU {index}")}.items():
         monkeypatch.setattr(torch.cuda, name, value)
-    monkeypatch.setattr("viewer.render.cuda_bridge.as_tensor", host_tensor)
+    monkeypatch.setattr("pointglass.viewer.render.cuda_bridge.as_tensor", host_tensor)
 
 
 def host_tensor(pointer: int, shape: tuple[int, ...]) -> torch.Tensor:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from clouds import room
 
-from viewer.render.points import PointPages
-from viewer.render.shader import BATCH
+from pointglass.viewer.render.points import PointPages
+from pointglass.viewer.render.shader import BATCH
 
 POINTS = 512  # a chunk, here
 CHUNK_BYTES = POINTS * 12

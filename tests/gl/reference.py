@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from model.depth_filter import keep_mask
-from model.hole_test import coverage
-from model.noise_level import pixel_noise
-from model.projection import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
-from model.ray_march import march, rays_of, sparse_depth
-from model.station_weights import station_weights
-from viewer.render.cull import Culler
-from viewer.render.enclosed_directions import OPEN, Directions, Enclosure, cell_of
-from viewer.render.stations import ScannerPositions, uses_station_weights
+from pointglass.model.depth_filter import keep_mask
+from pointglass.model.hole_test import coverage
+from pointglass.model.noise_level import pixel_noise
+from pointglass.model.projection import Raster, SoftZ, network_input, pixels, rasterise, unpack_points, view_points
+from pointglass.model.ray_march import march, rays_of, sparse_depth
+from pointglass.model.station_weights import station_weights
+from pointglass.viewer.render.cull import Culler
+from pointglass.viewer.render.enclosed_directions import OPEN, Directions, Enclosure, cell_of
+from pointglass.viewer.render.stations import ScannerPositions, uses_station_weights
 
 
 @dataclass

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 from paged import CHUNK_BYTES, CHUNKS, LIMIT, POINTS, SCENE, on_disk
 
-from viewer.camera import from_fov, look_at
-from viewer.render import renderer as module
-from viewer.render.points import PointPages
-from viewer.render.renderer import RASTERISERS, Renderer
-from viewer.settings import Settings
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.render import renderer as module
+from pointglass.viewer.render.points import PointPages
+from pointglass.viewer.render.renderer import RASTERISERS, Renderer
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 

@@ -5,11 +5,11 @@ import pytest
 from clouds import room
 from test_fill import without_roof
 
-from viewer.camera import from_fov, look_at
-from viewer.render import fill
-from viewer.render.enclosed_directions import OPEN, SEALED
-from viewer.render.renderer import Renderer
-from viewer.settings import Settings
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.render import fill
+from pointglass.viewer.render.enclosed_directions import OPEN, SEALED
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 INSIDE = look_at((1.0, 1.0, 1.2), (3.0, 2.5, 1.0))

@@ -8,15 +8,15 @@ import pytest
 import torch
 from clouds import room
 
-from model.hole_test import far_inside
-from model.reconstruct import Reconstructor
-from viewer.camera import from_fov, look_at
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.render import neural
-from viewer.render.bridge import ReadBackBridge
-from viewer.render.renderer import Renderer
-from viewer.render.shader import Programs
-from viewer.settings import Settings
+from pointglass.model.hole_test import far_inside
+from pointglass.model.reconstruct import Reconstructor
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.render import neural
+from pointglass.viewer.render.bridge import ReadBackBridge
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.render.shader import Programs
+from pointglass.viewer.settings import Settings
 
 
 @pytest.fixture

@@ -10,14 +10,14 @@ import pytest
 import torch
 from fake_cuda import Driver, RecordingContext, Status, core_module, install, runtime_module
 
-from model.network_layout import PACKED_IN, PACKED_OUT
-from viewer.doctor_probes import interop_item
-from viewer.errors import DeviceError
-from viewer.render.bridge import ReadBackBridge, works
-from viewer.render.choose_bridge import make_bridge
-from viewer.render.context import unshared
-from viewer.render.cuda_bridge import MAPPERS, CudaBridge
-from viewer.render.shader import Programs
+from pointglass.model.network_layout import PACKED_IN, PACKED_OUT
+from pointglass.viewer.doctor_probes import interop_item
+from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.render.bridge import ReadBackBridge, works
+from pointglass.viewer.render.choose_bridge import make_bridge
+from pointglass.viewer.render.context import unshared
+from pointglass.viewer.render.cuda_bridge import MAPPERS, CudaBridge
+from pointglass.viewer.render.shader import Programs
 
 pytestmark = pytest.mark.gl
 
@@ -127,7 +127,7 @@ def test_cuda_is_not_asked_about_the_buffers_of_another_driver(monkeypatch, driv
     """It may crash: then there would be no picture at all."""
     install(monkeypatch, driver)
     for module in ("cuda_bridge", "match_device"):
-        monkeypatch.setattr(f"viewer.render.{module}.unshared", unshared)
+        monkeypatch.setattr(f"pointglass.viewer.render.{module}.unshared", unshared)
     bridge, why = make_bridge(programs, (8, 8), "cuda")
     renderer = str(programs.context.info["GL_RENDERER"])
     assert bridge.kind == "read-back" and why and renderer in why and "only NVIDIA's OpenGL" in why

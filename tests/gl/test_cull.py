@@ -11,14 +11,14 @@ from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from viewer.camera import Camera, look_at
-from viewer.grid.cell_boxes import SHARES, WHOLE
-from viewer.grid.density_layers import morton_order
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.projected_coverage import SQUARES, UNKNOWN
-from viewer.grid.scene import Scene, unpack
-from viewer.render.batches import BatchTable, PageMap
-from viewer.render.cull import Culler
+from pointglass.viewer.camera import Camera, look_at
+from pointglass.viewer.grid.cell_boxes import SHARES, WHOLE
+from pointglass.viewer.grid.density_layers import morton_order
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.projected_coverage import SQUARES, UNKNOWN
+from pointglass.viewer.grid.scene import Scene, unpack
+from pointglass.viewer.render.batches import BatchTable, PageMap
+from pointglass.viewer.render.cull import Culler
 
 SCENE = room(5, 20_000)
 CULLER = Culler(SCENE)

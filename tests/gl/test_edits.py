@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from clouds import camera_in, room
 
-from viewer.camera import from_fov, look_at
-from viewer.grid.marked_points import MarkedPoints
-from viewer.grid.scene import unpack
-from viewer.render.edits import Edits, dimmed, ends_of
-from viewer.render.renderer import Renderer
-from viewer.render.shader import Programs
-from viewer.settings import Settings
-from viewer.tools.clip import Box, Slab, contains, normals, vector
-from viewer.tools.look import Look, category_colours, levels, ramp_colours
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.grid.marked_points import MarkedPoints
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.render.edits import Edits, dimmed, ends_of
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.render.shader import Programs
+from pointglass.viewer.settings import Settings
+from pointglass.viewer.tools.clip import Box, Slab, contains, normals, vector
+from pointglass.viewer.tools.look import Look, category_colours, levels, ramp_colours
 
 VIEWS = ("raw", "filtered")
 
@@ -148,8 +148,8 @@ def test_filled_pictures_keep_rgb_and_fill_nothing_where_clips_cut(context, seed
 def test_a_classified_scan_is_coloured_by_what_its_file_says(context, tmp_path, colour_by, raster):
     import laspy
 
-    from viewer.grid.open_scene import open_scene
-    from viewer.grid.scene import attributes_of
+    from pointglass.viewer.grid.open_scene import open_scene
+    from pointglass.viewer.grid.scene import attributes_of
 
     random = np.random.default_rng(8)
     xyz, rgb, _, _ = unpack(room(8, 20_000))

@@ -7,15 +7,15 @@ import pytest
 from clouds import before_slats, camera_in, room, slats
 from reference import reference_frame
 
-from model import depth_filter
-from viewer.bench.stability.point_claims import mean_level
-from viewer.camera import Camera
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.render import raster_compute
-from viewer.render.context import describe_device
-from viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
-from viewer.render.renderer import Renderer
-from viewer.settings import FILTERS, SOFT_Z, Settings
+from pointglass.model import depth_filter
+from pointglass.viewer.bench.stability.point_claims import mean_level
+from pointglass.viewer.camera import Camera
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.render import raster_compute
+from pointglass.viewer.render.context import describe_device
+from pointglass.viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.settings import FILTERS, SOFT_Z, Settings
 
 pytestmark = pytest.mark.gl
 ALL = ("raw", "filtered", "filled")
@@ -256,7 +256,7 @@ def test_pages_and_bands_change_no_pixel(context, drawn, software):
     limited = 16 + 16 * 160 * 17  # 17 rows of colour sums
     small.device = type(small.device)(**{**vars(small.device), "storage_limit": limited, "software": software})
     small.pages.release()
-    from viewer.render.points import PointPages
+    from pointglass.viewer.render.points import PointPages
 
     small.pages = PointPages(context, scene, limited)
     try:

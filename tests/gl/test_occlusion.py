@@ -10,18 +10,18 @@ import pytest
 import torch
 from clouds import room
 
-from model import depth_filter
-from model.projection import SoftZ
-from model.pyramid import parents
-from viewer.bench.occlusion_walk import LEVELS, LIMIT, VIEWS, compare, walk
-from viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
-from viewer.camera import Camera, from_fov, look_at
-from viewer.grid.cell_boxes import SHARES
-from viewer.render.cull import Culler
-from viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
-from viewer.render.renderer import Renderer
-from viewer.render.shader import BATCH
-from viewer.settings import Settings
+from pointglass.model import depth_filter
+from pointglass.model.projection import SoftZ
+from pointglass.model.pyramid import parents
+from pointglass.viewer.bench.occlusion_walk import LEVELS, LIMIT, VIEWS, compare, walk
+from pointglass.viewer.bench.procedural_scan import EYE, PITCH, ProceduralScan, procedural_scene
+from pointglass.viewer.camera import Camera, from_fov, look_at
+from pointglass.viewer.grid.cell_boxes import SHARES
+from pointglass.viewer.render.cull import Culler
+from pointglass.viewer.render.occlusion import BLOCK_SHIFT, GAP_LEVELS, NEAREST, SEEN, WORTH, HiddenCells, Occlusion
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.render.shader import BATCH
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 
@@ -330,8 +330,8 @@ def test_a_view_of_nothing_and_back(floor):
 
 def test_several_pages_and_many_batches(context, floor, monkeypatch):
     """Storage blocks that hold a tenth of the scene: a list a page, and more batches than one row of workgroups."""
-    from viewer.render import occlusion, raster_compute
-    from viewer.render.points import PointPages
+    from pointglass.viewer.render import occlusion, raster_compute
+    from pointglass.viewer.render.points import PointPages
 
     limit = max(16 * SIZE[0] * SIZE[1], floor.scene.count * 12 // 10)
     for module in (occlusion, raster_compute):

@@ -6,13 +6,13 @@ from dataclasses import replace
 import pytest
 from clouds import camera_in, room
 
-from viewer.errors import DeviceError, DeviceLostError
-from viewer.grid.scene import CHUNK
-from viewer.render import renderer as module
-from viewer.render.device_failure import DeviceMemoryError
-from viewer.render.fill import Fill
-from viewer.render.renderer import Renderer
-from viewer.settings import Memory, Settings
+from pointglass.viewer.errors import DeviceError, DeviceLostError
+from pointglass.viewer.grid.scene import CHUNK
+from pointglass.viewer.render import renderer as module
+from pointglass.viewer.render.device_failure import DeviceMemoryError
+from pointglass.viewer.render.fill import Fill
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.settings import Memory, Settings
 
 pytestmark = pytest.mark.gl
 

@@ -21,9 +21,9 @@ from paged import (
     within_budget,
 )
 
-from viewer.errors import DeviceError, InputError
-from viewer.render.points import LEAST_SLOTS, PointPages
-from viewer.render.shader import BATCH
+from pointglass.viewer.errors import DeviceError, InputError
+from pointglass.viewer.render.points import LEAST_SLOTS, PointPages
+from pointglass.viewer.render.shader import BATCH
 
 pytestmark = pytest.mark.gl
 

@@ -3,11 +3,11 @@
 import numpy as np
 from clouds import room
 
-from viewer.camera import from_fov, look_at
-from viewer.render.renderer import Renderer
-from viewer.settings import Settings
-from viewer.tools.film.equirectangular import Panorama
-from viewer.tools.film.frames import FrameMaker
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.settings import Settings
+from pointglass.viewer.tools.film.equirectangular import Panorama
+from pointglass.viewer.tools.film.frames import FrameMaker
 
 WIDTH = 512
 
@@ -16,7 +16,7 @@ def smooth_room(seed):
     """The room with colours that change slowly, so that resampling is no error."""
     from dataclasses import replace
 
-    from viewer.grid.scene import unpack
+    from pointglass.viewer.grid.scene import unpack
 
     scene = room(seed, 400_000)
     xyz = unpack(scene)[0]

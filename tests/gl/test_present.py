@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from viewer.render.shader import Programs
-from viewer.tools.background import COLOURS, composite
-from viewer.window.present import Canvas
+from pointglass.viewer.render.shader import Programs
+from pointglass.viewer.tools.background import COLOURS, composite
+from pointglass.viewer.window.present import Canvas
 
 pytestmark = pytest.mark.gl
 

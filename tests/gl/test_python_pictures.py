@@ -7,9 +7,9 @@ import pytest
 from clouds import camera_in, room
 
 import pointglass
-from viewer.render.renderer import Renderer
-from viewer.settings import Memory, Settings
-from viewer.tools.provenance import provenance
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.settings import Memory, Settings
+from pointglass.viewer.tools.provenance import provenance
 
 pytestmark = pytest.mark.gl
 
@@ -77,7 +77,7 @@ def test_a_context_that_cannot_be_had_is_said_and_asked_for_again(monkeypatch):
     scene = room(1, 20_000)
     with pointglass.Scan(scene, "room", Memory()) as scan:
         with monkeypatch.context() as patch:
-            patch.setattr("viewer.render.context.create_context", refuse)
+            patch.setattr("pointglass.viewer.render.context.create_context", refuse)
             with pytest.raises(pointglass.DeviceError, match=r"^OpenGL 4\.3"):
                 scan.render(camera_in(scene, 1, (16, 16)), view="raw")
         assert scan.render(camera_in(scene, 1, (16, 16)), view="raw").shape == (16, 16, 4)

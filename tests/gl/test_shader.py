@@ -2,8 +2,8 @@
 
 import pytest
 
-from viewer.errors import DeviceError
-from viewer.render import shader
+from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.render import shader
 
 pytestmark = pytest.mark.gl
 

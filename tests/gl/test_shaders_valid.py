@@ -17,11 +17,11 @@ import pytest
 from clouds import camera_in, room
 from driver_pictures import sources
 
-from viewer.paths import shaders_dir
-from viewer.render import renderer as module
-from viewer.render.renderer import Renderer
-from viewer.render.shader import BINDINGS, EXTENDED_VERSION
-from viewer.settings import Settings
+from pointglass.viewer.paths import shaders_dir
+from pointglass.viewer.render import renderer as module
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.render.shader import BINDINGS, EXTENDED_VERSION
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from clouds import room
 
-from model.common.linear_light import TO_SRGB
-from viewer.camera import from_fov, look_at
-from viewer.render import shader
-from viewer.render.renderer import Renderer
-from viewer.render.shader import BINDINGS
-from viewer.settings import Settings
+from pointglass.model.common.linear_light import TO_SRGB
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.render import shader
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.render.shader import BINDINGS
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 SIZE = (64, 40)

@@ -6,15 +6,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from viewer.bench.procedural_scan import EYE, ProceduralScan, procedural_scene
-from viewer.camera import from_fov, look_at
-from viewer.render import renderer as module
-from viewer.render.occlusion import LAG, HiddenCells
-from viewer.settings import Memory, Settings
-from viewer.tools.background import COLOURS, composite
-from viewer.window.picture_plan import Plan
-from viewer.window.viewport import Viewport
-from viewer.window.work import Work
+from pointglass.viewer.bench.procedural_scan import EYE, ProceduralScan, procedural_scene
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.render import renderer as module
+from pointglass.viewer.render.occlusion import LAG, HiddenCells
+from pointglass.viewer.settings import Memory, Settings
+from pointglass.viewer.tools.background import COLOURS, composite
+from pointglass.viewer.window.picture_plan import Plan
+from pointglass.viewer.window.viewport import Viewport
+from pointglass.viewer.window.work import Work
 
 pytestmark = pytest.mark.gl
 

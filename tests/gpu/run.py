@@ -71,7 +71,7 @@ class Part:
 
 
 def _bench(kind: str, plan: Plan, work: Path, name: str, *more: str) -> list[str]:
-    return ["-m", "viewer", "bench", kind, *more, "--json", str(work / f"{name}.json")]
+    return ["-m", "pointglass.viewer", "bench", kind, *more, "--json", str(work / f"{name}.json")]
 
 
 def _frame(number: int) -> Part:
@@ -113,7 +113,7 @@ def _pictures(plan: Plan, work: Path) -> list[str]:
 
 
 PARTS = (
-    Part("doctor", 60, lambda *_: ["-m", "viewer", "doctor", "--json"], None),
+    Part("doctor", 60, lambda *_: ["-m", "pointglass.viewer", "doctor", "--json"], None),
     Part("tests", 150, lambda _plan, work: _pytest(work, "tests", "tests/gpu"), "tests.xml"),
     Part("pictures", 100, _pictures, "pictures.xml"),
     Part("scan", 60, _worker("scan"), None),

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from model.engines import Runner
-from model.network_layout import CLOSED, PACKED_IN
-from model.reconstruct import Reconstructor
+from pointglass.model.engines import Runner
+from pointglass.model.network_layout import CLOSED, PACKED_IN
+from pointglass.model.reconstruct import Reconstructor
 
 pytestmark = pytest.mark.gpu
 

@@ -9,15 +9,15 @@ import pytest
 import torch
 from needs import absent
 
-from model.engines import Runner
-from model.network_layout import PACKED_IN, PACKED_OUT
-from model.reconstruct import Reconstructor
-from viewer.errors import DeviceError
-from viewer.render import neural
-from viewer.render.bridge import Bridge, ReadBackBridge, works
-from viewer.render.choose_bridge import make_bridge
-from viewer.render.cuda_bridge import MAPPERS, CudaBridge
-from viewer.render.shader import Programs
+from pointglass.model.engines import Runner
+from pointglass.model.network_layout import PACKED_IN, PACKED_OUT
+from pointglass.model.reconstruct import Reconstructor
+from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.render import neural
+from pointglass.viewer.render.bridge import Bridge, ReadBackBridge, works
+from pointglass.viewer.render.choose_bridge import make_bridge
+from pointglass.viewer.render.cuda_bridge import MAPPERS, CudaBridge
+from pointglass.viewer.render.shader import Programs
 
 pytestmark = pytest.mark.gpu
 
@@ -128,16 +128,16 @@ def test_two_bridges_at_once(programs):
 
 def room(points: int = 300_000):
     """A procedural room and a camera in it."""
-    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from viewer.tools.viewpoints import named_views
+    from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+    from pointglass.viewer.tools.viewpoints import named_views
 
     scene = procedural_scene(ProceduralScan(points))
     return scene, named_views(scene, (320, 240))[0]
 
 
 def test_pictures_are_equal_to_read_back_ones_at_changing_sizes(programs, monkeypatch):
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
+    from pointglass.viewer.render.renderer import Renderer
+    from pointglass.viewer.settings import Settings
 
     scene, camera = room()
     settings = Settings(device="cuda", quality="fast")
@@ -161,8 +161,8 @@ def test_pictures_are_equal_to_read_back_ones_at_changing_sizes(programs, monkey
 def test_what_a_frame_is_said_to_take_is_what_passes(programs):
     from time import perf_counter
 
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
+    from pointglass.viewer.render.renderer import Renderer
+    from pointglass.viewer.settings import Settings
 
     scene, camera = room()
     renderer = Renderer(programs.context, scene, raster="compute")
@@ -195,10 +195,10 @@ import os
 import sys
 
 import torch
-from viewer.errors import DeviceError
-from viewer.render.context import create_context
-from viewer.render.neural import NeuralStage
-from viewer.render.shader import Programs
+from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.render.context import create_context
+from pointglass.viewer.render.neural import NeuralStage
+from pointglass.viewer.render.shader import Programs
 
 programs = Programs(create_context())
 stage = NeuralStage(programs, (64, 48), "fast", True, None, "auto", "cuda")
@@ -236,7 +236,7 @@ def test_a_lost_device_is_reported_in_one_line(programs):
 
 
 def test_doctor_finds_the_mapping(programs):
-    from viewer import doctor
+    from pointglass.viewer import doctor
 
     (found,) = doctor._finish("interop", doctor._start("interop"))
     assert found["status"] == "ok" and "self-test passed" in found["value"], found

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 def make_scan(plan: Plan, work: Path) -> dict:
     """The benches' scan, as a folder that `pointglass` opens."""
-    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+    from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
 
     begun = time.perf_counter()
     scan = ProceduralScan(plan.points)
@@ -34,12 +34,12 @@ def projected(plan: Plan, _work: Path) -> dict:
     """
     from statistics import median
 
-    from viewer.bench.bench_input import machine
-    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
-    from viewer.tools.viewpoints import named_views
+    from pointglass.viewer.bench.bench_input import machine
+    from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.renderer import Renderer
+    from pointglass.viewer.settings import Settings
+    from pointglass.viewer.tools.viewpoints import named_views
 
     scan = ProceduralScan(plan.many)
     scene = procedural_scene(scan)
@@ -69,7 +69,7 @@ def engines(plan: Plan, _work: Path) -> dict:
 
     Bridges first: a compiler may take all the time there is.  Each row is also in the log as soon as it is measured.
     """
-    from viewer.bench.bench_input import machine
+    from pointglass.viewer.bench.bench_input import machine
 
     bridges = _bridges(plan)
     return {"machine": machine(), "network": _networks(plan), "bridge": bridges}
@@ -101,12 +101,12 @@ def _networks(plan: Plan) -> list[dict]:
     """A row for each network, size and engine."""
     import torch
 
-    from model.common.torch_process import prepare_inference
-    from model.engines import ENGINES, Runner
-    from model.network_layout import PACKED_IN
-    from model.reconstruct import Reconstructor
-    from model.unet import mac_per_pixel, make_network
-    from model.weights import shipped, weights_name
+    from pointglass.model.common.torch_process import prepare_inference
+    from pointglass.model.engines import ENGINES, Runner
+    from pointglass.model.network_layout import PACKED_IN
+    from pointglass.model.reconstruct import Reconstructor
+    from pointglass.model.unet import mac_per_pixel, make_network
+    from pointglass.model.weights import shipped, weights_name
 
     prepare_inference()
     on_gpu, begun = plan.device == "cuda", time.perf_counter()
@@ -153,7 +153,7 @@ class _Through:
         self.device = device
 
     def __call__(self, packed):
-        from model.network_layout import PACKED_OUT
+        from pointglass.model.network_layout import PACKED_OUT
 
         return packed[..., :PACKED_OUT]
 
@@ -162,10 +162,10 @@ def _bridges(plan: Plan) -> list[dict]:
     """A row for each kind of bridge and size."""
     import torch
 
-    from viewer.render.bridge import ReadBackBridge
-    from viewer.render.context import create_context
-    from viewer.render.cuda_bridge import MAPPERS, CudaBridge
-    from viewer.render.shader import Programs
+    from pointglass.viewer.render.bridge import ReadBackBridge
+    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.cuda_bridge import MAPPERS, CudaBridge
+    from pointglass.viewer.render.shader import Programs
 
     on_gpu = plan.device == "cuda"
     programs, rows = Programs(create_context()), []
@@ -198,13 +198,13 @@ def workgroups(plan: Plan, work: Path) -> dict:
     """The compute rasteriser's time by workgroup shape, in turn, over the benches' scan: the middle of the runs."""
     from statistics import median
 
-    from viewer.grid.open_scene import open_scene
-    from viewer.render.choose_raster import make_rasteriser
-    from viewer.render.context import create_context
-    from viewer.render.device_class import WORKGROUPS
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
-    from viewer.tools.viewpoints import named_views
+    from pointglass.viewer.grid.open_scene import open_scene
+    from pointglass.viewer.render.choose_raster import make_rasteriser
+    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.device_class import WORKGROUPS
+    from pointglass.viewer.render.renderer import Renderer
+    from pointglass.viewer.settings import Settings
+    from pointglass.viewer.tools.viewpoints import named_views
 
     context, scene = create_context(), open_scene([work / "scan"])
     renderer = Renderer(context, scene, raster="compute", device="cpu")
@@ -241,12 +241,12 @@ def growth(plan: Plan, work: Path) -> dict:
 
     import torch
 
-    from viewer.grid.open_scene import open_scene
-    from viewer.render.context import create_context
-    from viewer.render.occlusion import Occlusion
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
-    from viewer.tools.viewpoints import camera_path
+    from pointglass.viewer.grid.open_scene import open_scene
+    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.occlusion import Occlusion
+    from pointglass.viewer.render.renderer import Renderer
+    from pointglass.viewer.settings import Settings
+    from pointglass.viewer.tools.viewpoints import camera_path
 
     context, scene = create_context(), open_scene([work / "scan"])
     renderer = Renderer(context, scene, device=plan.device)
@@ -281,13 +281,13 @@ def agreement(plan: Plan, work: Path) -> dict:
     keep-mask and filled picture of one and the float64 reference."""
     import numpy as np
 
-    from viewer.bench.float64_reference import reference_frame
-    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from viewer.render.context import create_context
-    from viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
-    from viewer.tools.viewpoints import named_views
+    from pointglass.viewer.bench.float64_reference import reference_frame
+    from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+    from pointglass.viewer.render.context import create_context
+    from pointglass.viewer.render.device_class import DIFFERING_PIXELS, FOLLOWING_PIXELS
+    from pointglass.viewer.render.renderer import Renderer
+    from pointglass.viewer.settings import Settings
+    from pointglass.viewer.tools.viewpoints import named_views
 
     scene = procedural_scene(ProceduralScan(min(plan.points, 2_000_000)))
     context = create_context()

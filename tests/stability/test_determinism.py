@@ -6,9 +6,9 @@ import hashes
 import pytest
 from hashes import FILE, hashes_of
 
-from viewer.bench.stability import point_claims
-from viewer.render.context import create_context, describe_device
-from viewer.settings import Settings
+from pointglass.viewer.bench.stability import point_claims
+from pointglass.viewer.render.context import create_context, describe_device
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 

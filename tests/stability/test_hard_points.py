@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from viewer.bench.stability import point_claims
-from viewer.bench.stability.scenes import axis_camera, walls
-from viewer.grid.open_scene import open_scene, scene_from_arrays
-from viewer.settings import Settings
+from pointglass.viewer.bench.stability import point_claims
+from pointglass.viewer.bench.stability.scenes import axis_camera, walls
+from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from model.reconstruct import PRECISIONS, Reconstructor
-from model.weights import shipped
-from viewer.bench.stability.network_claims import PRECISION_LIMITS, masks, network_rows, scaled
+from pointglass.model.reconstruct import PRECISIONS, Reconstructor
+from pointglass.model.weights import shipped
+from pointglass.viewer.bench.stability.network_claims import PRECISION_LIMITS, masks, network_rows, scaled
 
 SIZE = (56, 40)
 QUALITY = "fast" if "fast-filtered" in shipped() else "balanced"

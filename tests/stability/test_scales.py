@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from viewer.bench.stability import frame_claims
-from viewer.bench.stability.exact_claims import depth_faults
-from viewer.bench.stability.scenes import panels, walls
-from viewer.errors import InputError
-from viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.bench.stability import frame_claims
+from pointglass.viewer.bench.stability.exact_claims import depth_faults
+from pointglass.viewer.bench.stability.scenes import panels, walls
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 pytestmark = pytest.mark.gl
 SIZE = (160, 120)

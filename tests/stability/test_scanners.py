@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from viewer.bench.stability import station_claims
-from viewer.bench.stability.scenes import view_inside
-from viewer.settings import Settings
+from pointglass.viewer.bench.stability import station_claims
+from pointglass.viewer.bench.stability.scenes import view_inside
+from pointglass.viewer.settings import Settings
 
 pytestmark = pytest.mark.gl
 SIZE = (160, 120)

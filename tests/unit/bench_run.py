@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-from viewer.cli import main
+from pointglass.viewer.bench.procedural_scan import ProceduralScan, procedural_scene
+from pointglass.viewer.cli import main
 
 SIZE = (64, 48)
 COMMON = {"bench", "machine", "scans", "opengl", "driver"}

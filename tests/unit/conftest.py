@@ -12,7 +12,7 @@ def registered_scan(shared_data):
 
     @lru_cache
     def scanned(name: str):
-        from model.data.stations import load_scene, scan_stations
+        from pointglass.model.data.stations import load_scene, scan_stations
 
         scene = load_scene(shared_data / "renders" / name)
         return scene, scan_stations(scene, 11)

@@ -39,14 +39,18 @@ def sources() -> dict[str, Path]:
 
 
 SOURCES = sources()
+OURS = ("viewer", "model", "pointglass")
 
 
 def is_type_checking(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
 
 
-def imports_of(tree: ast.AST, known: set[str], *, lazy: bool = True) -> set[str]:
-    """Modules of ours that a syntax tree imports; without ``lazy`` only those that importing it imports."""
+def imports_of(tree: ast.AST, known: set[str], *, package: str = "", lazy: bool = True) -> set[str]:
+    """Modules of ours that a syntax tree imports; without ``lazy`` only those that importing it imports.
+
+    package: dotted name of the package that the module is in, from which relative imports count; "" is the checkout.
+    """
     found: set[str] = set()
 
     def visit(node: ast.AST) -> None:
@@ -57,12 +61,12 @@ def imports_of(tree: ast.AST, known: set[str], *, lazy: bool = True) -> set[str]
             return
         if not lazy and isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
             return
-        if isinstance(node, ast.Import):
-            found.update(alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+        if isinstance(node, ast.ImportFrom) and node.level:
+            parts = package.split(".") if package else []
+            base = ".".join([*parts[:len(parts) - node.level + 1], *filter(None, [node.module])])
             for alias in node.names:
-                whole = f"{node.module}.{alias.name}"
-                found.add(whole if whole in known else node.module)
+                whole = f"{base}.{alias.name}".lstrip(".")
+                found.add(whole if whole in known else base)
         for child in ast.iter_child_nodes(node):
             visit(child)
 
@@ -71,7 +75,8 @@ def imports_of(tree: ast.AST, known: set[str], *, lazy: bool = True) -> set[str]
 
 
 TREES = {name: ast.parse(file.read_text("utf-8")) for name, file in SOURCES.items()}
-IMPORTS = {name: imports_of(tree, set(SOURCES)) - {name} for name, tree in TREES.items()}
+PACKAGES = {name: name if SOURCES[name].name == "__init__.py" else name.rpartition(".")[0] for name in SOURCES}
+IMPORTS = {name: imports_of(tree, set(SOURCES), package=PACKAGES[name]) - {name} for name, tree in TREES.items()}
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
@@ -104,13 +109,22 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
 
 
 def test_the_reading_of_imports_sees_what_it_should():
-    tree = ast.parse("import model.a\nfrom viewer import b\nfrom viewer.c import D\n"
-                     "if TYPE_CHECKING:\n    import model.typed\nelse:\n    import model.real\n"
-                     "def f():\n    from model.lazy import x\n")
-    known = {"model.a", "viewer", "viewer.b", "viewer.c", "model.typed", "model.real", "model.lazy"}
-    assert imports_of(tree, known) == {"model.a", "viewer.b", "viewer.c", "model.real", "model.lazy"}
-    assert imports_of(tree, known, lazy=False) == {"model.a", "viewer.b", "viewer.c", "model.real"}
+    tree = ast.parse("from ...model import a\nfrom .. import b\nfrom ..c import D\nfrom . import e\n"
+                     "if TYPE_CHECKING:\n    from ...model import typed\nelse:\n    from ...model import real\n"
+                     "def f():\n    from ...model.lazy import x\n")
+    known = {"model.a", "viewer", "viewer.b", "viewer.c", "viewer.room.e", "model.typed", "model.real", "model.lazy"}
+    early = {"model.a", "viewer.b", "viewer.c", "viewer.room.e", "model.real"}
+    assert imports_of(tree, known, package="viewer.room") == early | {"model.lazy"}
+    assert imports_of(tree, known, package="viewer.room", lazy=False) == early
     assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [["b", "c"]]
+
+
+def test_the_product_owns_one_importable_name():
+    """Imports inside the product are relative: a script's own ``model.py`` or ``viewer/`` is never taken for ours."""
+    wrong = [f"{name}: {ast.unparse(node)}" for name, tree in TREES.items() for node in ast.walk(tree)
+             if (isinstance(node, ast.ImportFrom) and not node.level and (node.module or "").split(".")[0] in OURS)
+             or (isinstance(node, ast.Import) and any(alias.name.split(".")[0] in OURS for alias in node.names))]
+    assert wrong == []
 
 
 def test_no_imports_are_circular():

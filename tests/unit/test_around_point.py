@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from window_session import Clock
 
-from viewer.camera import Camera
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.tools.approach import approach
-from viewer.tools.up_axis import upright_axes
-from viewer.window.flight import REST, Flight
-from viewer.window.glide import Glide
-from viewer.window.navigation import PITCH_LIMIT, FlyState
-from viewer.window.orbit import ORBIT, ZOOM_STEP, orbited, panned, zoomed
+from pointglass.viewer.camera import Camera
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.tools.approach import approach
+from pointglass.viewer.tools.up_axis import upright_axes
+from pointglass.viewer.window.flight import REST, Flight
+from pointglass.viewer.window.glide import Glide
+from pointglass.viewer.window.navigation import PITCH_LIMIT, FlyState
+from pointglass.viewer.window.orbit import ORBIT, ZOOM_STEP, orbited, panned, zoomed
 
 
 def random_state(rng) -> FlyState:

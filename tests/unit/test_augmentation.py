@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import torch
 
-from model.data.crops import Crops
-from model.data.lettering import covered, lettering
-from model.projection import NOISE_SCALE
+from pointglass.model.data.crops import Crops
+from pointglass.model.data.lettering import covered, lettering
+from pointglass.model.projection import NOISE_SCALE
 
 KINDS = ("GRAIN", "LETTERING", "SPECKLE")
 
@@ -17,8 +17,8 @@ def only(monkeypatch):
 
     def choose(kind: str, share: float = 1.0) -> None:
         for other in KINDS:
-            monkeypatch.setattr(f"model.data.augmentation.{other}_SHARE", share if other == kind else 0.0)
-        monkeypatch.setattr("model.data.augmentation.CLEAN_SHARE", 0.0 if kind == "NOISE" else 1.0)
+            monkeypatch.setattr(f"pointglass.model.data.augmentation.{other}_SHARE", share if other == kind else 0.0)
+        monkeypatch.setattr("pointglass.model.data.augmentation.CLEAN_SHARE", 0.0 if kind == "NOISE" else 1.0)
 
     return choose
 

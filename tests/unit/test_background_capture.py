@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import pytest
 
-from viewer.render.background_capture import BackgroundRunner
+from pointglass.viewer.render.background_capture import BackgroundRunner
 
 
 class Engine:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from cloud_files import SCANS, E57Scan, edited_e57, surface, write_e57, write_las, write_ply
 
-from viewer.errors import InputError
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
-from viewer.readers.formats import open_source
-from viewer.readers.ply import PlySource
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.readers.formats import open_source
+from pointglass.viewer.readers.ply import PlySource
 
 
 @pytest.fixture(autouse=True)
@@ -338,7 +338,7 @@ def test_real_e57_files_open_with_their_counts_and_colours(name):
 def test_a_file_truncated_while_it_is_read_is_refused(tmp_path, monkeypatch, kind):
     """Truncated by another program between two chunks: one line, and no bus error."""
     for module in ("las.CHUNK", "ply.CHUNK", "e57._CHUNK"):
-        monkeypatch.setattr(f"viewer.readers.{module}", 20_000)
+        monkeypatch.setattr(f"pointglass.viewer.readers.{module}", 20_000)
     xyz, rgb = surface(100_000)
     path = tmp_path / f"scan.{kind}"
     if kind == "ply":
@@ -372,8 +372,8 @@ def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
     """A page of a memory map that cannot be allocated is a bus error, which cannot be caught."""
     from collections import namedtuple
 
-    from viewer.grid import open_scene as build
-    from viewer.grid import scratch_folder as scratch
+    from pointglass.viewer.grid import open_scene as build
+    from pointglass.viewer.grid import scratch_folder as scratch
 
     monkeypatch.setattr(build, "_IN_MEMORY", 10)
     assert build.in_memory(1000).shape == (1000, 3)
@@ -383,7 +383,7 @@ def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
 
 
 def test_an_error_without_text_is_called_damage():
-    from viewer.readers.e57_nodes import first_line
+    from pointglass.viewer.readers.e57_nodes import first_line
 
     assert first_line(RuntimeError()) == "damaged: its content is not readable"
     assert first_line(RuntimeError("bad CRC\nmore")) == "bad CRC"

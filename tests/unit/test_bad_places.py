@@ -12,10 +12,10 @@ from rooms import make_room
 from scannetpp_files import write_scannetpp
 from test_rgbd import PLAIN, write_nerfstudio, write_scannet, write_tum
 
-from model.data.dataset import DataError
-from model.data.rgbd import load_rgbd
-from model.data.scannetpp import load_scannetpp, scenes
-from model.data.stations import load_scene
+from pointglass.model.data.dataset import DataError
+from pointglass.model.data.rgbd import load_rgbd
+from pointglass.model.data.scannetpp import load_scannetpp, scenes
+from pointglass.model.data.stations import load_scene
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

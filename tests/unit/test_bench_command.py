@@ -6,10 +6,10 @@ import sys
 import pytest
 from bench_run import run
 
-from viewer import bench
-from viewer.bench import KINDS
-from viewer.bench.bench_input import Subject, described
-from viewer.bench.procedural_scan import ProceduralScan
+from pointglass.viewer import bench
+from pointglass.viewer.bench import KINDS
+from pointglass.viewer.bench.bench_input import Subject, described
+from pointglass.viewer.bench.procedural_scan import ProceduralScan
 
 
 @pytest.mark.parametrize(("arguments", "said"), [
@@ -58,8 +58,8 @@ def test_options_that_a_bench_has_no_use_for_are_named(monkeypatch, capsys, argu
 
 
 def test_the_picture_formats_are_those_that_matplotlib_writes():
-    from viewer.bench import PLOT_SUFFIXES
-    from viewer.bench.plots import figure
+    from pointglass.viewer.bench import PLOT_SUFFIXES
+    from pointglass.viewer.bench.plots import figure
 
     made, _ = figure()
     assert {suffix[1:] for suffix in PLOT_SUFFIXES} <= made.canvas.get_supported_filetypes().keys()
@@ -81,7 +81,7 @@ def test_stability_is_registered(monkeypatch, capsys, tmp_path):
     import types
 
     called = {}
-    stability = types.ModuleType("viewer.bench.stability.claims_table")
+    stability = types.ModuleType("pointglass.viewer.bench.stability.claims_table")
 
     def run_stability(size, seed, plot):
         called["stability"] = (size, seed, plot)
@@ -89,7 +89,7 @@ def test_stability_is_registered(monkeypatch, capsys, tmp_path):
                          {"name": "share", "value": 3.0, "limit": 1.0, "least": True, "ok": True}], "failed": ["depth"]}
 
     stability.run_stability = run_stability  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "viewer.bench.stability.claims_table", stability)
+    monkeypatch.setitem(sys.modules, "pointglass.viewer.bench.stability.claims_table", stability)
     assert run("bench", "stability", "--size", "64x48", "--seed", "7", "--json", tmp_path / "s.json") == 1
     said = capsys.readouterr().out
     assert called["stability"] == ((64, 48), 7, None) and "3 (limit 1)    BEYOND ITS LIMIT" in said and "3 (at least 1)" in said

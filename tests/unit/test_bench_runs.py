@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from bench_run import COMMON, SIZE, four_rooms, made_by, run
 
-from viewer.bench import approximation_errors as errors
-from viewer.bench import approximations, culling, scaling
-from viewer.bench import frame_times as frames
-from viewer.bench import memory_headroom as room
-from viewer.bench.stability.station_claims import scanned
-from viewer.errors import InputError
-from viewer.paths import cache_dir
-from viewer.tools import viewpoints as views
+from pointglass.viewer.bench import approximation_errors as errors
+from pointglass.viewer.bench import approximations, culling, scaling
+from pointglass.viewer.bench import frame_times as frames
+from pointglass.viewer.bench import memory_headroom as room
+from pointglass.viewer.bench.stability.station_claims import scanned
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.paths import cache_dir
+from pointglass.viewer.tools import viewpoints as views
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +97,7 @@ def test_bench_frame(tmp_path, capsys):
 
 @pytest.mark.gl
 def test_on_a_gpu_frames_are_also_counted_in_a_row(tmp_path, capsys, monkeypatch):
-    from viewer.render import renderer
+    from pointglass.viewer.render import renderer
 
     known = renderer.describe_device
     monkeypatch.setattr(renderer, "describe_device", lambda context: replace(known(context), software=False))
@@ -217,9 +217,9 @@ def test_bench_raster(tmp_path):
 def test_a_tolerance_of_ones_own_is_that_of_the_reference(small):
     """The hook that tries other soft depths reaches the rasteriser: with 1/4 it draws the reference's picture with 1/4, and not
     that with the usual tolerance."""
-    from model.projection import SoftZ
-    from viewer.bench import float64_reference
-    from viewer.render.context import create_context
+    from pointglass.model.projection import SoftZ
+    from pointglass.viewer.bench import float64_reference
+    from pointglass.viewer.render.context import create_context
 
     _, scene = small
     context = create_context()
@@ -228,7 +228,8 @@ def test_a_tolerance_of_ones_own_is_that_of_the_reference(small):
     renderer.soft = 1 / 4
     other = renderer.render(camera, approximations.EXACT).image("filled").copy()
     patch = pytest.MonkeyPatch()
-    patch.setattr("model.projection.SoftZ.preset", lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
+    patch.setattr("pointglass.model.projection.SoftZ.preset",
+                  lambda name, spacing, metre, **_: SoftZ(1 / 4, spacing, linear=True))
     try:
         reference = float64_reference.reference_frame(scene, camera, approximations.EXACT, 1.0)[0].astype(int)
     finally:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from bench_run import SIZE, four_rooms
 
-from viewer.bench.procedural_scan import PITCH, ProceduralScan, procedural_scene
-from viewer.camera import from_fov, look_at
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
-from viewer.paths import assets_dir
-from viewer.tools import viewpoints as views
-from viewer.tools.camera_files import read_cameras
+from pointglass.viewer.bench.procedural_scan import PITCH, ProceduralScan, procedural_scene
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.paths import assets_dir
+from pointglass.viewer.tools import viewpoints as views
+from pointglass.viewer.tools.camera_files import read_cameras
 
 
 @pytest.fixture(scope="module")
@@ -142,7 +142,7 @@ def test_the_path_is_smooth_and_fixed(small):
 
 
 def test_a_thing_in_a_void_is_walked_around():
-    from viewer.grid.open_scene import scene_from_arrays
+    from pointglass.viewer.grid.open_scene import scene_from_arrays
 
     rng = np.random.default_rng(5)
     ball = rng.normal(size=(20_000, 3))

@@ -5,10 +5,10 @@ import pytest
 from cloud_files import write_las, write_ply
 from scipy.spatial.transform import Rotation
 
-from viewer.grid.info import facts, format_text
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
-from viewer.preprocess.black_border import DARK, black_border_share
+from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.preprocess.black_border import DARK, black_border_share
 
 
 def floor(seed: int, hole: float = 0.6, count: int = 60_000) -> tuple[np.ndarray, np.ndarray]:

@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from model import reconstruct
-from viewer.errors import DeviceError
-from viewer.render import bridge, egl, neural
-from viewer.render.context import Device
-from viewer.render.device_failure import CudaCallError, DeviceMemoryError, device_failure
-from viewer.render.renderer import Renderer
-from viewer.settings import Settings
+from pointglass.model import reconstruct
+from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.render import bridge, egl, neural
+from pointglass.viewer.render.context import Device
+from pointglass.viewer.render.device_failure import CudaCallError, DeviceMemoryError, device_failure
+from pointglass.viewer.render.renderer import Renderer
+from pointglass.viewer.settings import Settings
 
 # -- sizes ----------------------------------------------------------------------------------------------------------
 
@@ -94,8 +94,8 @@ def test_the_egl_device_is_torchs_cuda_device(monkeypatch, numbers, current, exp
 
 ORDERED = """
 import moderngl
-from viewer.errors import DeviceError
-from viewer.render import context
+from pointglass.viewer.errors import DeviceError
+from pointglass.viewer.render import context
 asked, real = [], moderngl.create_context
 def noted(**settings):
     asked.append(settings["device_index"])
@@ -126,7 +126,7 @@ WITHOUT_X = """
 import ctypes.util
 real = ctypes.util.find_library
 ctypes.util.find_library = lambda name: "libGL-that-wants-X.so" if name == "GL" else real(name)
-from viewer.render.context import create_context
+from pointglass.viewer.render.context import create_context
 create_context().release()
 """
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from viewer.grid import two_passes as grid
-from viewer.grid.cell_boxes import SHARES, WHOLE, boxes_of
-from viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid import two_passes as grid
+from pointglass.viewer.grid.cell_boxes import SHARES, WHOLE, boxes_of
+from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 
 def plain(scene) -> np.ndarray:

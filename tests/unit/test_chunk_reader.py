@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from viewer.errors import InputError
-from viewer.stream.chunk_reader import ChunkReader
-from viewer.stream.chunk_source import CHUNK, ChunkError, ChunkSource
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.stream.chunk_reader import ChunkReader
+from pointglass.viewer.stream.chunk_source import CHUNK, ChunkError, ChunkSource
 
 pytestmark = pytest.mark.timeout(90)  # a deadlock fails soon
 

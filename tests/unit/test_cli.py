@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from viewer import cli
-from viewer.cli import main
-from viewer.commands import make_parser
-from viewer.errors import InputError
-from viewer.paths import assets_dir
-from viewer.tools import camera_files
+from pointglass.viewer import cli
+from pointglass.viewer.cli import main
+from pointglass.viewer.commands import make_parser
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.paths import assets_dir
+from pointglass.viewer.tools import camera_files
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -188,8 +188,8 @@ def test_bad_input_is_one_line_exit_2_and_leaves_nothing(scan, cameras, tmp_path
 
 @pytest.mark.gl
 def test_a_picture_too_large_for_the_network_is_refused_before_it_is_drawn(scan, cameras, tmp_path, capsys, monkeypatch):
-    from viewer.render import context
-    from viewer.render.renderer import Culler
+    from pointglass.viewer.render import context
+    from pointglass.viewer.render.renderer import Culler
 
     monkeypatch.setattr(context.Device, "buffer_limit", 16 * 80 * 60 - 1)
     monkeypatch.setattr(Culler, "select", None)
@@ -201,8 +201,8 @@ def test_a_name_the_terminal_cannot_show_is_escaped(scan, tmp_path):
     path = tmp_path / "\u00fcn\u00ef.laz"
     path.write_bytes(scan.read_bytes())
     for given, code in ((path, 0), (tmp_path / "\u00f6.laz", 2)):
-        done = subprocess.run([sys.executable, "-m", "viewer", "info", str(given)], cwd=ROOT, capture_output=True, timeout=120,
-                              env={**os.environ, "PYTHONIOENCODING": "ascii"})
+        done = subprocess.run([sys.executable, "-m", "pointglass.viewer", "info", str(given)], cwd=ROOT,
+                              capture_output=True, timeout=120, env={**os.environ, "PYTHONIOENCODING": "ascii"})
         said = (done.stdout or done.stderr).decode("ascii")
         assert done.returncode == code and "Traceback" not in said and ("\\xfcn\\xef.laz" if code == 0 else "\\xf6") in said
 
@@ -238,7 +238,8 @@ def test_cuda_asked_for_where_there_is_none_is_exit_3(scan, cameras, tmp_path, c
 def test_no_opengl_is_exit_3_and_one_line(scan, cameras, tmp_path):
     broken = {**os.environ, "__EGL_VENDOR_LIBRARY_FILENAMES": str(tmp_path / "none.json")}
     done = subprocess.run(
-        [sys.executable, "-m", "viewer", "render", str(scan), "--cameras", str(cameras), "--out", str(tmp_path / "out")],
+        [sys.executable, "-m", "pointglass.viewer", "render", str(scan), "--cameras", str(cameras), "--out",
+         str(tmp_path / "out")],
         env=broken, cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 3, done.stderr
     assert done.stderr.startswith("pointglass: OpenGL 4.3") and done.stderr.count("\n") == 1
@@ -262,14 +263,15 @@ def test_an_unwritable_cache_says_what_to_do(scan, cameras, tmp_path, capsys, mo
 
 
 def test_importing_the_command_line_loads_nothing_heavy():
-    code = ("import sys, viewer.cli; heavy = {'torch', 'numpy', 'moderngl', 'open3d', 'numba', 'scipy', 'imgui_bundle'};"
+    code = ("import sys, pointglass.viewer.cli;"
+            "heavy = {'torch', 'numpy', 'moderngl', 'open3d', 'numba', 'scipy', 'imgui_bundle'};"
             "sys.exit(', '.join(heavy & set(sys.modules)) or 0)")
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=60).returncode == 0
 
 
 def test_start_page_loads_ahead_what_a_scan_needs_and_no_torch():
-    code = ("import sys; from viewer.window.warm_up import WarmUp; assert WarmUp().wait(60);"
-            "wanted = {'laspy', 'lazrs', 'numba', 'viewer.grid.preview', 'viewer.render.renderer'};"
+    code = ("import sys; from pointglass.viewer.window.warm_up import WarmUp; assert WarmUp().wait(60);"
+            "wanted = {'laspy', 'lazrs', 'numba', 'pointglass.viewer.grid.preview', 'pointglass.viewer.render.renderer'};"
             "sys.exit(', '.join(wanted - set(sys.modules)) or ('torch' in sys.modules and 'torch') or 0)")
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=90).returncode == 0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cloud_files import write_ply
 
-from viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.open_scene import open_scene
 
 
 def _files(folder, offsets, seed=0):

@@ -5,8 +5,8 @@ import struct
 import numpy as np
 import pytest
 
-from viewer.errors import InputError
-from viewer.tools.camera_files import read_cameras
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.tools.camera_files import read_cameras
 
 
 def models(folder, rng, images=7):

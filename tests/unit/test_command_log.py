@@ -4,9 +4,9 @@ import logging
 
 import pytest
 
-from viewer import cli
-from viewer.cli import main
-from viewer.errors import InputError
+from pointglass.viewer import cli
+from pointglass.viewer.cli import main
+from pointglass.viewer.errors import InputError
 
 LEVELS = {"fallback taken": logging.WARNING, "engine chosen": logging.INFO, "cell counted": logging.DEBUG}
 
@@ -17,7 +17,7 @@ def talkative(monkeypatch):
 
     def work(options):
         for message, level in LEVELS.items():
-            logging.getLogger("viewer.render.somewhere").log(level, message)
+            logging.getLogger("pointglass.viewer.render.somewhere").log(level, message)
         logging.getLogger("PIL").info("library talk")
         if options.json:
             raise InputError("house.e57: is damaged; export it again")
@@ -47,9 +47,9 @@ def test_the_log_file_has_everything_and_is_appended_to(talkative, tmp_path, cap
 
 
 def test_a_command_leaves_no_handler_behind(talkative, tmp_path):
-    before = [(logging.getLogger(name).level, len(logging.getLogger(name).handlers)) for name in ("viewer", "model")]
+    before = [(logging.getLogger(name).level, len(logging.getLogger(name).handlers)) for name in ("pointglass",)]
     main(["doctor", "--verbose", "--log-file", str(tmp_path / "run.log")])
-    assert before == [(logging.getLogger(name).level, len(logging.getLogger(name).handlers)) for name in ("viewer", "model")]
+    assert before == [(logging.getLogger(name).level, len(logging.getLogger(name).handlers)) for name in ("pointglass",)]
 
 
 def test_a_log_that_cannot_be_written_is_refused_in_one_line(talkative, tmp_path, capsys):

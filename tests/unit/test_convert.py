@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from cloud_files import surface, write_ply
 
-from viewer.cli import main
-from viewer.grid import cache
-from viewer.grid import convert as convert_module
-from viewer.grid.convert import convert, convert_each, scans_in
-from viewer.grid.open_scene import open_scene
+from pointglass.viewer.cli import main
+from pointglass.viewer.grid import cache
+from pointglass.viewer.grid import convert as convert_module
+from pointglass.viewer.grid.convert import convert, convert_each, scans_in
+from pointglass.viewer.grid.open_scene import open_scene
 
 
 @pytest.fixture

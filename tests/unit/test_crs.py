@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from viewer.errors import InputError
-from viewer.readers.crs import assigned, from_geokeys, from_text, title
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.readers.crs import assigned, from_geokeys, from_text, title
 
 
 @pytest.mark.parametrize(("code", "unit", "metres"), [(25832, "metre", 1.0), (2994, "foot", 0.3048), (4326, "degree", None),
@@ -44,6 +44,6 @@ def test_codes_have_a_title():
 
 def test_opening_a_file_without_a_code_does_not_import_pyproj():
     wkt = 'PROJCS["a",UNIT["metre",1]]'
-    code = f"import sys; from viewer.readers import crs; crs.from_wkt({wkt!r}); crs.from_geokeys({{3076: 9001}})"
+    code = f"import sys; from pointglass.viewer.readers import crs; crs.from_wkt({wkt!r}); crs.from_geokeys({{3076: 9001}})"
     code += "; sys.exit('pyproj' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

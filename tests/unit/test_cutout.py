@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from rooms import make_room
 
-from model.data.cutout import CutOut, cut_outs, with_cut_outs
-from model.data.pairs import build
-from model.data.photo_place import PhotoPlace
-from model.data.stations import load_scene
+from pointglass.model.data.cutout import CutOut, cut_outs, with_cut_outs
+from pointglass.model.data.pairs import build
+from pointglass.model.data.photo_place import PhotoPlace
+from pointglass.model.data.stations import load_scene
 
 
 @pytest.fixture(scope="module")

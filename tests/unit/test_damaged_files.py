@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_ply
 
-from viewer.cli import main
-from viewer.errors import InputError
-from viewer.grid import cache
-from viewer.grid.convert import convert
-from viewer.grid.open_scene import open_scene
+from pointglass.viewer.cli import main
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid import cache
+from pointglass.viewer.grid.convert import convert
+from pointglass.viewer.grid.open_scene import open_scene
 
 ARRAYS = ("points", "offsets", "cell_coords", "boxes", "faces", "checksums", "noise")
 

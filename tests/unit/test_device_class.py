@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from viewer.errors import InputError
-from viewer.render.device_class import (
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.render.device_class import (
     DIFFERING_PIXELS,
     WORKGROUP_VARIABLE,
     WORKGROUPS,

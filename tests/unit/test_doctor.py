@@ -9,8 +9,8 @@ from importlib import metadata
 
 import pytest
 
-from viewer import doctor, doctor_probes
-from viewer.paths import assets_dir
+from pointglass.viewer import doctor, doctor_probes
+from pointglass.viewer.paths import assets_dir
 
 
 @pytest.mark.gl
@@ -106,9 +106,9 @@ def test_libraries_are_those_the_package_asks_for(monkeypatch):
 
 
 BRIDGE = """
-from viewer.render.bridge import ReadBackBridge, works
-from viewer.render.context import create_context
-from viewer.render.shader import Programs
+from pointglass.viewer.render.bridge import ReadBackBridge, works
+from pointglass.viewer.render.context import create_context
+from pointglass.viewer.render.shader import Programs
 programs = Programs(create_context())
 assert works(programs, ReadBackBridge(programs.context, (64, 48)))
 """

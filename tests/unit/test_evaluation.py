@@ -9,18 +9,18 @@ import pytest
 import torch
 from PIL import Image
 
-import model.evaluation.methods as methods_module
-import model.evaluation.room_scores as scene_module
-from model.data.dataset import DataError
-from model.data.projected import Projected, project_scan
-from model.data.stations import load_scene, scan_stations
-from model.depth_filter import keep_mask
-from model.evaluation import evaluate, format_table, save
-from model.evaluation.methods import WEIGHTED, thinned, view_points
-from model.evaluation.open3d_points import Open3DError, Open3DPoints
-from model.evaluation.report import plot
-from model.unet import PaperUNet, mac_per_pixel
-from model.weights import load_weights, weights_dir
+import pointglass.model.evaluation.methods as methods_module
+import pointglass.model.evaluation.room_scores as scene_module
+from pointglass.model.data.dataset import DataError
+from pointglass.model.data.projected import Projected, project_scan
+from pointglass.model.data.stations import load_scene, scan_stations
+from pointglass.model.depth_filter import keep_mask
+from pointglass.model.evaluation import evaluate, format_table, save
+from pointglass.model.evaluation.methods import WEIGHTED, thinned, view_points
+from pointglass.model.evaluation.open3d_points import Open3DError, Open3DPoints
+from pointglass.model.evaluation.report import plot
+from pointglass.model.unet import PaperUNet, mac_per_pixel
+from pointglass.model.weights import load_weights, weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -10,14 +10,14 @@ from types import SimpleNamespace
 import pytest
 from PIL import Image
 
-import model.evaluation.room_scores as scene_module
-from model.data.dataset import DataError
-from model.data.stations import load_scene
-from model.evaluation import evaluate
-from model.evaluation.command import add_arguments, names_of, run
-from model.evaluation.open3d_points import Open3DError
-from model.evaluation.outside import open_outside, parse_outside
-from model.weights import weights_dir
+import pointglass.model.evaluation.room_scores as scene_module
+from pointglass.model.data.dataset import DataError
+from pointglass.model.data.stations import load_scene
+from pointglass.model.evaluation import evaluate
+from pointglass.model.evaluation.command import add_arguments, names_of, run
+from pointglass.model.evaluation.open3d_points import Open3DError
+from pointglass.model.evaluation.outside import open_outside, parse_outside
+from pointglass.model.weights import weights_dir
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -120,7 +120,7 @@ def test_weights_of_one_name_are_told_apart_by_folder():
 
 
 def test_the_options_load_nothing_heavy():
-    code = ("import sys, argparse; from model.evaluation.command import add_arguments;"
+    code = ("import sys, argparse; from pointglass.model.evaluation.command import add_arguments;"
             "add_arguments(argparse.ArgumentParser());"
             "sys.exit(', '.join({'torch', 'numpy', 'open3d', 'scipy', 'matplotlib'} & set(sys.modules)) or 0)")
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, timeout=60).returncode == 0

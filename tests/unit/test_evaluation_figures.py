@@ -9,20 +9,20 @@ import torch
 from evaluation_files import rgb_of
 from scipy.io import loadmat
 
-import model.evaluation.room_scores as scene_module
-from model.data.dataset import Scan
-from model.data.projected import Projected, project_scan
-from model.data.stations import ScanModel, load_scene, scan_stations
-from model.evaluation import precision_table, true_visibility
-from model.evaluation.figures import Truth
-from model.evaluation.methods import TRUE, thinned
-from model.evaluation.metrics import gradient_energy, masked_error, masked_psnr, ssim
-from model.evaluation.precision import scaled_input
-from model.evaluation.room_scores import matched_colours
-from model.exposure import exposures_of, match_exposures
-from model.perceptual import SQUEEZE_FILES, SqueezeDistance
-from model.unet import CompactUNet, Size
-from model.weights import WeightsError, weights_dir
+import pointglass.model.evaluation.room_scores as scene_module
+from pointglass.model.data.dataset import Scan
+from pointglass.model.data.projected import Projected, project_scan
+from pointglass.model.data.stations import ScanModel, load_scene, scan_stations
+from pointglass.model.evaluation import precision_table, true_visibility
+from pointglass.model.evaluation.figures import Truth
+from pointglass.model.evaluation.methods import TRUE, thinned
+from pointglass.model.evaluation.metrics import gradient_energy, masked_error, masked_psnr, ssim
+from pointglass.model.evaluation.precision import scaled_input
+from pointglass.model.evaluation.room_scores import matched_colours
+from pointglass.model.exposure import exposures_of, match_exposures
+from pointglass.model.perceptual import SQUEEZE_FILES, SqueezeDistance
+from pointglass.model.unet import CompactUNet, Size
+from pointglass.model.weights import WeightsError, weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -217,7 +217,7 @@ def test_nan_is_counted_not_hidden(seen, monkeypatch):
                 made[:, :, 0, :5] = float("nan")
             return made
 
-    import model.evaluation.precision as precision
+    import pointglass.model.evaluation.precision as precision
 
     monkeypatch.setattr(precision, "load_weights", lambda path: (Overflowing(Size((8, 8), 1)).eval(), {}))
     rows = {r["precision"]: r for r in precision_table(Path("x.safetensors"), [_scaled(seen, 1.0)])}

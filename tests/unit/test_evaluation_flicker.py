@@ -7,11 +7,11 @@ import torch
 import torch.nn.functional as F
 from evaluation_files import rgb_of
 
-import model.evaluation.room_scores as scene_module
-from model.data.dataset import MemoryPicture, Scan
-from model.data.projected import project_scan
-from model.evaluation import evaluate
-from model.evaluation.flicker import measure_flicker, middle_stretch, reprojection
+import pointglass.model.evaluation.room_scores as scene_module
+from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.projected import project_scan
+from pointglass.model.evaluation import evaluate
+from pointglass.model.evaluation.flicker import measure_flicker, middle_stretch, reprojection
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from viewer.camera import from_fov
-from viewer.errors import InputError
-from viewer.settings import Settings
-from viewer.tools.export import export_pictures
+from pointglass.viewer.camera import from_fov
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.settings import Settings
+from pointglass.viewer.tools.export import export_pictures
 
 CAMERAS = [from_fov(8, 6, 60, np.eye(4), name) for name in ("a", "b")]
 ENDINGS = ("depth.npy", "mask.npy", "png", "provenance.png", "stats.json")

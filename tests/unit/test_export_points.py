@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from viewer import cli
-from viewer.errors import InputError
-from viewer.grid.open_scene import open_scene, scene_from_arrays
-from viewer.grid.scene import unpack
-from viewer.tools.clip import Box, contains
-from viewer.tools.document import Document, ScanFile
-from viewer.tools.exporting.command import export
-from viewer.tools.exporting.point_writers import WRITERS
-from viewer.tools.exporting.selection import Selection, clips_of, parse_box
-from viewer.tools.project import write_project
+from pointglass.viewer import cli
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.tools.clip import Box, contains
+from pointglass.viewer.tools.document import Document, ScanFile
+from pointglass.viewer.tools.exporting.command import export
+from pointglass.viewer.tools.exporting.point_writers import WRITERS
+from pointglass.viewer.tools.exporting.selection import Selection, clips_of, parse_box
+from pointglass.viewer.tools.project import write_project
 
 
 def random_scene(seed, count=30_000, origin=(0.0, 0.0, 0.0), size=12.0, scans=2):
@@ -95,7 +95,7 @@ def test_nothing_is_left_where_nothing_can_be_written(tmp_path, capsys, monkeypa
     scene = random_scene(6)
     with pytest.raises(InputError, match="leave no point"):
         export(Selection(scene, clips_of(["100,100,100,101,101,101"])), tmp_path / "a.laz")
-    monkeypatch.setattr("viewer.tools.exporting.selection.BLOCK", 4096)
+    monkeypatch.setattr("pointglass.viewer.tools.exporting.selection.BLOCK", 4096)
     calls = []
 
     def full(self, label):
@@ -126,7 +126,7 @@ def test_classes_are_kept(tmp_path):
     import laspy
     from cloud_files import surface, write_las
 
-    from viewer.grid.scene import attributes_of
+    from pointglass.viewer.grid.scene import attributes_of
 
     xyz, rgb = surface(5000, seed=9)
     classes = np.random.default_rng(9).choice([2, 6, 17], len(xyz)).astype(np.uint8)

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 
-from viewer.cli import main
-from viewer.errors import InputError
-from viewer.grid.convert import convert_each
-from viewer.grid.info import facts, format_text
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
+from pointglass.viewer.cli import main
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid.convert import convert_each
+from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
 
 GAINS = (0.9, 1.0, 1.1)
 
@@ -33,8 +33,8 @@ def _brightness(scene):
 
 
 def test_exposure_compensation_shows_progress_and_can_be_cancelled(tmp_path):
-    from viewer.errors import Cancelled
-    from viewer.progress import set_sink
+    from pointglass.viewer.errors import Cancelled
+    from pointglass.viewer.progress import set_sink
 
     xyz, rgb, station = _stations(1, 3000)
     path, steps = write_las(tmp_path / "a.laz", xyz, rgb, source=station + 7), []

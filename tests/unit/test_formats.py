@@ -8,9 +8,9 @@ import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las
 from format_files import FAR, Points, PtxScan, some, text_rows, write_ept, write_pcd, write_potree1, write_potree2, write_ptx
 
-from viewer.cli import main
-from viewer.grid.open_scene import open_scene
-from viewer.readers.formats import FORMATS, entry_of, open_source
+from pointglass.viewer.cli import main
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.readers.formats import FORMATS, entry_of, open_source
 
 NAMES = ("xyz", "rgb", "intensity", "classification")
 
@@ -160,8 +160,8 @@ def test_text_with_other_line_ends_empty_fields_marks_and_names(tmp_path):
 
 @pytest.mark.parametrize("block", [1 << 10, 1 << 24])
 def test_the_size_of_blocks_of_text_does_not_change_the_result(tmp_path, monkeypatch, block):
-    monkeypatch.setattr("viewer.readers.text_rows._BLOCK", block)
-    monkeypatch.setattr("viewer.readers.xyz.ROWS", 57)
+    monkeypatch.setattr("pointglass.viewer.readers.text_rows._BLOCK", block)
+    monkeypatch.setattr("pointglass.viewer.readers.xyz.ROWS", 57)
     points = some()
     path = tmp_path / "a.xyz"
     path.write_text(text_rows([points.xyz, points.rgb]).rstrip("\n"))  # the last line has no end
@@ -367,15 +367,15 @@ def test_ply_classes(tmp_path, kind):
 def test_readers_know_no_grid():
     """Neither torch nor the libraries of formats are imported before a file needs them."""
     code = """
-import importlib, pathlib, sys, viewer.readers
-for file in pathlib.Path(viewer.readers.__file__).parent.glob("*.py"):
-    importlib.import_module(f"viewer.readers.{file.stem}")
-heavy = ("viewer.grid", "viewer.render", "torch", "open3d", "laspy", "pye57", "brotli")
+import importlib, pathlib, sys, pointglass.viewer.readers
+for file in pathlib.Path(pointglass.viewer.readers.__file__).parent.glob("*.py"):
+    importlib.import_module(f"pointglass.viewer.readers.{file.stem}")
+heavy = ("pointglass.viewer.grid", "pointglass.viewer.render", "torch", "open3d", "laspy", "pye57", "brotli")
 print([name for name in heavy if name in sys.modules])
 """
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
 
 
 def test_the_table_of_formats_imports_nothing_heavy():
-    code = "import sys, viewer.readers.formats; print('numpy' in sys.modules)"
+    code = "import sys, pointglass.viewer.readers.formats; print('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"

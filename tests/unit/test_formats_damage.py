@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from format_files import PtxScan, some, text_rows, write_ept, write_pcd, write_potree1, write_potree2, write_ptx
 
-from viewer.cli import main
-from viewer.errors import InputError
-from viewer.readers.formats import open_source
+from pointglass.viewer.cli import main
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.readers.formats import open_source
 
 ROOM = 3 << 30
 """Bytes of address space that reading a damaged file may take beyond what the process has."""

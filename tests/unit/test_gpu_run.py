@@ -76,16 +76,16 @@ def test_a_small_run_leaves_every_figure_in_one_folder(run, tmp_path):
 def test_one_bridge_that_fails_does_not_end_the_rest(run, monkeypatch, capsys):
     import workers
 
-    import viewer.render.bridge
+    from pointglass.viewer.render import bridge
 
-    made = viewer.render.bridge.ReadBackBridge
+    made = bridge.ReadBackBridge
 
     def broken(context, size):
         if size == (8, 6):
             raise RuntimeError("a driver's own\nmessage")
         return made(context, size)
 
-    monkeypatch.setattr(viewer.render.bridge, "ReadBackBridge", broken)
+    monkeypatch.setattr(bridge, "ReadBackBridge", broken)
     first, second = workers._bridges(replace(run.SMALL, sizes=("8x6", "16x12")))
     assert first["problem"] == "RuntimeError: a driver's own" and second["ms"] > 0
     assert [json.loads(line) for line in capsys.readouterr().err.splitlines() if line.startswith("{")] == [first, second]
@@ -167,7 +167,7 @@ def test_it_ends_within_nine_minutes_and_leaves_few_files(run):
 
 
 def test_the_command_line_has_everything_it_asks_for(run, tmp_path):
-    from viewer.commands import make_parser
+    from pointglass.viewer.commands import make_parser
 
     asked = 0
     for plan in (run.Plan(), run.SMALL):
@@ -175,7 +175,7 @@ def test_the_command_line_has_everything_it_asks_for(run, tmp_path):
             if part.name.startswith("frame-") and int(part.name[6:]) >= len(plan.sizes):
                 continue
             command = part.command(plan, tmp_path)
-            if command[:2] == ["-m", "viewer"]:
+            if command[:2] == ["-m", "pointglass.viewer"]:
                 make_parser().parse_args(command[2:])
                 asked += 1
     assert asked >= 8

@@ -10,17 +10,17 @@ from cloud_files import surface
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from viewer.errors import InputError
-from viewer.grid import density_layers as layers
-from viewer.grid import histogram as histogram_module
-from viewer.grid import kernels
-from viewer.grid import scatter as scatter_module
-from viewer.grid import two_passes as grid_module
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.scene import unpack
-from viewer.preprocess.scan_table import ScanTable
-from viewer.readers import arrays as arrays_module
-from viewer.readers.source import Chunk, ScanInfo
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid import density_layers as layers
+from pointglass.viewer.grid import histogram as histogram_module
+from pointglass.viewer.grid import kernels
+from pointglass.viewer.grid import scatter as scatter_module
+from pointglass.viewer.grid import two_passes as grid_module
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.preprocess.scan_table import ScanTable
+from pointglass.viewer.readers import arrays as arrays_module
+from pointglass.viewer.readers.source import Chunk, ScanInfo
 
 PARTS = [int(f"{number:06b}"[::-1], 2) for number in range(64)]
 """Of each 64 points of a layer and cell, the one that goes into the first part, the second, ..."""
@@ -374,7 +374,7 @@ def test_arrays_that_do_not_fit_are_named():
 
 
 def test_a_scan_too_large_for_memory_is_built_in_a_file_without_a_name(monkeypatch):
-    from viewer.grid import open_scene as build
+    from pointglass.viewer.grid import open_scene as build
 
     xyz, rgb = surface(5000)
     one = scene_from_arrays(xyz, rgb)

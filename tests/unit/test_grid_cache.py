@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_ply
 
-from viewer.errors import Cancelled, InputError
-from viewer.grid import cache
-from viewer.grid import two_passes as grid
-from viewer.grid.convert import convert, convert_each
-from viewer.grid.info import describe, format_text
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
-from viewer.progress import set_sink
-from viewer.stream.chunk_source import CHUNK, ChunkSource
+from pointglass.viewer.errors import Cancelled, InputError
+from pointglass.viewer.grid import cache
+from pointglass.viewer.grid import two_passes as grid
+from pointglass.viewer.grid.convert import convert, convert_each
+from pointglass.viewer.grid.info import describe, format_text
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.progress import set_sink
+from pointglass.viewer.stream.chunk_source import CHUNK, ChunkSource
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -59,7 +59,7 @@ def test_reopening_imports_no_compiler_and_no_file_library(scan):
     open_scene(scan)
     code = f"""
 import sys
-from viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.open_scene import open_scene
 assert open_scene({str(scan)!r}).count == 3000
 print([m for m in ("numba", "scipy", "laspy", "pye57", "open3d", "torch") if m in sys.modules])
 """
@@ -362,7 +362,7 @@ def test_info_can_be_written_as_json_and_as_text(scan):
 
 
 def test_the_log_has_the_reason_why_a_grid_is_built_again(scan, caplog):
-    with caplog.at_level("INFO", logger="viewer.grid.cache"):
+    with caplog.at_level("INFO", logger="pointglass.viewer.grid.cache"):
         open_scene(scan)
         open_scene(scan)
         assert not caplog.records, "a complete cache is used silently, a missing one is no damage"

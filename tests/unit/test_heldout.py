@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import torch
 
-from model.data.dataset import MemoryPicture, Scan
-from model.data.heldout import HELD_OUT, Targets, targets, visible
-from model.data.projected import project_scan
-from model.evaluation.heldout import (
+from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.heldout import HELD_OUT, Targets, targets, visible
+from pointglass.model.data.projected import project_scan
+from pointglass.model.evaluation.heldout import (
     LEAST_IN_GAPS,
     PointErrors,
     Viewpoint,
@@ -19,8 +19,8 @@ from model.evaluation.heldout import (
     nearer,
     point_errors,
 )
-from model.evaluation.heldout_report import format_withheld
-from model.evaluation.methods import TRUE, Method, plain_methods, soft_z
+from pointglass.model.evaluation.heldout_report import format_withheld
+from pointglass.model.evaluation.methods import TRUE, Method, plain_methods, soft_z
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

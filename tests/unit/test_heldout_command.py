@@ -8,11 +8,11 @@ from cloud_files import write_ply
 from PIL import Image
 from test_e57_images import room_points
 
-from model.data.dataset import Scan
-from model.weights import weights_dir
-from viewer.cli import main
-from viewer.tools.heldout import evaluate_scan as command
-from viewer.tools.heldout.judged_viewpoints import LEAST_SHARE, station_viewpoints
+from pointglass.model.data.dataset import Scan
+from pointglass.model.weights import weights_dir
+from pointglass.viewer.cli import main
+from pointglass.viewer.tools.heldout import evaluate_scan as command
+from pointglass.viewer.tools.heldout.judged_viewpoints import LEAST_SHARE, station_viewpoints
 
 FAST = str(weights_dir() / "fast-filtered.safetensors")
 

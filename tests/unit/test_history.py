@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from viewer.tools import history
-from viewer.tools.history import History
+from pointglass.viewer.tools import history
+from pointglass.viewer.tools.history import History
 
 
 def test_undo_and_redo_visit_the_states_in_order(seed):

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 import torch
 
-from model.hole_test import DIRECTIONS, KERNEL, KERNEL_SUM, far_inside, fine_levels, opaque_pixels, strides, window_reach
+from pointglass.model.hole_test import (
+    DIRECTIONS,
+    KERNEL,
+    KERNEL_SUM,
+    far_inside,
+    fine_levels,
+    opaque_pixels,
+    strides,
+    window_reach,
+)
 
 
 def disc(side: int, radius: float, x: float | None = None, y: float | None = None) -> torch.Tensor:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from cloud_files import surface, write_las
 
-from viewer.errors import InputError
-from viewer.grid.open_scene import open_scene
-from viewer.readers.formats import open_source
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.readers.formats import open_source
 
 COUNT = 2000
 

@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from viewer.paths import assets_dir
+from pointglass.viewer.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[2]
-NEVER = ("torch", "open3d", "matplotlib", "pye57", "tensorboard", "viewer.window")
+NEVER = ("torch", "open3d", "matplotlib", "pye57", "tensorboard", "pointglass.viewer.window")
 """Not loaded by a raw, filtered or filled picture, whether the scan is in the cache or not."""
 NOT_FROM_CACHE = ("laspy", "lazrs")
 """Not loaded either where the scan is in the cache."""
 RENDER = """
 import json, sys
-from viewer.cli import main
+from pointglass.viewer.cli import main
 code = main(["render", *sys.argv[1:]])
 assert code == 0, code
 print(json.dumps(sorted(sys.modules)))
@@ -66,7 +66,7 @@ def test_a_picture_without_the_network_loads_no_torch_from_python():
 
 def test_loops_of_other_code_may_still_use_blas():
     """model.common.jit keeps numba from loading scipy's BLAS at start; np.dot in a loop of other code works all the same."""
-    code = ("import sys, json, numpy as np, model.common.jit, numba; early = sorted(sys.modules)\n"
+    code = ("import sys, json, numpy as np, pointglass.model.common.jit, numba; early = sorted(sys.modules)\n"
             "a = np.arange(6.0).reshape(2, 3); assert (numba.njit(lambda x, y: np.dot(x, y))(a, a.T) == a @ a.T).all()\n"
             "print(json.dumps(early))")
     assert "scipy.linalg" not in modules_after(code)

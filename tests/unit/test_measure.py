@@ -6,9 +6,9 @@ import io
 import numpy as np
 import pytest
 
-from viewer.errors import InputError
-from viewer.tools.clip import vector
-from viewer.tools.measure import (
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.tools.clip import vector
+from pointglass.viewer.tools.measure import (
     COLUMNS,
     KINDS,
     MeasuredPoint,

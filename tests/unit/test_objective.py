@@ -5,8 +5,8 @@ import pytest
 import torch
 from scipy.ndimage import map_coordinates
 
-from model.data.crops import Batch
-from model.train.objective import Objective, inside_flow, warp
+from pointglass.model.data.crops import Batch
+from pointglass.model.train.objective import Objective, inside_flow, warp
 
 
 def test_warp_follows_a_known_motion():
@@ -66,7 +66,7 @@ def _plain_change(made: np.ndarray, beside: np.ndarray, flow: np.ndarray) -> flo
 @pytest.mark.parametrize("count", [1, 3])
 def test_the_loss_equals_plain_sums(monkeypatch, seed, count, channels):
     distance = _Squares()
-    monkeypatch.setattr("model.train.objective.perceptual", lambda _path: (distance, "squares"))
+    monkeypatch.setattr("pointglass.model.train.objective.perceptual", lambda _path: (distance, "squares"))
     batch = _random_batch(seed, count, 1)
     made, beside = torch.randn(count, channels, 11, 14) + 0.5, torch.rand(1, channels, 11, 14)
     loss, terms = Objective(None, 0.2, 0.3, 0.4)(made, beside, batch)
@@ -97,7 +97,7 @@ def test_a_batch_without_known_pixels_has_no_gradient():
 
 
 def test_dissimilarity_is_the_same_in_a_mixed_precision_step():
-    from model.perceptual import Dissimilarity
+    from pointglass.model.perceptual import Dissimilarity
 
     flat = torch.full((1, 3, 32, 32), 0.9)
     made = (flat + 0.002 * torch.randn(flat.shape, generator=torch.Generator().manual_seed(3))).to(torch.bfloat16)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from viewer.cli import main
-from viewer.commands import COMMANDS
+from pointglass.viewer.cli import main
+from pointglass.viewer.commands import COMMANDS
 
 
 def refused(capsys, *arguments) -> str:
@@ -32,8 +32,8 @@ def refused(capsys, *arguments) -> str:
     (("--device", "cuda"), "--device cuda: "),
 ])
 def test_training_refuses_options_before_a_place_is_built(options, said, tmp_path, capsys, monkeypatch):
-    import model.data.procedural as procedural
-    import model.reconstruct as reconstruct
+    import pointglass.model.data.procedural as procedural
+    import pointglass.model.reconstruct as reconstruct
 
     monkeypatch.setattr(procedural.ProceduralPlace, "place", property(lambda self: pytest.fail("a place was built")))
     monkeypatch.setattr(reconstruct, "cuda_problem", lambda: "none here")
@@ -70,16 +70,16 @@ def test_training_in_one_process_is_refused_under_torchrun(way, tmp_path, capsys
     (("room", "--steps", "5", "--start-from", "WEIGHTS", "--unfiltered"), ""),
 ])
 def test_training_names_the_options_it_ignores(options, said, tmp_path, capsys, monkeypatch):
-    from model.train import command as train_command
-    from model.train import recipes
-    from model.weights import weights_dir
-    from viewer.tools.tuning import tune
+    from pointglass.model.train import command as train_command
+    from pointglass.model.train import recipes
+    from pointglass.model.weights import weights_dir
+    from pointglass.viewer.tools.tuning import tune
 
     done = []
     monkeypatch.setattr(recipes, "follow", lambda *_, **__: done.append("recipe"))
     monkeypatch.setattr(tune, "tune", lambda *_, **__: done.append("tune"))
     monkeypatch.setattr(train_command, "_pairs", lambda *_: done.append("pairs") or [])
-    monkeypatch.setattr("model.train.trainer.train", lambda _config: "weights")
+    monkeypatch.setattr("pointglass.model.train.trainer.train", lambda _config: "weights")
     options = [str(weights_dir() / "fast-filtered.safetensors") if o == "WEIGHTS" else o for o in options]
     assert main(["train", *options, "--out", str(tmp_path / "out")]) == 0 and len(done) == 1
     assert capsys.readouterr().err == (f"pointglass: {said}\n" if said else "")
@@ -87,7 +87,7 @@ def test_training_names_the_options_it_ignores(options, said, tmp_path, capsys, 
 
 def test_an_empty_list_of_pairs_does_not_stop_a_later_training(tmp_path, capsys, monkeypatch):
     """As earlier versions left it after `--procedural -3`."""
-    import model.data.procedural as procedural
+    import pointglass.model.data.procedural as procedural
 
     class Built(Exception):
         pass
@@ -113,7 +113,7 @@ def test_an_empty_list_of_pairs_does_not_stop_a_later_training(tmp_path, capsys,
     (("--out", "/dev/null/a/x.laz"), "/dev/null/a/x.laz: cannot be written"),
 ])
 def test_simulate_refuses_options_before_any_work(options, said, tmp_path, capsys, monkeypatch):
-    from model.synth import demo
+    from pointglass.model.synth import demo
 
     monkeypatch.setattr(demo, "simulate", lambda *_, **__: pytest.fail("simulated"))
     options = [text.format(folder=tmp_path) for text in options]
@@ -125,7 +125,7 @@ def test_simulate_refuses_options_before_any_work(options, said, tmp_path, capsy
 def test_a_full_disk_leaves_no_files_of_a_simulation(tmp_path, capsys, monkeypatch):
     import errno
 
-    from model.synth import demo
+    from pointglass.model.synth import demo
 
     def full(_scan, _path):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -139,9 +139,9 @@ def test_a_full_disk_leaves_no_files_of_a_simulation(tmp_path, capsys, monkeypat
 def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monkeypatch):
     from functools import partial
 
-    from model.synth import demo
-    from model.synth.place import Place
-    from viewer.progress import set_sink
+    from pointglass.model.synth import demo
+    from pointglass.model.synth.place import Place
+    from pointglass.viewer.progress import set_sink
 
     monkeypatch.setattr(demo, "Place", partial(Place, probe_rays=0))
     seen = []
@@ -159,7 +159,7 @@ def test_simulate_names_both_files_and_counts_its_pulses(tmp_path, capsys, monke
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_help_of_a_command_describes_it_and_every_option(command, capsys):
-    from viewer.commands import make_parser
+    from pointglass.viewer.commands import make_parser
 
     with pytest.raises(SystemExit):
         main([command, "--help"])
@@ -178,7 +178,7 @@ def test_the_help_of_simulate_names_the_cameras_file(capsys):
 
 
 def test_empty_folders_of_a_failure_are_removed(tmp_path):
-    from model.common.folders import made_folder
+    from pointglass.model.common.folders import made_folder
 
     with pytest.raises(KeyboardInterrupt), made_folder(tmp_path / "a" / "b"):
         raise KeyboardInterrupt
@@ -201,14 +201,15 @@ def test_an_interrupt_during_imports_gives_one_line(tmp_path, module, stop):
     import subprocess
     import sys
 
-    from viewer.paths import assets_dir
+    from pointglass.viewer.paths import assets_dir
 
     (tmp_path / f"{module}.py").write_text(
         "import os, time\ntry:\n    print('importing', flush=True)\n    time.sleep(60)\nexcept BaseException:\n    os.abort()\n"
     )
     environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
     cameras = assets_dir() / "demo_cameras.json"
-    command = [sys.executable, "-m", "viewer", "render", "x.laz", "--cameras", str(cameras), "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "pointglass.viewer", "render", "x.laz", "--cameras", str(cameras),
+               "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment,
                           preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)) as process:
         assert process.stdout is not None and process.stdout.readline() == "importing\n"
@@ -221,7 +222,7 @@ def test_an_interrupt_during_imports_gives_one_line(tmp_path, module, stop):
 def test_openmp_threads_wait_passively_except_in_training(monkeypatch, command, policy):
     import os
 
-    from viewer import cli
+    from pointglass.viewer import cli
 
     monkeypatch.setenv("OMP_WAIT_POLICY", "")  # so that monkeypatch restores it
     monkeypatch.delenv("OMP_WAIT_POLICY")
@@ -231,7 +232,7 @@ def test_openmp_threads_wait_passively_except_in_training(monkeypatch, command, 
 
 
 def test_ctrl_c_is_recognised_in_the_error_of_a_compiled_loop(monkeypatch, capsys):
-    from viewer import cli
+    from pointglass.viewer import cli
 
     def stopped(_options):
         try:
@@ -248,8 +249,8 @@ def test_an_interrupt_in_a_compiled_loop_waits_for_its_results(monkeypatch, stop
     """Raised earlier, it would crash the process: numba does not check every one of several results."""
     import signal
 
-    from model.synth import shapes
-    from model.synth.place import Place
+    from pointglass.model.synth import shapes
+    from pointglass.model.synth.place import Place
 
     whole = []
 
@@ -269,7 +270,7 @@ def test_an_interrupt_in_a_compiled_loop_waits_for_its_results(monkeypatch, stop
 
 
 def test_convert_of_a_truncated_scan_leaves_no_folders(tmp_path, capsys):
-    from viewer.paths import assets_dir
+    from pointglass.viewer.paths import assets_dir
 
     torn = tmp_path / "torn.laz"
     torn.write_bytes((assets_dir() / "demo.laz").read_bytes()[:200_000])
@@ -278,10 +279,10 @@ def test_convert_of_a_truncated_scan_leaves_no_folders(tmp_path, capsys):
 
 
 def test_render_without_weights_reads_no_scan_and_makes_no_folder(tmp_path, capsys, monkeypatch):
-    import viewer.grid.open_scene
-    from viewer.paths import assets_dir
+    from pointglass.viewer.grid import open_scene
+    from pointglass.viewer.paths import assets_dir
 
-    monkeypatch.setattr(viewer.grid.open_scene, "open_scene", lambda *_, **__: pytest.fail("the scan was opened"))
+    monkeypatch.setattr(open_scene, "open_scene", lambda *_, **__: pytest.fail("the scan was opened"))
     scan, cameras = assets_dir() / "demo.laz", assets_dir() / "demo_cameras.json"
     line = ("render", scan, "--cameras", cameras, "--out", tmp_path / "a" / "b", "--view", "neural")
     assert "no weights are shipped for quality 'paper'" in refused(capsys, *line, "--quality", "paper")
@@ -293,8 +294,8 @@ def test_pictures_that_cannot_be_written_leave_no_folder(tmp_path):
     from types import SimpleNamespace
     from typing import Any
 
-    from viewer.settings import Settings
-    from viewer.tools.export import export_pictures
+    from pointglass.viewer.settings import Settings
+    from pointglass.viewer.tools.export import export_pictures
 
     class Interrupted:
         def __getattr__(self, _name):
@@ -308,7 +309,7 @@ def test_pictures_that_cannot_be_written_leave_no_folder(tmp_path):
 
 
 def test_a_training_interrupted_while_places_are_built_leaves_no_folder(tmp_path, monkeypatch, capsys):
-    import model.data.procedural as procedural
+    import pointglass.model.data.procedural as procedural
 
     def stopped(_place):
         raise KeyboardInterrupt

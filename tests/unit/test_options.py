@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from model.perceptual import SQUEEZE_FILES
-from viewer import cli
-from viewer.cli import main
-from viewer.commands import make_parser
-from viewer.errors import InputError
-from viewer.options import memory_of, settings_of
-from viewer.settings import CHOICES, Memory, Settings
+from pointglass.model.perceptual import SQUEEZE_FILES
+from pointglass.viewer import cli
+from pointglass.viewer.cli import main
+from pointglass.viewer.commands import make_parser
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.options import memory_of, settings_of
+from pointglass.viewer.settings import CHOICES, Memory, Settings
 
 RENDER = ("render", "scan.laz", "--cameras", "c.json", "--out", "out")
 
@@ -73,7 +73,7 @@ def test_tuning_is_told_what_was_asked_for(monkeypatch, tmp_path):
     for name in SQUEEZE_FILES:
         (tmp_path / name).write_bytes(b"some")
     told = []
-    monkeypatch.setattr("viewer.tools.tuning.tune.tune", lambda scan, out, **given: told.append((scan, out, given)))
+    monkeypatch.setattr("pointglass.viewer.tools.tuning.tune.tune", lambda scan, out, **given: told.append((scan, out, given)))
     line = ("train", "--tune", "house.e57", "--quality", "fast", "--device", "cpu")
     assert main([*line, "--out", "mine", "--minutes", "2.5", "--seed", "7", "--perceptual", str(tmp_path)]) == 0
     assert main(list(line)) == 0
@@ -84,8 +84,8 @@ def test_tuning_is_told_what_was_asked_for(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("code", [0, 3])
 def test_the_doctors_finding_is_the_exit_code(monkeypatch, capsys, code):
-    monkeypatch.setattr("viewer.doctor.examine", dict)
-    monkeypatch.setattr("viewer.doctor.exit_code", lambda found: code)
+    monkeypatch.setattr("pointglass.viewer.doctor.examine", dict)
+    monkeypatch.setattr("pointglass.viewer.doctor.exit_code", lambda found: code)
     assert main(["doctor", "--json"]) == code
     assert capsys.readouterr().out == "{}\n"
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from model.data.dataset import DataError, MemoryPicture, Scan
-from model.data.diffuse import diffuse
-from model.data.painting import SIDE, Painting, load_textures, make_painting, mip_levels, paint_picture, painted
-from model.data.projected import project_scan
+from pointglass.model.data.dataset import DataError, MemoryPicture, Scan
+from pointglass.model.data.diffuse import diffuse
+from pointglass.model.data.painting import SIDE, Painting, load_textures, make_painting, mip_levels, paint_picture, painted
+from pointglass.model.data.projected import project_scan
 
 POSE = np.diag([1.0, -1.0, -1.0, 1.0])  # looks along +z, OpenGL axes
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from rooms import make_room
 
-from model.data.stations import instrument_scan, load_scene, panorama
-from model.synth.panorama import Passer, from_z_up, to_z_up, with_passers
-from model.synth.scanner import IDEAL, ScannerModel, VirtualScanner
+from pointglass.model.data.stations import instrument_scan, load_scene, panorama
+from pointglass.model.synth.panorama import Passer, from_z_up, to_z_up, with_passers
+from pointglass.model.synth.scanner import IDEAL, ScannerModel, VirtualScanner
 
 BOX = np.array([2.0, 1.5, 2.5])  # half sides of tests/unit/rooms.py's room, y up
 

@@ -11,13 +11,13 @@ import torch
 from scannetpp_files import write_scannetpp
 from walls import cast, look, rays_of, straight_view, wall_scan
 
-from model.data.dataset import DataError, MemoryPicture
-from model.data.lens import Lens
-from model.data.photo_place import PhotoPlace
-from model.evaluation.metrics import ssim
-from model.evaluation.paper_table import NO_NETWORK, format_paper_table, known_ssim, paper_table, scaled
-from model.unet import make_network
-from model.weights import save_weights
+from pointglass.model.data.dataset import DataError, MemoryPicture
+from pointglass.model.data.lens import Lens
+from pointglass.model.data.photo_place import PhotoPlace
+from pointglass.model.evaluation.metrics import ssim
+from pointglass.model.evaluation.paper_table import NO_NETWORK, format_paper_table, known_ssim, paper_table, scaled
+from pointglass.model.unet import make_network
+from pointglass.model.weights import save_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -134,8 +134,8 @@ def test_the_squeezenet_distance_stands_under_its_own_name(shared_data):
 
 
 def test_one_command_gives_the_papers_table(scannetpp, tmp_path, capsys, monkeypatch):
-    import model.evaluation.paper_table as table
-    from viewer.cli import main
+    import pointglass.model.evaluation.paper_table as table
+    from pointglass.viewer.cli import main
 
     (scannetpp / "splits" / "nvs_sem_val.txt").write_text("aa11bb22cc\n")
     small = {**table.paper_table.__kwdefaults__, "sizes": ((96, 72),), "repeats": 1}

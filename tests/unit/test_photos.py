@@ -9,14 +9,14 @@ import torch
 from PIL import Image
 from walls import LENSES, SIZE, bend, cast, look, rays_of, straight_view, wall_scan
 
-from model.data.dataset import DataError, MemoryPicture, Scan
-from model.data.lens import Lens
-from model.data.pairs import place_pairs
-from model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
-from model.data.photos import Photograph
-from model.data.projected import project_scan, raster_of
-from model.projection import filled_input
-from model.train.objective import inside_flow, warp
+from pointglass.model.data.dataset import DataError, MemoryPicture, Scan
+from pointglass.model.data.lens import Lens
+from pointglass.model.data.pairs import place_pairs
+from pointglass.model.data.photo_place import BRIGHTNESS, CONTRAST, PhotoPlace
+from pointglass.model.data.photos import Photograph
+from pointglass.model.data.projected import project_scan, raster_of
+from pointglass.model.projection import filled_input
+from pointglass.model.train.objective import inside_flow, warp
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -182,7 +182,7 @@ def test_photographs_make_training_pairs():
 
 def test_the_neighbour_of_a_photographed_picture_has_the_photographs_colours(monkeypatch):
     """Otherwise a difference between scan and photograph would count as instability of the network."""
-    monkeypatch.setattr("model.data.pairs._density", lambda rng: 1.0)
+    monkeypatch.setattr("pointglass.model.data.pairs._density", lambda rng: 1.0)
     scan, lens = wall_scan(), Lens("PINHOLE", 96, 72, 60, 60, 48, 36)
     view = replace(straight_view(1), z=cast(rays_of(lens), look(1))[1].astype(np.float32))
     place = PhotoPlace("box", replace(scan, rgb=255 - scan.rgb), [view])

@@ -4,11 +4,11 @@ import laspy
 import numpy as np
 import pytest
 
-from viewer.grid.info import describe, format_text
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import attributes_of, packed, scan_numbers, unpack
-from viewer.preprocess.point_attributes import AttributeCounts, AttributeLayout, layout_from
-from viewer.readers.source import Chunk
+from pointglass.viewer.grid.info import describe, format_text
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import attributes_of, packed, scan_numbers, unpack
+from pointglass.viewer.preprocess.point_attributes import AttributeCounts, AttributeLayout, layout_from
+from pointglass.viewer.readers.source import Chunk
 
 COUNT = 5_000
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from cloud_files import write_las, write_ply
 
-from viewer.grid.preview import preview_scene
-from viewer.grid.scene import unpack
-from viewer.readers.sampling import run_starts
+from pointglass.viewer.grid.preview import preview_scene
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.readers.sampling import run_starts
 
 COUNT = 200_000
 ORIGIN = (636_000.0, 5_848_000.0, 400.0)
@@ -72,8 +72,8 @@ def test_without_time_there_is_no_preview(tmp_path):
 
 
 def test_the_window_previews_a_cached_scan_only_where_the_cache_is_not_used(tmp_path):
-    from viewer.grid.open_scene import open_scene
-    from viewer.window import loading
+    from pointglass.viewer.grid.open_scene import open_scene
+    from pointglass.viewer.window import loading
 
     rng = np.random.default_rng(1)
     path = tmp_path / "big.xyz"

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from model.data import procedural
-from model.data.pairs import build, by_size
-from model.data.procedural import ProceduralPlace, procedural_places
-from model.data.projected import project_scan
-from model.synth.place import Place
+from pointglass.model.data import procedural
+from pointglass.model.data.pairs import build, by_size
+from pointglass.model.data.procedural import ProceduralPlace, procedural_places
+from pointglass.model.data.projected import project_scan
+from pointglass.model.synth.place import Place
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -64,14 +64,14 @@ def test_the_scan_agrees_with_the_pictures(place):
 
 
 def test_exposures_have_a_mean_of_one():
-    from model.synth.demo import exposures
+    from pointglass.model.synth.demo import exposures
 
     for seed in range(20):
         assert exposures(seed, 2 + seed % 3).mean() == 1.0
 
 
 def test_people_appear_in_one_stations_scan_only(monkeypatch):
-    import model.data.procedural as module
+    import pointglass.model.data.procedural as module
 
     place = _small("street", 4)
     pictures = [view.rgb().copy() for view in place.views]

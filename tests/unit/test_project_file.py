@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from documents import random_document
 
-from viewer.errors import InputError
-from viewer.tools.document import Document, ScanFile
-from viewer.tools.project import VERSION, read_project, write_project
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.tools.document import Document, ScanFile
+from pointglass.viewer.tools.project import VERSION, read_project, write_project
 
 
 def test_a_project_opens_as_it_was_left(tmp_path, seed):

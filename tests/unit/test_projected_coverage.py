@@ -5,9 +5,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.projected_coverage import ENOUGH, LEAST, SQUARES, UNKNOWN, projected_coverage
-from viewer.grid.scene import unpack
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.projected_coverage import ENOUGH, LEAST, SQUARES, UNKNOWN, projected_coverage
+from pointglass.viewer.grid.scene import unpack
 
 
 def plain(scene) -> np.ndarray:

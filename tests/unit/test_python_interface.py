@@ -11,12 +11,12 @@ import pytest
 from cloud_files import write_ply
 
 import pointglass
-from viewer.grid.convert import convert
-from viewer.grid.info import facts
-from viewer.grid.open_scene import open_scene, scene_from_arrays
-from viewer.grid.scene import unpack
-from viewer.settings import Memory, Settings
-from viewer.tools.demo import demo_scan
+from pointglass.viewer.grid.convert import convert
+from pointglass.viewer.grid.info import facts
+from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.settings import Memory, Settings
+from pointglass.viewer.tools.demo import demo_scan
 
 HEAVY = ("torch", "moderngl", "glcontext", "OpenGL", "numba", "imgui_bundle", "laspy", "pye57", "open3d")
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
 
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
-from viewer.readers.crs import from_geokeys, from_wkt
-from viewer.readers.formats import open_source
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.readers.crs import from_geokeys, from_wkt
+from pointglass.viewer.readers.formats import open_source
 
 ORDERS = ("ascii", "binary_little_endian", "binary_big_endian")
 

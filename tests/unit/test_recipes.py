@@ -6,9 +6,9 @@ import shutil
 import pytest
 from rooms import make_room
 
-from model.train.recipes import RECIPES, Recipe, Stage, _Job, _make, follow
-from model.weights import load_weights
-from viewer.cli import main
+from pointglass.model.train.recipes import RECIPES, Recipe, Stage, _Job, _make, follow
+from pointglass.model.weights import load_weights
+from pointglass.viewer.cli import main
 
 TINY = Recipe(0.05, 0.1, (
     Stage("fast", True, 0.5, batch=2, crop=32),

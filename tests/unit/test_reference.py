@@ -6,18 +6,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from viewer import cli
-from viewer.errors import InputError
-from viewer.grid.open_scene import open_scene, scene_from_arrays
-from viewer.readers import crs
-from viewer.tools.document import Document, ScanFile
-from viewer.tools.exporting.command import export
-from viewer.tools.exporting.selection import Selection
-from viewer.tools.project import read_project, write_project
-from viewer.tools.reference import UNITS, with_reference, wkt_of
-from viewer.window.interaction.reference_panel import assign_crs, assign_unit
-from viewer.window.status_bar import units_text
-from viewer.window.work import Work
+from pointglass.viewer import cli
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.readers import crs
+from pointglass.viewer.tools.document import Document, ScanFile
+from pointglass.viewer.tools.exporting.command import export
+from pointglass.viewer.tools.exporting.selection import Selection
+from pointglass.viewer.tools.project import read_project, write_project
+from pointglass.viewer.tools.reference import UNITS, with_reference, wkt_of
+from pointglass.viewer.window.interaction.reference_panel import assign_crs, assign_unit
+from pointglass.viewer.window.status_bar import units_text
+from pointglass.viewer.window.work import Work
 
 
 def small_scan(path, seed):

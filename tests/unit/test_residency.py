@@ -8,9 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from viewer.errors import InputError
-from viewer.grid.scene import CHUNK
-from viewer.stream.residency import OVERVIEW, Residency, available_memory, byte_count, opening_chunks, overview_chunks
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.grid.scene import CHUNK
+from pointglass.viewer.stream.residency import (
+    OVERVIEW,
+    Residency,
+    available_memory,
+    byte_count,
+    opening_chunks,
+    overview_chunks,
+)
 
 SEEDS = st.integers(0, 2**32 - 1)
 

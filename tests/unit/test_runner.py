@@ -8,11 +8,11 @@ import pytest
 import torch
 from torch import nn
 
-from model.engines import ENGINES, Captured, EngineError, Runner, fold_normalisation
-from model.network_layout import PACKED_IN, PACKED_OUT
-from model.unet import SIZES, CompactUNet, PaperUNet
-from viewer.errors import InputError
-from viewer.render import neural
+from pointglass.model.engines import ENGINES, Captured, EngineError, Runner, fold_normalisation
+from pointglass.model.network_layout import PACKED_IN, PACKED_OUT
+from pointglass.model.unet import SIZES, CompactUNet, PaperUNet
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.render import neural
 
 
 class Network:

@@ -10,11 +10,11 @@ import pytest
 from cloud_files import E57Scan, edited_e57, write_e57, write_las, write_ply
 from format_files import PtxScan, some, text_rows, write_ept, write_pcd, write_potree1, write_potree2, write_ptx
 
-from viewer.errors import InputError
-from viewer.readers.copc_nodes import read_nodes
-from viewer.readers.formats import open_source
-from viewer.readers.lzf import decompress
-from viewer.readers.sampling import interleaved, run_starts, sampled_nodes
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.readers.copc_nodes import read_nodes
+from pointglass.viewer.readers.formats import open_source
+from pointglass.viewer.readers.lzf import decompress
+from pointglass.viewer.readers.sampling import interleaved, run_starts, sampled_nodes
 
 COUNT, WANTED, RUN = 60_000, 4_000, 50
 SEED = int(np.random.default_rng().integers(1 << 31))  # fresh each time; pytest prints it where a test fails

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from swept_room import PLACES, pictures, sweep
 
-from viewer.preprocess.scan_lines import WINDOW, find_stations
+from pointglass.viewer.preprocess.scan_lines import WINDOW, find_stations
 
 
 def windows(xyz: np.ndarray, most: int = 4096) -> np.ndarray:

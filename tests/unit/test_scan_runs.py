@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cloud_files import write_las, write_ply
 
-from model.scan_runs import (
+from pointglass.model.scan_runs import (
     BLOCKS,
     HUBER_LIMIT,
     ITERATIONS,
@@ -15,9 +15,9 @@ from model.scan_runs import (
     _apply,
     solve_run_gains,
 )
-from viewer.grid.info import facts, format_text
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
+from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
 
 
 def _swept(rng, *, runs=40, length=3_000, apart=1.2, spread=0.25, noise=1.5):

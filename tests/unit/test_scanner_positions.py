@@ -6,13 +6,13 @@ from cloud_files import E57Scan, write_e57, write_las
 from scipy.spatial import KDTree
 from swept_room import PLACES, sweep
 
-from viewer.grid.info import facts, format_text
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import unpack
-from viewer.preprocess import scanner_positions
-from viewer.preprocess.scan_lines import WINDOW
-from viewer.preprocess.scanner_positions import StationInference
-from viewer.readers.source import Chunk, ScanInfo, Source
+from pointglass.viewer.grid.info import facts, format_text
+from pointglass.viewer.grid.open_scene import open_scene
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.preprocess import scanner_positions
+from pointglass.viewer.preprocess.scan_lines import WINDOW
+from pointglass.viewer.preprocess.scanner_positions import StationInference
+from pointglass.viewer.readers.source import Chunk, ScanInfo, Source
 
 
 def swept(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

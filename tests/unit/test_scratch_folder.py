@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from viewer.grid import scratch_folder as scratch
+from pointglass.viewer.grid import scratch_folder as scratch
 
 
 def new(parent: Path) -> None:
@@ -21,7 +21,7 @@ def new(parent: Path) -> None:
 HOLDER = """
 import sys, time
 from pathlib import Path
-from viewer.grid.scratch_folder import scratch
+from pointglass.viewer.grid.scratch_folder import scratch
 
 with scratch(Path(sys.argv[1])) as work:
     (work / "points.npy").write_text("half")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from viewer.grid import kernels, spacing
-from viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid import kernels, spacing
+from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 
 @pytest.mark.parametrize("density", [1.0, 100.0, 1e4])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from viewer.render.stage_times import Stages
+from pointglass.viewer.render.stage_times import Stages
 
 
 class Gpu:

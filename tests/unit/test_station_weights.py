@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
-from model.common.scanner_positions import stations_differ
-from model.data.dataset import MemoryPicture, Scan
-from model.data.projected import project_scan
-from model.projection import SoftZ, network_input, rasterise
-from model.pull_push import pull_push
-from model.station_weights import (
+from pointglass.model.common.scanner_positions import stations_differ
+from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.projected import project_scan
+from pointglass.model.projection import SoftZ, network_input, rasterise
+from pointglass.model.pull_push import pull_push
+from pointglass.model.station_weights import (
     CONFIDENCE_BLOCK,
     CONFIDENCE_HALF_SUM,
     HEAVIEST,
@@ -18,7 +18,7 @@ from model.station_weights import (
     match_tone,
     station_weights,
 )
-from viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.open_scene import scene_from_arrays
 
 
 def by_definition(xyz: np.ndarray, station: np.ndarray, places: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from viewer.tools import standing_place as s
+from pointglass.viewer.tools import standing_place as s
 
 
 @dataclass

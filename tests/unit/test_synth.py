@@ -11,12 +11,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from model.common import processors
-from model.common.linear_light import to_linear, to_srgb
-from model.synth import demo, shapes
-from model.synth.builder import frame_along
-from model.synth.place import Place, pixel_rays
-from model.synth.scanner import IDEAL, ScannerModel, VirtualScanner
+from pointglass.model.common import processors
+from pointglass.model.common.linear_light import to_linear, to_srgb
+from pointglass.model.synth import demo, shapes
+from pointglass.model.synth.builder import frame_along
+from pointglass.model.synth.place import Place, pixel_rays
+from pointglass.model.synth.scanner import IDEAL, ScannerModel, VirtualScanner
 
 
 @pytest.fixture(scope="module")

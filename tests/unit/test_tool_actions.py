@@ -5,18 +5,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from viewer.camera import from_fov, look_at
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.scene import unpack
-from viewer.settings import Settings
-from viewer.tools.clip import Box, Slab, vector
-from viewer.tools.document import Document, ScanFile
-from viewer.tools.measure import evaluate
-from viewer.tools.project import write_project
-from viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
-from viewer.window.interaction.measure import Measure
-from viewer.window.interaction.tool import KeyEvent, Modifiers, PointerEvent
-from viewer.window.work import Work
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.settings import Settings
+from pointglass.viewer.tools.clip import Box, Slab, vector
+from pointglass.viewer.tools.document import Document, ScanFile
+from pointglass.viewer.tools.measure import evaluate
+from pointglass.viewer.tools.project import write_project
+from pointglass.viewer.window.interaction.clip_tool import ClipTool, along_axis, handles, turned, with_face_moved
+from pointglass.viewer.window.interaction.measure import Measure
+from pointglass.viewer.window.interaction.tool import KeyEvent, Modifiers, PointerEvent
+from pointglass.viewer.window.work import Work
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +189,7 @@ def test_turning_four_times_a_quarter_is_nothing():
 
 
 def test_a_project_saved_and_opened_is_as_it_was_left(context, tmp_path):
-    from viewer.window.interaction.editing import shared_key
+    from pointglass.viewer.window.interaction.editing import shared_key
 
     scan = tmp_path / "wall.ply"
     scan.touch()
@@ -210,7 +210,7 @@ def test_a_project_saved_and_opened_is_as_it_was_left(context, tmp_path):
 
 
 def test_a_project_whose_scan_is_gone_is_refused(tmp_path, capsys):
-    from viewer.cli import main
+    from pointglass.viewer.cli import main
 
     path = tmp_path / "p.pointglass"
     write_project(path, Document((ScanFile(str(tmp_path / "gone.laz")),)))

@@ -8,8 +8,8 @@ import torch
 from rooms import make_room
 from safetensors import safe_open
 
-from model.weights import load_weights
-from viewer.cli import main
+from pointglass.model.weights import load_weights
+from pointglass.viewer.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +146,7 @@ def test_the_same_room_by_another_path_continues(rooms, run, monkeypatch):
 
 
 def test_incomplete_pairs_of_another_room_are_not_reused(rooms, tmp_path, monkeypatch, capsys):
-    from model.data import pairs
+    from pointglass.model.data import pairs
 
     build = pairs.build
 

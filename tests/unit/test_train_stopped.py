@@ -13,18 +13,18 @@ import pytest
 import torch
 from rooms import make_room
 
-from model.common.interrupts import finish_before_interrupt
-from model.common.signals import STOPS
-from model.data.dataset import DataError
-from model.data.pairs import build
-from model.data.stations import load_scene
-from model.train import recipes, training_log
-from model.train import trainer as train
-from model.train.recipes import RECIPES, Recipe, Stage, follow
-from model.train.torchrun import Process
-from model.train.trainer import TrainConfig, Trainer
-from model.weights import load_weights
-from viewer.cli import main
+from pointglass.model.common.interrupts import finish_before_interrupt
+from pointglass.model.common.signals import STOPS
+from pointglass.model.data.dataset import DataError
+from pointglass.model.data.pairs import build
+from pointglass.model.data.stations import load_scene
+from pointglass.model.train import recipes, training_log
+from pointglass.model.train import trainer as train
+from pointglass.model.train.recipes import RECIPES, Recipe, Stage, follow
+from pointglass.model.train.torchrun import Process
+from pointglass.model.train.trainer import TrainConfig, Trainer
+from pointglass.model.weights import load_weights
+from pointglass.viewer.cli import main
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = Recipe(0.05, 0.2, (
@@ -267,7 +267,8 @@ def test_another_recipe_or_room_is_refused_and_nothing_changes(rooms, tmp_path):
 @pytest.mark.parametrize(("number", "to"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.killpg), (signal.SIGTERM, os.kill)])
 def test_a_recipe_interrupted_in_its_first_place_leaves_no_files_and_prints_one_line(tmp_path, number, to):
     """Ctrl-C as a terminal sends it, to every process of the command; SIGTERM to all, or to the main process."""
-    line = [sys.executable, "-m", "viewer", "train", "--recipe", "night", "--out", str(tmp_path / "rec"), "--device", "cpu"]
+    line = [sys.executable, "-m", "pointglass.viewer", "train", "--recipe", "night", "--out", str(tmp_path / "rec"),
+            "--device", "cpu"]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     process = subprocess.Popen(line, cwd=ROOT, start_new_session=True, **pipes)
     deadline = time.monotonic() + 60

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from model.data.crops import Batch, Crops
-from model.train import trainer as train_module
-from model.train.torchrun import Process
-from model.train.trainer import TrainConfig, Trainer, train
-from model.weights import load_weights
+from pointglass.model.data.crops import Batch, Crops
+from pointglass.model.train import trainer as train_module
+from pointglass.model.train.torchrun import Process
+from pointglass.model.train.trainer import TrainConfig, Trainer, train
+from pointglass.model.weights import load_weights
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -13,18 +13,18 @@ import pytest
 import torch
 from rooms import make_room
 
-from model.common.linear_light import to_linear, to_srgb
-from model.data import pairs as pairs_module
-from model.data.crops import Crops, Prefetcher
-from model.data.dataset import DataError, MemoryPicture
-from model.data.pairs import _truth, build, flow_to
-from model.data.projected import project_scan, scan_spacing
-from model.data.stations import load_scene
-from model.train.objective import Objective, excess_error, inside_flow, local_light, warp
-from model.train.trainer import Process, TrainConfig, Trainer, train
-from model.train.training_log import PICTURES_EVERY, TrainingLog
-from model.unet import PaperUNet
-from model.weights import load_weights
+from pointglass.model.common.linear_light import to_linear, to_srgb
+from pointglass.model.data import pairs as pairs_module
+from pointglass.model.data.crops import Crops, Prefetcher
+from pointglass.model.data.dataset import DataError, MemoryPicture
+from pointglass.model.data.pairs import _truth, build, flow_to
+from pointglass.model.data.projected import project_scan, scan_spacing
+from pointglass.model.data.stations import load_scene
+from pointglass.model.train.objective import Objective, excess_error, inside_flow, local_light, warp
+from pointglass.model.train.trainer import Process, TrainConfig, Trainer, train
+from pointglass.model.train.training_log import PICTURES_EVERY, TrainingLog
+from pointglass.model.unet import PaperUNet
+from pointglass.model.weights import load_weights
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -81,7 +81,7 @@ def test_two_processes_average_their_gradients(pairs, tmp_path):
     script = tmp_path / "both.py"
     script.write_text(
         "import sys; sys.path.insert(0, sys.argv[1])\n"
-        "from model.train.trainer import TrainConfig, train\n"
+        "from pointglass.model.train.trainer import TrainConfig, train\n"
         "import torch.distributed as dist\n"
         "seen = []\n"
         "train(TrainConfig(pairs=(sys.argv[2],), out=sys.argv[3], quality='fast', steps=2, batch=1, crop=32,\n"
@@ -349,7 +349,7 @@ def test_batches_prepared_by_workers_are_the_same(pairs):
 def test_scalars_and_pictures_reach_tensorboard(pairs, tmp_path, monkeypatch):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-    from model.train import training_log
+    from pointglass.model.train import training_log
 
     monkeypatch.setattr(training_log, "EVERY", 2)
     monkeypatch.setattr(training_log, "PICTURES_EVERY", 4)
@@ -366,7 +366,7 @@ def test_scalars_and_pictures_reach_tensorboard(pairs, tmp_path, monkeypatch):
 
 def test_pictures_for_tensorboard_do_not_change_the_averaged_network(tmp_path, monkeypatch):
     """The paper's network has running statistics, which it updates in training mode."""
-    monkeypatch.setattr("model.train.trainer.make_network", lambda _quality: PaperUNet(4))
+    monkeypatch.setattr("pointglass.model.train.trainer.make_network", lambda _quality: PaperUNet(4))
     averaged = Trainer(TrainConfig((), str(tmp_path), quality="paper"), Process(0, 1, torch.device("cpu"))).averaged
     before = {name: value.clone() for name, value in averaged.state_dict().items()}
     batch = SimpleNamespace(x=torch.rand(4, 5, 64, 64), colour=torch.rand(4, 3, 64, 64))

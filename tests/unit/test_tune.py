@@ -9,17 +9,17 @@ import pytest
 from cloud_files import write_ply
 from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
 
-from model.data.projected import scan_spacing
-from model.weights import load_weights, weights_dir
-from viewer.errors import InputError
-from viewer.preprocess.point_colour import Colours
-from viewer.readers.e57_images import read_photographs
-from viewer.readers.formats import open_source
-from viewer.tools.tuning import tune as tuning
-from viewer.tools.tuning import withheld
-from viewer.tools.tuning.material import DENSITIES
-from viewer.tools.tuning.photographs import agreement, photographs_in, read_points, registered_pictures
-from viewer.tools.tuning.tune import tune
+from pointglass.model.data.projected import scan_spacing
+from pointglass.model.weights import load_weights, weights_dir
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.preprocess.point_colour import Colours
+from pointglass.viewer.readers.e57_images import read_photographs
+from pointglass.viewer.readers.formats import open_source
+from pointglass.viewer.tools.tuning import tune as tuning
+from pointglass.viewer.tools.tuning import withheld
+from pointglass.viewer.tools.tuning.material import DENSITIES
+from pointglass.viewer.tools.tuning.photographs import agreement, photographs_in, read_points, registered_pictures
+from pointglass.viewer.tools.tuning.tune import tune
 
 PLACES = [((0.3, -0.4, 0.2), 0.7, 0.3), ((-0.5, 0.2, 0.0), 2.4, -0.2), ((0.1, 0.6, -0.3), 4.0, 0.1),
           ((0.8, 0.0, 0.1), 5.5, 0.0), ((-0.9, -0.5, 0.3), 1.6, -0.4), ((0.0, 0.0, 0.5), 3.1, 0.2)]  # fmt: skip

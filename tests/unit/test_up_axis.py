@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from window_session import room
 
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.scene import unpack
-from viewer.tools.document import UP_AXES
-from viewer.tools.up_axis import Z_UP, turned, upright_axes
-from viewer.window.flight import Flight
-from viewer.window.navigation import Motion, step, view_along
-from viewer.window.start_viewpoint import brightening, darkness, lying, start_state, survey
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.tools.document import UP_AXES
+from pointglass.viewer.tools.up_axis import Z_UP, turned, upright_axes
+from pointglass.viewer.window.flight import Flight
+from pointglass.viewer.window.navigation import Motion, step, view_along
+from pointglass.viewer.window.start_viewpoint import brightening, darkness, lying, start_state, survey
 
 
 def _room(size, rng, count=60_000):

@@ -13,16 +13,16 @@ CHECK = """
 import os, sys
 import pointglass
 assert pointglass.demo_scan().is_file() and not {"torch", "moderngl"} & set(sys.modules)
-import viewer, model
-from viewer.paths import assets_dir, shaders_dir
-from model.weights import shipped
+from pointglass import model, viewer
+from pointglass.viewer.paths import assets_dir, shaders_dir
+from pointglass.model.weights import shipped
 assert all(module.__file__.startswith(os.environ["PYTHONPATH"]) for module in (pointglass, viewer, model))
 assert (shaders_dir() / "resolve.comp").is_file() and (assets_dir() / "demo.laz").is_file()
 assert (assets_dir() / "demo_cameras.json").is_file() and "balanced-filtered" in shipped()
-import viewer.commands, viewer.grid.info, viewer.grid.open_scene, viewer.render.renderer
-from viewer.readers.formats import open_source
+import pointglass.viewer.commands, pointglass.viewer.grid.info, pointglass.viewer.render.renderer
+from pointglass.viewer.readers.formats import open_source
 print("points", sum(len(chunk.xyz) for chunk in open_source(assets_dir() / "demo.laz").chunks()))
-from viewer.cli import main
+from pointglass.viewer.cli import main
 raise SystemExit(main(["info", "--help"]))
 """
 

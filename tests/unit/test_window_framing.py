@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from window_session import room
 
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.tools.standing_place import enclosure
-from viewer.window.start_viewpoint import darkness, start_camera, survey
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.tools.standing_place import enclosure
+from pointglass.viewer.window.start_viewpoint import darkness, start_camera, survey
 
 
 @pytest.mark.parametrize("aspect", [0.8, 1.6, 2.4])

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 from window_session import FEW, finish, room, session, stats
 
-from viewer.camera import from_fov, look_at
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.settings import Settings
-from viewer.tools.background import composite
-from viewer.window import controls
-from viewer.window.capture import FrameTimes, save_png, stamped
-from viewer.window.loading import Loaded, expanded, open_each
-from viewer.window.present import split_column
-from viewer.window.save_actions import SaveActions
-from viewer.window.session import Session
-from viewer.window.start_viewpoint import survey
+from pointglass.viewer.camera import from_fov, look_at
+from pointglass.viewer.errors import InputError
+from pointglass.viewer.progress import progress
+from pointglass.viewer.settings import Settings
+from pointglass.viewer.tools.background import composite
+from pointglass.viewer.window import controls
+from pointglass.viewer.window.capture import FrameTimes, save_png, stamped
+from pointglass.viewer.window.loading import Loaded, expanded, open_each
+from pointglass.viewer.window.present import split_column
+from pointglass.viewer.window.save_actions import SaveActions
+from pointglass.viewer.window.session import Session
+from pointglass.viewer.window.start_viewpoint import survey
 
 if TYPE_CHECKING:
-    from viewer.window.viewport import Viewport
+    from pointglass.viewer.window.viewport import Viewport
 
 
 def test_a_still_session_needs_one_picture():

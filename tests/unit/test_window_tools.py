@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from window_session import session
 
-from viewer.camera import Camera, look_at
-from viewer.window.interaction.fly import Fly
-from viewer.window.interaction.table import TOOLS, toolbox
-from viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, Toolbox, ToolContext
+from pointglass.viewer.camera import Camera, look_at
+from pointglass.viewer.window.interaction.fly import Fly
+from pointglass.viewer.window.interaction.table import TOOLS, toolbox
+from pointglass.viewer.window.interaction.tool import KeyEvent, PointerEvent, Tool, Toolbox, ToolContext
 
 
 class Recorder(Tool):

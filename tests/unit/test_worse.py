@@ -9,14 +9,14 @@ import pytest
 import torch
 from PIL import Image
 
-import model.evaluation.room_scores as scene_module
-from model.data.dataset import DataError
-from model.data.stations import load_scene
-from model.evaluation.figures import Figures, Truth
-from model.evaluation.flip import flip_metric
-from model.evaluation.worse import Case, Worst, error_ratio, format_summary, ratio_of_room, summary
-from model.weights import weights_dir
-from viewer.cli import main
+import pointglass.model.evaluation.room_scores as scene_module
+from pointglass.model.data.dataset import DataError
+from pointglass.model.data.stations import load_scene
+from pointglass.model.evaluation.figures import Figures, Truth
+from pointglass.model.evaluation.flip import flip_metric
+from pointglass.model.evaluation.worse import Case, Worst, error_ratio, format_summary, ratio_of_room, summary
+from pointglass.model.weights import weights_dir
+from pointglass.viewer.cli import main
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 
@@ -77,7 +77,7 @@ def test_without_the_package_the_others_judge(monkeypatch, room):
 
 def test_a_network_is_counted_against_what_goes_into_it(room, monkeypatch):
     """One that returns its input is worse nowhere; one that darkens it is, everywhere."""
-    from model.evaluation.methods import OURS, Method
+    from pointglass.model.evaluation.methods import OURS, Method
 
     def method(gain):
         return lambda name, _path: Method(f"network {name}", lambda view_points: view_points.input(OURS, weighted=True), OURS,
@@ -115,7 +115,7 @@ def test_several_rooms_and_the_worst_view_in_one_command(room, squeeze, tmp_path
     with Image.open(files[1]) as sheet:
         assert sheet.width > 3 * 48
     with pytest.raises(DataError, match="--plot: for one folder"):
-        from model.evaluation.command import run
-        from viewer.commands import make_parser
+        from pointglass.model.evaluation.command import run
+        from pointglass.viewer.commands import make_parser
 
         run(make_parser().parse_args([*told, "--plot", str(tmp_path / "p.png")]))

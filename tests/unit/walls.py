@@ -4,9 +4,9 @@ read wrongly puts points on the wrong colours.  Metres; cameras in OpenGL axes."
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from model.data.dataset import MemoryPicture, Scan
-from model.data.lens import Lens
-from model.data.projected import project_scan
+from pointglass.model.data.dataset import MemoryPicture, Scan
+from pointglass.model.data.lens import Lens
+from pointglass.model.data.projected import project_scan
 
 SIZE = np.array([4.0, 3.0, 2.5])
 OPENCV = np.diag((1.0, -1.0, -1.0, 1.0))

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.settings import Settings
-from viewer.window.loading import Loaded
-from viewer.window.session import Session
-from viewer.window.start_viewpoint import survey
+from pointglass.viewer.grid.open_scene import scene_from_arrays
+from pointglass.viewer.settings import Settings
+from pointglass.viewer.window.loading import Loaded
+from pointglass.viewer.window.session import Session
+from pointglass.viewer.window.start_viewpoint import survey
 
 FEW = 4_000
 """Points of a session's room: the search for a place to stand in it takes longer with more."""

@@ -5,7 +5,7 @@ from pathlib import Path
 from driver import SIZE, Driver
 from imgui_bundle import imgui
 
-from viewer.window.interaction.tool import KeyEvent
+from pointglass.viewer.window.interaction.tool import KeyEvent
 
 
 class Items:
@@ -145,8 +145,8 @@ def check_large_pictures_and_panoramas_are_rendered_beside_the_window(d: Driver)
     import numpy as np
     from PIL import Image
 
-    from viewer.tools.altered_pictures import shot_picture
-    from viewer.tools.shot_metadata import read_shot
+    from pointglass.viewer.tools.altered_pictures import shot_picture
+    from pointglass.viewer.tools.shot_metadata import read_shot
 
     d.rest()
     saves, work = d.app.save_actions, d.session.work
@@ -207,7 +207,7 @@ def check_a_closed_scan_is_freed(d: Driver) -> None:
 
     from driver import middle
 
-    from viewer.window.interaction.editing import edit
+    from pointglass.viewer.window.interaction.editing import edit
 
     d.resize(1280, 720)
     d.drop(Path("passer2"))

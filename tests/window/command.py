@@ -2,7 +2,7 @@
 
 import sys
 
-from viewer.cli import main
+from pointglass.viewer.cli import main
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[2:]))

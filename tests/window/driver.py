@@ -13,7 +13,7 @@ NAP = 0.02
 
 def room(points: int = 50_000, seed: int = 5):
     """A box room of 8 x 6 x 3 m with a coloured checker on its walls, as a Scene."""
-    from viewer.grid.open_scene import scene_from_arrays
+    from pointglass.viewer.grid.open_scene import scene_from_arrays
 
     rng = np.random.default_rng(seed)
     size = np.array([8.0, 6.0, 3.0])
@@ -27,8 +27,8 @@ def room(points: int = 50_000, seed: int = 5):
 
 def pair_of_files(seed: int):
     """The room, its left half from one file and its right half from another, both without scanner positions."""
-    from viewer.grid.open_scene import scene_from_arrays
-    from viewer.grid.scene import unpack
+    from pointglass.viewer.grid.open_scene import scene_from_arrays
+    from pointglass.viewer.grid.scene import unpack
 
     xyz, rgb, _, _ = unpack(room(seed=seed))
     scans = [{"name": name, "position": None} for name in ("left", "right")]
@@ -38,7 +38,7 @@ def pair_of_files(seed: int):
 
 def room_with_passer(seed: int):
     """The room from two stations, 3 m apart; in the scan of the first one a person stands between them, blue."""
-    from viewer.grid.open_scene import scene_from_arrays
+    from pointglass.viewer.grid.open_scene import scene_from_arrays
 
     rng = np.random.default_rng(seed)
     size, foot, radius = np.array([8.0, 6.0, 3.0]), np.array([4.0, 3.6]), 0.3
@@ -75,8 +75,8 @@ class Driver:
     def __init__(self, folder: Path):
         import glfw
 
-        from viewer.settings import Settings
-        from viewer.window.app import App
+        from pointglass.viewer.settings import Settings
+        from pointglass.viewer.window.app import App
 
         self.folder = folder
         self.app = App(Settings(view="filled"), size=SIZE, folder=folder, scale=1.0)
@@ -86,8 +86,8 @@ class Driver:
         self.session.loads.open_scene = self._open
 
     def _open(self, paths):
-        from viewer.grid.open_scene import open_scene
-        from viewer.progress import progress
+        from pointglass.viewer.grid.open_scene import open_scene
+        from pointglass.viewer.progress import progress
 
         name = paths[0].name
         if name == "slow.ply":  # a load that lasts until it is cancelled
@@ -107,7 +107,7 @@ class Driver:
 
     def until(self, condition, seconds: float = 20.0) -> None:
         """Runs the window's own loop, which sleeps and draws nothing where nothing happens: a worker keeps the processors."""
-        from viewer.window import app
+        from pointglass.viewer.window import app
 
         end, nap = time.monotonic() + seconds, app._NAP
         app._NAP = NAP
@@ -189,7 +189,7 @@ class Driver:
             self.session.interface, self.session.notices.toasts = shown, said
 
     def rendered(self) -> np.ndarray:
-        from viewer.tools.background import composite
+        from pointglass.viewer.tools.background import composite
 
         """What ``render`` makes of the present view, at the size of the window."""
         session = self.session

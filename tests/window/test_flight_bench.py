@@ -32,7 +32,7 @@ def test_flight_reports_every_frame_and_no_error_where_nothing_was_left_out(tmp_
 
 
 def test_without_a_display_it_says_so_in_one_line(capsys, monkeypatch):
-    from viewer.cli import main
+    from pointglass.viewer.cli import main
 
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)

@@ -12,14 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from model.common.atomic_write import passes_through
-from model.common.seeds import MAX_SEED
-from viewer.errors import InputError
-from viewer.settings import CHOICES
+from ...model.common.atomic_write import passes_through
+from ...model.common.seeds import MAX_SEED
+from ..errors import InputError
+from ..settings import CHOICES
 
 if TYPE_CHECKING:
-    from viewer.bench.bench_input import Subject
-    from viewer.settings import Settings
+    from ..settings import Settings
+    from .bench_input import Subject
 
 PROCEDURAL = 25_000_000
 """Default number of points of a procedural scan.  Chosen by hand."""
@@ -91,16 +91,16 @@ def parse_counts(text: str, option: str) -> list[int]:
 
 def parse_sizes(texts: list[str] | None) -> list[tuple[int, int]]:
     """Sizes of ``--size``, each a comma-separated list; 960x720 by default."""
-    from viewer.tools.export import parse_size
+    from ..tools.export import parse_size
 
     return [parse_size(part.strip()) for text in texts or ["960x720"] for part in text.split(",")]
 
 
 def subject_of(options: argparse.Namespace) -> "Subject":
     """The scan of a bench.  Raises InputError for contradictory options."""
-    from viewer.bench.bench_input import Subject
-    from viewer.bench.procedural_scan import ProceduralScan
-    from viewer.tools.demo import demo_scan
+    from ..tools.demo import demo_scan
+    from .bench_input import Subject
+    from .procedural_scan import ProceduralScan
 
     wanted = KINDS[options.kind].scan
     points = PROCEDURAL if options.procedural is None else parse_count(options.procedural, "--procedural")
@@ -154,8 +154,8 @@ def unused(options: argparse.Namespace, settings: "Settings") -> list[str]:
 
 def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     """Runs the chosen bench, prints a table, and writes the requested JSON and plot.  Returns the exit status."""
-    from viewer.bench.bench_input import described, machine
-    from viewer.tools.files import write_json
+    from ..tools.files import write_json
+    from .bench_input import described, machine
 
     _check(options)
     repeats = KINDS[options.kind].repeats if options.repeats is None else options.repeats
@@ -164,7 +164,7 @@ def run_bench(options: argparse.Namespace, settings: "Settings") -> int:
     if ignored := unused(options, settings):
         print(f"pointglass: `bench {options.kind}` ignores {', '.join(ignored)}", file=sys.stderr)
     if options.kind in NEURAL or (options.kind == "frame" and settings.view == "neural"):
-        from model.common.torch_process import prepare_inference
+        from ...model.common.torch_process import prepare_inference
 
         prepare_inference()
     result, rows, plot = _RUN[options.kind](options, settings, repeats)
@@ -193,7 +193,7 @@ Outcome = tuple[dict, Callable[[dict], list[tuple[str, str]]], Callable | None]
 
 
 def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import frame_times
+    from . import frame_times
 
     sizes = parse_sizes(options.size)
     found = frame_times.run_frames(subject_of(options), sizes, settings, repeats, options.along)
@@ -201,7 +201,7 @@ def _frame(options: argparse.Namespace, settings: "Settings", repeats: int) -> O
 
 
 def _flight(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import flight_rate
+    from . import flight_rate
 
     size = parse_sizes(options.size or ["1280x720"])[0]
     frames = options.frames or flight_rate.FRAMES
@@ -209,26 +209,26 @@ def _flight(options: argparse.Namespace, settings: "Settings", repeats: int) -> 
 
 
 def _grid(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import grid
+    from . import grid
 
     return grid.run(parse_count(options.points or "10M", "--points"), repeats), grid.rows, grid.plot
 
 
 def _open(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import opening
+    from . import opening
 
     return opening.run_open(subject_of(options), parse_sizes(options.size)[0], settings), opening.rows, opening.plot
 
 
 def _error(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import approximation_errors
+    from . import approximation_errors
 
     result = approximation_errors.run_errors(subject_of(options), parse_sizes(options.size)[0], repeats, options.only)
     return result, approximation_errors.rows, approximation_errors.plot
 
 
 def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import scaling
+    from . import scaling
 
     counts = parse_counts(options.points, "--points") if options.points else scaling.LADDER
     size = parse_sizes(options.size)[0]
@@ -236,14 +236,14 @@ def _scale(options: argparse.Namespace, settings: "Settings", repeats: int) -> O
 
 
 def _versus(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import versus
+    from . import versus
 
     result = versus.run_versus(subject_of(options), parse_sizes(options.size), settings, repeats, options.frames)
     return result, versus.rows, versus.plot
 
 
 def _stability(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench.stability.claims_table import run_stability
+    from .stability.claims_table import run_stability
 
     size = parse_sizes(options.size)[0] if options.size else (320, 240)
     return run_stability(size, options.seed, options.plot), _limit_rows, None
@@ -259,7 +259,7 @@ def _limit_rows(result: dict) -> list[tuple[str, str]]:
 
 
 def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import occlusion_walk
+    from . import occlusion_walk
 
     points, rooms = parse_count(options.points or "100M", "--points"), options.rooms or occlusion_walk.ROOMS
     frames = options.frames or occlusion_walk.FRAMES
@@ -270,14 +270,14 @@ def _occlusion(options: argparse.Namespace, settings: "Settings", repeats: int) 
 
 
 def _raster(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import rasters
+    from . import rasters
 
     count = parse_count(options.points or "2M", "--points")
     return rasters.run_rasters(count, parse_sizes(options.size)[0], repeats, options.seed), rasters.rows, rasters.plot
 
 
 def _cull(options: argparse.Namespace, settings: "Settings", repeats: int) -> Outcome:
-    from viewer.bench import culling
+    from . import culling
 
     return culling.run_culling(parse_sizes(options.size)[0], repeats, options.seed), culling.rows, culling.plot
 

@@ -12,19 +12,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.scanner_positions import stations_differ
-from viewer.bench.approximations import EXACT, Approximation, BenchRenderer, Whole, approximations, coarser
-from viewer.bench.bench_input import Subject
-from viewer.bench.plots import INK, MARKS, figure, label_points, save
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.settings import Settings
-from viewer.tools.viewpoints import named_views
+from ...model.common.scanner_positions import stations_differ
+from ..camera import Camera
+from ..errors import InputError
+from ..progress import progress
+from ..settings import Settings
+from ..tools.viewpoints import named_views
+from .approximations import EXACT, Approximation, BenchRenderer, Whole, approximations, coarser
+from .bench_input import Subject
+from .plots import INK, MARKS, figure, label_points, save
 
 if TYPE_CHECKING:
-    from model.reconstruct import Reconstructor
-    from viewer.render.frame import Frame
+    from ...model.reconstruct import Reconstructor
+    from ..render.frame import Frame
 
 NOISE = 0.05
 """Relative difference of times below which they count as equal.  Chosen by hand."""
@@ -98,7 +98,7 @@ def _error_summary(squares: Sequence[float], largest: float, masks: Sequence[flo
 
 def against_reference(exact: BenchRenderer, cameras: list[Camera], meter: Callable[[], object]) -> Cost:
     """Error of the exact frame against the float64 reference implementation; the time is that of the exact frame."""
-    from viewer.bench.float64_reference import reference_frame
+    from .float64_reference import reference_frame
 
     times, squares, largest, masks = [], [], 0.0, []
     for camera in cameras:
@@ -128,11 +128,11 @@ def _check_group(only: str, table: list[Approximation]) -> None:
 
 def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:
     """All approximations over the eight named views of a scan.  only: one group.  Raises InputError for an unknown group."""
-    from model.reconstruct import fast_precision
-    from model.weights import shipped, weights_name
-    from viewer.bench.int8 import Int8Error, quantised
-    from viewer.render.context import create_context
-    from viewer.render.neural import load_network
+    from ...model.reconstruct import fast_precision
+    from ...model.weights import shipped, weights_name
+    from ..render.context import create_context
+    from ..render.neural import load_network
+    from .int8 import Int8Error, quantised
 
     if only is not None:  # before anything is loaded
         _check_group(only, approximations(["balanced", "fast"], ["bf16", "int8"], True))

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from model.common.processors import usable_processors
+from ...model.common.processors import usable_processors
 
 if TYPE_CHECKING:
-    from viewer.bench.procedural_scan import ProceduralScan
-    from viewer.grid.scene import Scene
-    from viewer.render.context import Device
+    from ..grid.scene import Scene
+    from ..render.context import Device
+    from .procedural_scan import ProceduralScan
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +25,10 @@ class Subject:
     def scene(self) -> "Scene":
         """The scan's grid: of files through the cache; a procedural one is made each time."""
         if self.procedural is not None:
-            from viewer.bench.procedural_scan import procedural_scene
+            from .procedural_scan import procedural_scene
 
             return procedural_scene(self.procedural)
-        from viewer.grid.open_scene import open_scene
+        from ..grid.open_scene import open_scene
 
         return open_scene(list(self.scans))
 

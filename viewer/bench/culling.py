@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
+    from ..camera import Camera
+    from ..grid.scene import Scene
 
 CELLS = 1_000_000
 """Least number of cells.  This and the values below were chosen by hand."""
@@ -44,8 +44,8 @@ def repeated(scene: "Scene", cells: int) -> tuple["Scene", int]:
 
 def views_around(scene: "Scene", size: tuple[int, int]) -> "list[Camera]":
     """Horizontal views in all directions from the middle of the floor, at eye height."""
-    from viewer.bench.procedural_scan import EYE
-    from viewer.camera import from_fov, look_at
+    from ..camera import from_fov, look_at
+    from .procedural_scan import EYE
 
     middle = scene.origin + (scene.cell_coords.min(axis=0) + scene.cell_coords.max(axis=0) + 1) / 2 * scene.cell_size
     eye = np.array([middle[0], middle[1], EYE])
@@ -55,8 +55,8 @@ def views_around(scene: "Scene", size: tuple[int, int]) -> "list[Camera]":
 
 def run_culling(size: tuple[int, int], repeats: int, seed: int) -> dict:
     """Milliseconds to find the visible cells and to list their points, p50 over views and rounds, by level of detail."""
-    from viewer.bench.procedural_scan import ProceduralScan, procedural_scene
-    from viewer.render.cull import Culler
+    from ..render.cull import Culler
+    from .procedural_scan import ProceduralScan, procedural_scene
 
     scene, times = repeated(procedural_scene(ProceduralScan(_POINTS, _ROOMS, seed)), CELLS)
     culler = Culler(scene)
@@ -92,7 +92,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 def plot(result: dict, path: Path) -> None:
     """A bar for each level of detail: time for cells, then for lists of points."""
-    from viewer.bench.plots import INK, figure, save
+    from .plots import INK, figure, save
 
     made, axes = figure(7.0, 1.8)
     names = list(result["detail"])

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.bench_input import Subject
-from viewer.bench.frame_times import summary
-from viewer.bench.plots import INK, figure, save
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.settings import Settings
-from viewer.tools.viewpoints import camera_path
+from ..errors import InputError
+from ..progress import progress
+from ..settings import Settings
+from ..tools.viewpoints import camera_path
+from .bench_input import Subject
+from .frame_times import summary
+from .plots import INK, figure, save
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.window.app import App
+    from ..camera import Camera
+    from ..window.app import App
 
 VIEWS = ("raw", "filled", "neural")
 """Views that are measured."""
@@ -45,9 +45,9 @@ def run_flight(subject: Subject, size: tuple[int, int], settings: Settings, fram
     size: of the picture without the panels, pixels.  Raises DeviceError without a display, InputError if the window cannot show
     a picture of this size.
     """
-    from viewer.window.app import App
-    from viewer.window.loading import Loaded
-    from viewer.window.start_viewpoint import survey
+    from ..window.app import App
+    from ..window.loading import Loaded
+    from ..window.start_viewpoint import survey
 
     scene = subject.scene()
     app = App(settings, size=size, scale=1.0)
@@ -92,7 +92,7 @@ def _rest(app: "App") -> None:
 
 
 def _go(app: "App", camera: "Camera", *, moving: bool) -> None:
-    from viewer.window.navigation import view_along
+    from ..window.navigation import view_along
 
     flight = app.session.flight
     state = view_along(camera.position, camera.forward, flight.state.speed, flight.state.upright)
@@ -158,7 +158,7 @@ def _error(shown: np.ndarray, full: np.ndarray) -> dict[str, float]:
     """PSNR (dB) and SSIM of the displayed picture against the full-quality picture; both (H, W, 3) uint8."""
     import torch
 
-    from model.evaluation.metrics import psnr, ssim
+    from ...model.evaluation.metrics import psnr, ssim
 
     a, b = (torch.from_numpy(np.ascontiguousarray(image)).permute(2, 0, 1).double() / 255 for image in (shown, full))
     return {"psnr": psnr(a, b), "ssim": ssim(a, b)}

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.bench_input import Subject
-from viewer.bench.plots import INK, figure, save
-from viewer.progress import progress
-from viewer.settings import VIEWS, Settings
-from viewer.tools.viewpoints import camera_path, named_views
+from ..progress import progress
+from ..settings import VIEWS, Settings
+from ..tools.viewpoints import camera_path, named_views
+from .bench_input import Subject
+from .plots import INK, figure, save
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.renderer import Renderer
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from ..render.renderer import Renderer
 
 
 def one_percent_low(milliseconds: Sequence[float]) -> float:
@@ -56,8 +56,8 @@ def run_frames(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
 
     ``cold_ms``: time of the first frame of a view at a size, with compilation, allocation and loading; not part of the others.
     """
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
+    from ..render.context import create_context
+    from ..render.renderer import Renderer
 
     scene = subject.scene()
     context = create_context()

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.grid.grid_threads import processors
-from viewer.grid.open_scene import scene_from_arrays
+from ..grid.grid_threads import processors
+from ..grid.open_scene import scene_from_arrays
 
 
 def random_surface(points: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
@@ -66,7 +66,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 def plot(result: dict, path: Path) -> None:
     """A bar for each stage of the best run."""
-    from viewer.bench.plots import INK, figure, save
+    from .plots import INK, figure, save
 
     made, axes = figure(7.0, 2.4)
     axes.barh(list(result["stages_ms_per_million"]), list(result["stages_ms_per_million"].values()), color=INK[0])

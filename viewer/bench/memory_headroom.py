@@ -5,8 +5,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from viewer.settings import Memory
-from viewer.stream.residency import available_memory
+from ..settings import Memory
+from ..stream.residency import available_memory
 
 POOL = Memory(gpu=2 << 30)
 """Limit of the points' memory, so that a billion points can be viewed with gigabytes to spare.  Chosen by hand."""

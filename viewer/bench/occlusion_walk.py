@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.procedural_scan import DOOR, EYE, PITCH, ProceduralScan, procedural_scene
-from viewer.camera import Camera, from_fov, look_at
-from viewer.progress import progress
-from viewer.settings import Settings
+from ..camera import Camera, from_fov, look_at
+from ..progress import progress
+from ..settings import Settings
+from .procedural_scan import DOOR, EYE, PITCH, ProceduralScan, procedural_scene
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
-    from viewer.render.renderer import Renderer
+    from ..grid.scene import Scene
+    from ..render.renderer import Renderer
 
 ROOMS = 20
 """Default number of rooms.  This and the values below were chosen by hand."""
@@ -85,7 +85,7 @@ def compare(renderer: "Renderer", cameras: list[Camera], settings: Settings, met
 
     keep: index of a frame; its pictures without and with history, and its wrong pixels, are returned too.
     """
-    from viewer.render.occlusion import Occlusion
+    from ..render.occlusion import Occlusion
 
     history = Occlusion()
     rows, kept = [], []
@@ -147,8 +147,8 @@ def run_occlusion(rooms: int = ROOMS, points: int = 100_000_000, size: tuple[int
 
     scene: of the same scan, if it exists already.  lod: as in Settings.
     """
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
+    from ..render.context import create_context
+    from ..render.renderer import Renderer
 
     scan = ProceduralScan(points, rooms, seed)
     scene = scene or procedural_scene(scan)
@@ -193,7 +193,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 def plot(result: dict, path: Path) -> None:
     """Wrong pixels, points and milliseconds of each frame."""
-    from viewer.bench.plots import INK, figure, save
+    from .plots import INK, figure, save
 
     made, (upper, middle, lower) = figure(8, 7, rows=3)
     rows, along = result["rows"], np.arange(result["frames"])

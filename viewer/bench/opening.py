@@ -5,10 +5,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from viewer.bench.bench_input import Subject
-from viewer.bench.plots import INK, figure, save
-from viewer.settings import Settings
-from viewer.tools.viewpoints import named_views
+from ..settings import Settings
+from ..tools.viewpoints import named_views
+from .bench_input import Subject
+from .plots import INK, figure, save
 
 FIRST, EVERY, FULL = "cache to first picture", "cache to every point in view", "cache to full quality"
 """Names of the totals."""
@@ -20,10 +20,10 @@ def run_open(subject: Subject, size: tuple[int, int], settings: Settings) -> dic
     They are the first raw picture of the coarse layers, as in the window; raw with all points; and neural.  ``first_picture``:
     share of the visible points in the first picture.  The cache has just been written and may still be in memory.
     """
-    from viewer.bench.procedural_scan import procedural_scene
-    from viewer.grid.open_scene import open_scene
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
+    from ..grid.open_scene import open_scene
+    from ..render.context import create_context
+    from ..render.renderer import Renderer
+    from .procedural_scan import procedural_scene
 
     times: dict[str, float] = {}
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from model.evaluation.open3d_points import POINT_SIZES, Open3DError, Open3DPoints
-from viewer.bench.matrix_rate import synchronise
-from viewer.settings import Settings
+from ...model.evaluation.open3d_points import POINT_SIZES, Open3DError, Open3DPoints
+from ..settings import Settings
+from .matrix_rate import synchronise
 
 if TYPE_CHECKING:
     import moderngl
     import torch
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.cull import Culler, DrawList
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from ..render.cull import Culler, DrawList
 
 COUNTED = ("raster", "filter", "network")
 """Stages in the total of the paper's pipeline."""
@@ -55,8 +55,8 @@ class PaperNetwork:
     def __init__(self, size: tuple[int, int], device: str, dtype: "torch.dtype", seed: int = 1):
         import torch
 
-        from model.engines import fold_normalisation
-        from model.unet import PaperUNet
+        from ...model.engines import fold_normalisation
+        from ...model.unet import PaperUNet
 
         width, height = size
         with torch.random.fork_rng(devices=[]):
@@ -147,7 +147,7 @@ class Published:
     settings = Settings(view="filtered", filter="paper-code", soft_z="paper-code", raster="compute")
 
     def __init__(self, context: "moderngl.Context", scene: "Scene", network: PaperNetwork):
-        from viewer.render.renderer import Renderer
+        from ..render.renderer import Renderer
 
         self.network = network
         self._renderer = Renderer(context, scene, device="cpu")  # not used, as the network runs here
@@ -174,7 +174,7 @@ class Published:
 def fastest_precision(device: str, size: tuple[int, int]) -> tuple[str, dict[str, float]]:
     """The fastest precision of the paper's network, measured on a small picture, and milliseconds of each.  On CUDA fp16, as
     published."""
-    from model.reconstruct import PRECISIONS
+    from ...model.reconstruct import PRECISIONS
 
     if device == "cuda":
         return "fp16", {}
@@ -199,7 +199,7 @@ class Open3DContender:
     name = f"Open3D, {POINT_SIZES[0]:g} px points, read back"
 
     def __init__(self, scene: "Scene"):
-        from viewer.grid.scene import unpack
+        from ..grid.scene import unpack
 
         self.reason: str | None = None
         self._xyz = self._rgb = np.empty(0)

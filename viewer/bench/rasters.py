@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.settings import Settings
+from ..settings import Settings
 
 KINDS = ("compute", "points", "cpu")
 """Names of the rasterisers; the last one reads the points from OpenGL's memory, which a GPU would have to copy."""
@@ -16,12 +16,12 @@ KINDS = ("compute", "points", "cpu")
 
 def run_rasters(count: int, size: tuple[int, int], repeats: int, seed: int = 1) -> dict:
     """Milliseconds of both passes of each rasteriser for ``count`` points within the picture."""
-    from viewer.camera import from_fov, look_at
-    from viewer.grid.open_scene import scene_from_arrays
-    from viewer.progress import progress
-    from viewer.render.context import create_context
-    from viewer.render.device_class import pictures_agree
-    from viewer.render.renderer import Renderer
+    from ..camera import from_fov, look_at
+    from ..grid.open_scene import scene_from_arrays
+    from ..progress import progress
+    from ..render.context import create_context
+    from ..render.device_class import pictures_agree
+    from ..render.renderer import Renderer
 
     rng = np.random.default_rng(seed)
     camera = from_fov(*size, 60.0, look_at(np.zeros(3), np.array([0.0, 1.0, 0.0])), "random")
@@ -74,7 +74,7 @@ def rows(result: dict) -> list[tuple[str, str]]:
 
 def plot(result: dict, path: Path) -> None:
     """A bar for each."""
-    from viewer.bench.plots import INK, figure, save
+    from .plots import INK, figure, save
 
     made, axes = figure(7.0, 1.8)
     axes.barh(list(result["milliseconds"]), list(result["milliseconds"].values()), color=INK[0])

@@ -17,22 +17,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.frame_times import summary
-from viewer.bench.memory_headroom import POINT_BYTES, POOL, available, problem, resident
-from viewer.bench.plots import INK, MARKS, figure, save
-from viewer.bench.procedural_scan import POINTS_PER_ROOM, STATIONS, ProceduralScan, procedural_scene
-from viewer.camera import Camera, from_fov, look_at
-from viewer.errors import InputError
-from viewer.paths import cache_dir
-from viewer.progress import progress
-from viewer.settings import Settings
-from viewer.text import counted
+from ..camera import Camera, from_fov, look_at
+from ..errors import InputError
+from ..paths import cache_dir
+from ..progress import progress
+from ..settings import Settings
+from ..text import counted
+from .frame_times import summary
+from .memory_headroom import POINT_BYTES, POOL, available, problem, resident
+from .plots import INK, MARKS, figure, save
+from .procedural_scan import POINTS_PER_ROOM, STATIONS, ProceduralScan, procedural_scene
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.grid.scene import Scene
-    from viewer.render.renderer import Renderer
+    from ..grid.scene import Scene
+    from ..render.renderer import Renderer
 
 LADDER = (1_000_000, 3_000_000, 10_000_000, 30_000_000, 100_000_000, 300_000_000, 1_000_000_000)
 """Default numbers of points.  This and the values below were chosen by hand."""
@@ -74,7 +74,7 @@ def run_scale(sizes: Sequence[int], size: tuple[int, int], settings: Settings, r
 
     Level of detail: that of the settings, else LOD.  keep: a folder in which grids are kept and reused; None: they are deleted.
     """
-    from viewer.render.context import create_context
+    from ..render.context import create_context
 
     settings = replace(settings, lod=settings.lod or LOD)
     context = create_context()
@@ -127,9 +127,9 @@ class TimedScan:
 
     def __init__(self, context: "moderngl.Context", scan: ProceduralScan, kept: Path | None, parent: Path,
                  size: tuple[int, int], settings: Settings):
-        from viewer.grid.open_scene import open_scene
-        from viewer.render.occlusion import Occlusion
-        from viewer.render.renderer import Renderer
+        from ..grid.open_scene import open_scene
+        from ..render.occlusion import Occlusion
+        from ..render.renderer import Renderer
 
         self._own = None if kept else tempfile.TemporaryDirectory(prefix="pointglass-scale-", dir=parent)
         folder = kept or Path(self._own.name if self._own else "") / "grid"

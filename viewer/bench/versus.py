@@ -12,22 +12,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.evaluation.open3d_points import POINT_SIZES
-from viewer.bench.bench_input import Subject
-from viewer.bench.frame_times import summary
-from viewer.bench.matrix_rate import conv_rate, matmul_rate
-from viewer.bench.opponents import COUNTED, LEFT_OUT, Open3DContender, PaperNetwork, Published, fastest_precision
-from viewer.bench.plots import INK, figure, save
-from viewer.progress import progress
-from viewer.settings import Settings
-from viewer.tools.viewpoints import camera_path
+from ...model.evaluation.open3d_points import POINT_SIZES
+from ..progress import progress
+from ..settings import Settings
+from ..tools.viewpoints import camera_path
+from .bench_input import Subject
+from .frame_times import summary
+from .matrix_rate import conv_rate, matmul_rate
+from .opponents import COUNTED, LEFT_OUT, Open3DContender, PaperNetwork, Published, fastest_precision
+from .plots import INK, figure, save
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.renderer import Renderer
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from ..render.renderer import Renderer
 
 FAIR = 0.4
 """Least share of the matrix rate that the paper's network must reach.  Chosen by hand."""
@@ -45,10 +45,10 @@ def run_versus(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
 
     frames: number of cameras along the path; default: FRAMES.  On a CPU, the paper's network and Open3D render each once.
     """
-    from model.reconstruct import cuda_problem
-    from viewer.errors import DeviceError
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
+    from ...model.reconstruct import cuda_problem
+    from ..errors import DeviceError
+    from ..render.context import create_context
+    from ..render.renderer import Renderer
 
     problem = "not requested" if settings.device == "cpu" else cuda_problem()
     if settings.device == "cuda" and problem:
@@ -83,7 +83,7 @@ def run_versus(subject: Subject, sizes: Sequence[tuple[int, int]], settings: Set
 def _run(context: "moderngl.Context", scene: "Scene", renderer: "Renderer", open3d: Open3DContender, cameras: "list[Camera]",
          settings: Settings, device: str, repeats: int, done: Callable[[], object]) -> dict:
     """The comparison at one picture size."""
-    from model.reconstruct import PRECISIONS
+    from ...model.reconstruct import PRECISIONS
 
     size = cameras[0].width, cameras[0].height
     precision, tried = fastest_precision(device, size)
@@ -142,7 +142,7 @@ def ratios(contenders: dict[str, dict]) -> dict[str, dict[str, float]]:
 def fairness(milliseconds: float, size: tuple[int, int], rates: dict[str, float]) -> dict:
     """Operations per second of the paper's network in its best frame, their share of the device's rates, and whether it is
     fair."""
-    from model.unet import PaperUNet, mac_per_pixel
+    from ...model.unet import PaperUNet, mac_per_pixel
 
     mac = mac_per_pixel(PaperUNet(), 32)
     reached = 2.0 * mac * size[0] * size[1] / (milliseconds / 1e3)

@@ -20,18 +20,18 @@ from pathlib import Path
 
 import numpy as np
 
-from model.noise import MAX_VOXELS, NoiseModel
-from viewer.errors import InputError
-from viewer.grid.checksum import checksum
-from viewer.grid.grid_header import VERSION, DamagedGrid, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
-from viewer.grid.grid_threads import processors
-from viewer.grid.scene import CHUNK, Scene
-from viewer.grid.scratch_folder import move, reserve, scratch
-from viewer.grid_folder import MAGIC, is_grid
-from viewer.grid_folder import META as _META
-from viewer.paths import cache_dir
-from viewer.progress import progress
-from viewer.readers.formats import KNOWN
+from ...model.noise import MAX_VOXELS, NoiseModel
+from ..errors import InputError
+from ..grid_folder import MAGIC, is_grid
+from ..grid_folder import META as _META
+from ..paths import cache_dir
+from ..progress import progress
+from ..readers.formats import KNOWN
+from .checksum import checksum
+from .grid_header import VERSION, DamagedGrid, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
+from .grid_threads import processors
+from .scene import CHUNK, Scene
+from .scratch_folder import move, reserve, scratch
 
 # Versions of: the decision on colours, the order of points and the measure of their spacing, the estimate of noise, the packing
 # of attributes.  They are part of the cache key: a change rebuilds cached grids.  Folders made by convert stay as they are.

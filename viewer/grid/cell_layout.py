@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from viewer.grid import density_layers as layers
-from viewer.grid.count_points import CellCounts
-from viewer.grid.histogram import merge
+from . import density_layers as layers
+from .count_points import CellCounts
+from .histogram import merge
 
 TARGET = 8192
 """Points of a cell on average, within a factor of two, since cell sizes are powers of two; chosen by hand."""

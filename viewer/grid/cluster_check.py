@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from viewer.preprocess.valid_positions import is_position
-from viewer.readers.source import Chunk, Source
+from ..preprocess.valid_positions import is_position
+from ..readers.source import Chunk, Source
 
 _EVERY = 64  # one of so many points is examined; chosen by hand
 _BULK = (2.0, 98.0)  # percentiles of a chunk's points between which it lies, so that outlier points do not count

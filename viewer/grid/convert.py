@@ -4,12 +4,12 @@ import os
 from functools import partial
 from pathlib import Path
 
-from model.common.folders import made_folder
-from viewer.errors import InputError
-from viewer.grid import cache
-from viewer.grid.open_scene import as_paths, build_scene, each_once
-from viewer.grid.scene import Scene
-from viewer.text import counted
+from ...model.common.folders import made_folder
+from ..errors import InputError
+from ..text import counted
+from . import cache
+from .open_scene import as_paths, build_scene, each_once
+from .scene import Scene
 
 _NAMED = 8  # scans that could not be read and are named in the message, besides the first; chosen by hand
 
@@ -21,7 +21,7 @@ def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | 
     replaced.  Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad
     input; nothing partial is left behind.
     """
-    from viewer.readers.formats import check_file
+    from ..readers.formats import check_file
 
     files, out = as_paths(paths), Path(out)
     for file in files:
@@ -50,7 +50,7 @@ def _place_of(out: Path) -> Path:
 
 def scans_in(paths: list[Path]) -> list[Path]:
     """The given files, and of each folder the scans directly inside it, by name.  Raises InputError where it holds none."""
-    from viewer.readers.formats import KNOWN, entry_of, is_scan
+    from ..readers.formats import KNOWN, entry_of, is_scan
 
     found: list[Path] = []
     for path in as_paths(paths):
@@ -71,7 +71,7 @@ def convert_each(
     at the end, which names all such scans and the error of the first.  Raises it at once where two scans would have the same
     name.
     """
-    from viewer.readers.formats import name_of
+    from ..readers.formats import name_of
 
     files = scans_in(paths)
     names: dict[str, Path] = {}

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.grid.count_points import CellCounts
-from viewer.preprocess.valid_positions import FARTHEST
-from viewer.readers.source import Source
-from viewer.text import counted
+from ..errors import InputError
+from ..preprocess.valid_positions import FARTHEST
+from ..readers.source import Source
+from ..text import counted
+from .count_points import CellCounts
 
 
 def check_any_valid(sources: Sequence[Source], counts: CellCounts) -> None:

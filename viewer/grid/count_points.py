@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.grid.histogram import Histogram, OutOfReach
-from viewer.progress import progress
-from viewer.readers.source import Chunk, Source
+from ..errors import InputError
+from ..progress import progress
+from ..readers.source import Chunk, Source
+from .histogram import Histogram, OutOfReach
 
 
 @dataclass(frozen=True, eq=False)

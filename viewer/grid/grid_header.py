@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from model.noise import KNOTS
-from viewer.grid.density_layers import EARLIER_PARTS, PARTS
-from viewer.grid_folder import MAGIC, META
-from viewer.preprocess.point_attributes import layout_from
+from ...model.noise import KNOTS
+from ..grid_folder import MAGIC, META
+from ..preprocess.point_attributes import layout_from
+from .density_layers import EARLIER_PARTS, PARTS
 
 VERSION = 4
 """Of the folder's format."""

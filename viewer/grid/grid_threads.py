@@ -1,6 +1,6 @@
 """How many threads build a grid."""
 
-from model.common.processors import usable_processors
+from ...model.common.processors import usable_processors
 
 MOST = 8
 """Threads; chosen by hand: with more, memory bandwidth is the limit."""

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from viewer.grid import kernels
-from viewer.preprocess.valid_positions import FARTHEST, is_position
+from ..preprocess.valid_positions import FARTHEST, is_position
+from . import kernels
 
 SLICES = 2
 """Tables, each filled by its own thread.  Fixed, not the number of processors, so that every machine builds the same grid: when

@@ -3,12 +3,12 @@
 import logging
 from pathlib import Path
 
-from model.common.scanner_positions import stations_differ
-from viewer.grid.cache import CacheError
-from viewer.grid.open_scene import open_scene
-from viewer.grid.scene import Scene
-from viewer.preprocess.point_attributes import described
-from viewer.text import counted
+from ...model.common.scanner_positions import stations_differ
+from ..preprocess.point_attributes import described
+from ..text import counted
+from .cache import CacheError
+from .open_scene import open_scene
+from .scene import Scene
 
 _log = logging.getLogger(__name__)
 

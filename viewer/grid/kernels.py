@@ -9,9 +9,9 @@ cell size is a power of two.
 
 import numpy as np
 
-from model.common.jit import compiled
-from viewer.grid.cell_boxes import SHARE_BITS, SHARES
-from viewer.grid.density_layers import PART_EXTRA, PART_OF, PARTS, STEP
+from ...model.common.jit import compiled
+from .cell_boxes import SHARE_BITS, SHARES
+from .density_layers import PART_EXTRA, PART_OF, PARTS, STEP
 
 GEOMETRIC = 16
 """Number of values the seeded geometric variable takes: 0..15."""

@@ -8,9 +8,9 @@ distinguishes them.  Frame: file coordinates.  Memory: twice model.noise.BUDGET 
 
 import numpy as np
 
-from model.noise import NoiseModel, Sampler, no_noise
-from viewer.grid.count_points import CellCounts
-from viewer.readers.source import Chunk, Source
+from ...model.noise import NoiseModel, Sampler, no_noise
+from ..readers.source import Chunk, Source
+from .count_points import CellCounts
 
 RUN_SHARE, LEAST_RUN = 0.01, 4096
 """The smallest gap in the file order between two runs, as a share of the file and in points.  Measured in 12 neighbourhoods

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.grid.scene import Scene
+from ..errors import InputError
+from .scene import Scene
 
 if TYPE_CHECKING:
-    from viewer.readers.source import Source
+    from ..readers.source import Source
 
 _IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file; chosen by hand
 
@@ -32,7 +32,7 @@ def open_scene(
     columns: what the columns of text files are (viewer.readers.text_columns); None: they are recognised.
     Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled where progress is cancelled.
     """
-    from viewer.grid import cache as stored
+    from . import cache as stored
 
     files = as_paths(paths)
     if len(files) == 1 and files[0].is_dir():
@@ -41,7 +41,7 @@ def open_scene(
             raise InputError(f"{files[0]}: was built with matched exposures, colours as scanned are not in it; "
                              "give the scan itself, or convert it again with --exposures as-scanned")
         return scene
-    from viewer.readers.formats import check_file
+    from ..readers.formats import check_file
 
     for file in files:
         check_file(file)
@@ -52,9 +52,9 @@ def open_scene(
 
 def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None) -> Scene:
     """Reads the files and builds their grid.  allocate: gives the array of packed points (viewer.grid.two_passes.Allocate)."""
-    from viewer.grid.two_passes import build_grid
-    from viewer.preprocess.point_colour import Colours
-    from viewer.readers.formats import open_sources
+    from ..preprocess.point_colour import Colours
+    from ..readers.formats import open_sources
+    from .two_passes import build_grid
 
     sources = open_sources(files, columns)
     facts = facts_of(files, sources) | {"match": match, "warnings": _differences(sources)}
@@ -100,8 +100,8 @@ def scene_from_arrays(
     ``Scene.meta`` that replace the defaults.  stages: if given, receives the seconds each stage took.  noise: estimate the
     noise of the colours.  Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
     """
-    from viewer.grid.two_passes import build_grid
-    from viewer.readers.arrays import ArraySource
+    from ..readers.arrays import ArraySource
+    from .two_passes import build_grid
 
     source = ArraySource(xyz, rgb, intensity, scan)
     known = {
@@ -117,7 +117,7 @@ def in_memory(count: int) -> np.ndarray:
         return np.empty((count, 3), np.uint32)
     import tempfile
 
-    from viewer.grid.scratch_folder import reserve
+    from .scratch_folder import reserve
 
     try:
         with tempfile.TemporaryFile(prefix="pointglass-") as file:
@@ -135,7 +135,7 @@ def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
         raise InputError("no scan given; name at least one file")
-    from viewer.readers.formats import entry_of
+    from ..readers.formats import entry_of
 
     return each_once(entry_of(Path(path)) for path in given)
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
+from ..errors import InputError
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
-    from viewer.readers.source import Chunk, Source
+    from ..readers.source import Chunk, Source
+    from .scene import Scene
 
 LEAST_POINTS = 2000
 """Points that a preview must have; chosen by hand: fewer cannot be recognised."""
@@ -42,9 +42,9 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     Returns None where the files have fewer than ``least_bytes`` together, cannot be read (the complete load reports why), or
     have too few points.  columns: of text files, as for open_scene.
     """
-    from viewer.grid.open_scene import as_paths, facts_of, scene_from_arrays
-    from viewer.preprocess.point_colour import height_colours
-    from viewer.readers.formats import open_sources
+    from ..preprocess.point_colour import height_colours
+    from ..readers.formats import open_sources
+    from .open_scene import as_paths, facts_of, scene_from_arrays
 
     try:
         files = as_paths(paths)

@@ -12,7 +12,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 SQUARES = 64
 """Squares of a face, the bits of a uint64."""

@@ -11,17 +11,17 @@ from concurrent.futures import Executor, Future
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.grid import kernels
-from viewer.grid.cell_boxes import boxes_of
-from viewer.grid.cell_layout import Layout
-from viewer.grid.count_points import CellCounts, numbered_chunks
-from viewer.grid.histogram import dense_table_of, table_of
-from viewer.grid.noise_sample import NoiseSample
-from viewer.preprocess.point_attributes import AttributeLayout
-from viewer.preprocess.point_colour import Colours
-from viewer.preprocess.scan_table import ScanTable
-from viewer.readers.source import Source
+from ..errors import InputError
+from ..preprocess.point_attributes import AttributeLayout
+from ..preprocess.point_colour import Colours
+from ..preprocess.scan_table import ScanTable
+from ..readers.source import Source
+from . import kernels
+from .cell_boxes import boxes_of
+from .cell_layout import Layout
+from .count_points import CellCounts, numbered_chunks
+from .histogram import dense_table_of, table_of
+from .noise_sample import NoiseSample
 
 BLOCK = 1 << 18
 """Points packed before they are placed; chosen so that the packed words and bucket numbers of two blocks (8 MB) stay in the

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from model.common.scanner_positions import station_positions_of
-from model.noise import NoiseModel
-from viewer.grid.marked_points import MarkedPoints
-from viewer.preprocess.point_attributes import AttributeLayout, layout_from
+from ...model.common.scanner_positions import station_positions_of
+from ...model.noise import NoiseModel
+from ..preprocess.point_attributes import AttributeLayout, layout_from
+from .marked_points import MarkedPoints
 
 STEPS = 65536
 """Positions of a coordinate inside a cell: 16 bits."""

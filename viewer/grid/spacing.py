@@ -13,7 +13,7 @@ from concurrent.futures import Executor
 
 import numpy as np
 
-from viewer.grid import kernels
+from . import kernels
 
 _CELLS, _QUERIES, _CANDIDATES = 64, 24, 20_000
 """Cells that are examined, queries in each, and points of a cell among which neighbours are searched; chosen by hand."""

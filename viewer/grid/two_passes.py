@@ -13,24 +13,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.noise import NoiseModel
-from viewer.grid.cell_layout import Layout, choose_layout
-from viewer.grid.cluster_check import ClusterCheck
-from viewer.grid.count_checks import check_any_valid, drop_warnings, precision_warnings
-from viewer.grid.count_points import CellCounts, count_cells
-from viewer.grid.density_layers import PARTS
-from viewer.grid.grid_threads import processors
-from viewer.grid.histogram import power_of_two
-from viewer.grid.noise_sample import NoiseSample
-from viewer.grid.projected_coverage import projected_coverage
-from viewer.grid.scatter import scatter
-from viewer.grid.scene import STEPS, Scene
-from viewer.grid.spacing import measure_spacing
-from viewer.preprocess.point_attributes import AttributeCounts, AttributeLayout
-from viewer.preprocess.point_colour import Colours
-from viewer.preprocess.scan_table import MOST_NUMBERS, ScanTable, stated_scans
-from viewer.preprocess.scanner_positions import StationInference
-from viewer.readers.source import Source
+from ...model.noise import NoiseModel
+from ..preprocess.point_attributes import AttributeCounts, AttributeLayout
+from ..preprocess.point_colour import Colours
+from ..preprocess.scan_table import MOST_NUMBERS, ScanTable, stated_scans
+from ..preprocess.scanner_positions import StationInference
+from ..readers.source import Source
+from .cell_layout import Layout, choose_layout
+from .cluster_check import ClusterCheck
+from .count_checks import check_any_valid, drop_warnings, precision_warnings
+from .count_points import CellCounts, count_cells
+from .density_layers import PARTS
+from .grid_threads import processors
+from .histogram import power_of_two
+from .noise_sample import NoiseSample
+from .projected_coverage import projected_coverage
+from .scatter import scatter
+from .scene import STEPS, Scene
+from .spacing import measure_spacing
 
 _LEAST_STEPS = 4
 """Packed positions between neighbouring points, at least; chosen by hand: rounding then moves a point by an eighth of the

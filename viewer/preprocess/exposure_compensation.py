@@ -8,11 +8,11 @@ LAS or LAZ file, or one of several files. The gains are described in ``meta["exp
 
 import numpy as np
 
-from model.exposure import exposures_of
-from model.scan_runs import RunGains, solve_run_gains
-from viewer.preprocess.black_border import DARK, black_border_share
-from viewer.preprocess.valid_positions import is_position
-from viewer.readers.source import Chunk
+from ...model.exposure import exposures_of
+from ...model.scan_runs import RunGains, solve_run_gains
+from ..readers.source import Chunk
+from .black_border import DARK, black_border_share
+from .valid_positions import is_position
 
 SAMPLE = 1_000_000
 """Points kept, up to twice as many (80 MB); chosen by hand."""

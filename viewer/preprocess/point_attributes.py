@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from viewer.readers.source import Chunk
-from viewer.text import counted
+from ..readers.source import Chunk
+from ..text import counted
 
 CODES = 256
 """Class codes: 8 bits, as in LAS 1.4."""

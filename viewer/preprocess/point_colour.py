@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from viewer.preprocess.black_border import DARK
-from viewer.preprocess.exposure_compensation import ExposureCompensation
-from viewer.progress import progress
-from viewer.readers.source import Chunk, Source
+from ..progress import progress
+from ..readers.source import Chunk, Source
+from .black_border import DARK
+from .exposure_compensation import ExposureCompensation
 
 _RAMP = np.array([
     (68, 1, 84), (72, 40, 120), (62, 73, 137), (49, 104, 142), (38, 130, 142),

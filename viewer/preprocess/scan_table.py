@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from viewer.readers.source import Chunk, ScanInfo, Source
+from ..readers.source import Chunk, ScanInfo, Source
 
 MOST_NUMBERS = 256
 """Scans that the 8 bits of a packed point tell apart; all later ones share the last number."""

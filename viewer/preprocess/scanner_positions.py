@@ -11,11 +11,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from model.common.scanner_positions import station_positions_of, stations_differ
-from viewer.preprocess.scan_lines import WINDOW, Station, find_stations
-from viewer.preprocess.scan_table import ScanTable, stated_scans
-from viewer.preprocess.valid_positions import is_position
-from viewer.readers.source import Chunk, ScanInfo, Source
+from ...model.common.scanner_positions import station_positions_of, stations_differ
+from ..readers.source import Chunk, ScanInfo, Source
+from .scan_lines import WINDOW, Station, find_stations
+from .scan_table import ScanTable, stated_scans
+from .valid_positions import is_position
 
 MOST_STRETCHES = 2048
 """Stretches kept of a file, up to twice as many (50 MB); chosen by hand."""

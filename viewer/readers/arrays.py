@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source
+from ..errors import InputError
+from .source import CHUNK, Chunk, ScanInfo, Source
 
 
 class ArraySource(Source):

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.source import Chunk, ScanInfo, Source, stretch
+from ..errors import InputError
+from .source import Chunk, ScanInfo, Source, stretch
 
 Columns = dict[str, np.ndarray]
 """Columns of rows, (n,) each: x y z coordinates, r g b colour, i intensity, c class, s station."""

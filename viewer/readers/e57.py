@@ -12,10 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers import crs
-from viewer.readers.column_source import RANGE_RUNS
-from viewer.readers.e57_nodes import (
+from ..errors import InputError
+from ..text import counted
+from . import crs
+from .column_source import RANGE_RUNS
+from .e57_nodes import (
     check_prototypes,
     child,
     is_number,
@@ -26,10 +27,9 @@ from viewer.readers.e57_nodes import (
     value_of,
     xml_of,
 )  # fmt: skip
-from viewer.readers.e57_packets import PacketReader, UnknownPacking
-from viewer.readers.sampling import interleaved
-from viewer.readers.source import Chunk, ScanInfo, Source, stretch
-from viewer.text import counted
+from .e57_packets import PacketReader, UnknownPacking
+from .sampling import interleaved
+from .source import Chunk, ScanInfo, Source, stretch
 
 _CHUNK = 1 << 19  # points of a buffer, float64 for every field (4 MB each); chosen by hand
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")

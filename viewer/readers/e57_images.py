@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
-from viewer.readers.formats import check_file
+from ..errors import InputError
+from .e57_nodes import child, first_line, library, open_e57, pose_of, text_of, value_of
+from .formats import check_file
 
 MOST_PIXELS = 1 << 28
 """Pixels of a stored picture; larger ones are refused before decoding; chosen by hand: 800 MB as RGB."""

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.e57_packets import PAGE, PAGE_DATA
+from ..errors import InputError
+from .e57_packets import PAGE, PAGE_DATA
 
 
 def library() -> Any:

@@ -15,7 +15,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from viewer.errors import InputError
+from ..errors import InputError
 
 PAGE, PAGE_DATA = 1024, 1020
 """Bytes of a page and of the data in it, by the standard; the rest is a checksum."""

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.e57_images import decoded, listed_photographs, number_of
-from viewer.readers.e57_nodes import first_line, library, open_e57
-from viewer.readers.formats import check_file
+from ..errors import InputError
+from .e57_images import decoded, listed_photographs, number_of
+from .e57_nodes import first_line, library, open_e57
+from .formats import check_file
 
 KINDS = ("pinhole", "spherical", "cylindrical")
 LONGEST = 4096

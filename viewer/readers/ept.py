@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.column_source import Columns
-from viewer.readers.octree import TYPES, OctreeSource, as_object, columns_of, pieces, read_json, vector, whole
+from ..errors import InputError
+from .column_source import Columns
+from .octree import TYPES, OctreeSource, as_object, columns_of, pieces, read_json, vector, whole
 
 _SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
 _NODE = re.compile(r"\d{1,3}-\d{1,19}-\d{1,19}-\d{1,19}")
@@ -148,7 +148,7 @@ class EptSource(OctreeSource):
             yield 0, self._columns(records)
 
     def _from_las(self, node: str, count: int) -> Iterator[tuple[int, Columns]]:
-        from viewer.readers.las import LasSource
+        from .las import LasSource
 
         source = LasSource(self._file(node))
         if source.count != count:

@@ -9,11 +9,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer.errors import InputError
-from viewer.grid_folder import is_grid
+from ..errors import InputError
+from ..grid_folder import is_grid
 
 if TYPE_CHECKING:
-    from viewer.readers.source import Source
+    from .source import Source
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
         row = next((row for row in FORMATS if suffix in row.suffixes and not row.magic), None)
         if row is None or b"\0" in head or _packed(head):
             raise InputError(f"{path}: {_guess(head, suffix)}; expected a {KNOWN}")
-    reader = getattr(import_module(f"viewer.readers.{row.reader[0]}"), row.reader[1])
+    reader = getattr(import_module(f".{row.reader[0]}", __package__), row.reader[1])
     source = reader(path, columns) if row.takes_columns else reader(path)
     if row.magic and suffix not in row.suffixes:
         named = f"named {suffix}" if suffix else "named without a suffix"

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers import crs
-from viewer.readers.copc_nodes import CopcNodes, read_nodes
-from viewer.readers.laz_chunks import check_chunks
-from viewer.readers.sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
-from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, surplus_warning
+from ..errors import InputError
+from . import crs
+from .copc_nodes import CopcNodes, read_nodes
+from .laz_chunks import check_chunks
+from .sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
+from .source import CHUNK, Chunk, ScanInfo, Source, surplus_warning
 
 _AT_ONCE = 1 << 30  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
 

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from viewer.errors import InputError
+from ..errors import InputError
 
 VARIABLE = 2**32 - 1
 """In place of a number of points a chunk: each chunk has its own (COPC)."""

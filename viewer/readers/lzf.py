@@ -6,7 +6,7 @@ a preview may.
 
 import numpy as np
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 
 @compiled(nogil=True)

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers import crs
-from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.sampling import sampled_nodes
-from viewer.readers.source import CHUNK, Chunk, ScanInfo
+from ..errors import InputError
+from . import crs
+from .column_source import Columns, ColumnSource
+from .sampling import sampled_nodes
+from .source import CHUNK, Chunk, ScanInfo
 
 _LARGEST_JSON = 256 << 20  # bytes of a JSON file; chosen by hand: real ones are far smaller
 _BATCH = 1 << 18  # points of small nodes that are gathered to a chunk; chosen by hand

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.pcd_header import Header, read_header
-from viewer.readers.sampling import run_starts
-from viewer.readers.source import CHUNK, surplus_warning
-from viewer.readers.text_rows import ROWS, TextRows
-from viewer.readers.text_sample import TextRegion, sample_rows
+from ..errors import InputError
+from .column_source import Columns, ColumnSource
+from .pcd_header import Header, read_header
+from .sampling import run_starts
+from .source import CHUNK, surplus_warning
+from .text_rows import ROWS, TextRows
+from .text_sample import TextRegion, sample_rows
 
 _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 _PACKED = ("rgb", "rgba")  # of four bytes: blue, green, red, and alpha or nothing
@@ -193,7 +193,7 @@ class PcdSource(ColumnSource):
     def _decompressed(self) -> np.ndarray:
         """All columns one after the other, uint8; kept for the second reading of a sample."""
         if self._columns is None:
-            from viewer.readers.lzf import decompress
+            from .lzf import decompress
 
             header = self._header
             packed, size = np.fromfile(self.path, "<u4", 2, offset=header.offset).tolist()

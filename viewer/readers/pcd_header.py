@@ -7,8 +7,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.text import whole_number
+from ..errors import InputError
+from ..text import whole_number
 
 _KINDS = {"F": (4, 8), "U": (1, 2, 4, 8), "I": (1, 2, 4, 8)}
 _DATA = ("ascii", "binary", "binary_compressed")

@@ -12,13 +12,13 @@ from typing import BinaryIO
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.column_source import RANGE_RUNS, Columns, Ranges
-from viewer.readers.ply_header import Element, read_header
-from viewer.readers.sampling import run_starts
-from viewer.readers.source import CHUNK, Chunk, ScanInfo, Source, stretch, surplus_warning
-from viewer.readers.text_rows import TextRows
-from viewer.readers.text_sample import TextRegion, sample_rows
+from ..errors import InputError
+from .column_source import RANGE_RUNS, Columns, Ranges
+from .ply_header import Element, read_header
+from .sampling import run_starts
+from .source import CHUNK, Chunk, ScanInfo, Source, stretch, surplus_warning
+from .text_rows import TextRows
+from .text_sample import TextRegion, sample_rows
 
 _COLOURS = (
     ("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"),

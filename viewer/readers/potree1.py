@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.column_source import Columns
-from viewer.readers.octree import TYPES, OctreeSource, columns_of, read_json, vector, whole
-from viewer.readers.source import CHUNK
+from ..errors import InputError
+from .column_source import Columns
+from .octree import TYPES, OctreeSource, columns_of, read_json, vector, whole
+from .source import CHUNK
 
 _NODE_FILE = re.compile(r"(r[0-7]*)\.(bin|las|laz|hrc)", re.IGNORECASE)
 _HIERARCHY = np.dtype([("children", "u1"), ("points", "<u4")])
@@ -150,7 +150,7 @@ class Potree1Source(OctreeSource):
         return self._from_las(file) if self._dtype is None else self._from_records(name, file)
 
     def _from_las(self, file: Path) -> Iterator[tuple[int, Columns]]:
-        from viewer.readers.las import LasSource
+        from .las import LasSource
 
         for chunk in LasSource(file).chunks():
             yield 0, columns_of(chunk)

@@ -12,9 +12,9 @@ from typing import BinaryIO
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.column_source import Columns
-from viewer.readers.octree import TYPES, OctreeSource, pieces, read_json, vector, whole
+from ..errors import InputError
+from .column_source import Columns
+from .octree import TYPES, OctreeSource, pieces, read_json, vector, whole
 
 _NODE = np.dtype([("type", "u1"), ("children", "u1"), ("points", "<u4"), ("place", "<i8"), ("bytes", "<i8")])
 _PROXY = 2

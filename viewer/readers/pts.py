@@ -6,13 +6,13 @@ Coordinates are in the common frame.  Each part is a scan without a position.  U
 from collections.abc import Iterator
 from pathlib import Path
 
-from viewer.errors import InputError
-from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.source import ScanInfo, surplus_warning
-from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
-from viewer.readers.text_rows import ROWS, TextRows, quoted
-from viewer.readers.text_sample import TextRegion, sample_rows
-from viewer.text import counted, whole_number
+from ..errors import InputError
+from ..text import counted, whole_number
+from .column_source import Columns, ColumnSource
+from .source import ScanInfo, surplus_warning
+from .text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
+from .text_rows import ROWS, TextRows, quoted
+from .text_sample import TextRegion, sample_rows
 
 
 class PtsSource(ColumnSource):

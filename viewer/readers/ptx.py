@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.source import ScanInfo
-from viewer.readers.text_columns import LEAST_ROW, LEICA_COLUMNS
-from viewer.readers.text_rows import ROWS, TextRows, quoted
-from viewer.readers.text_sample import TextRegion, sample_rows
-from viewer.text import whole_number
+from ..errors import InputError
+from ..text import whole_number
+from .column_source import Columns, ColumnSource
+from .source import ScanInfo
+from .text_columns import LEAST_ROW, LEICA_COLUMNS
+from .text_rows import ROWS, TextRows, quoted
+from .text_sample import TextRegion, sample_rows
 
 _VECTORS = (3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines of a header after columns and rows
 _ORTHOGONAL = 1e-3  # largest error of a rotation matrix; chosen by hand: poses are written with six digits or more

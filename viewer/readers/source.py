@@ -4,11 +4,14 @@ Coordinates are float64 in the file's own frame and units.  A reader never holds
 that the file marks as invalid and counts them in the chunk; values that are not finite are passed on, and dropped by the grid.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+
+from ..errors import InputError
 
 CHUNK = 1 << 20
 """Points of the largest chunk; chosen by hand: 24 MB of coordinates."""
@@ -44,6 +47,25 @@ class Chunk:
     classification: np.ndarray | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Records:
+    """Whole records of points, as the file stores them; for export, and for what is shown of single points.
+
+    xyz: (n, 3) float64, file coordinates, poses applied.  rgb: (n, 3) uint8 or uint16, of the file's own depth, or None.
+    scan: index into the source's ``scans``, or (n,) of them.
+    columns: name -> (n,) or (n, k) array in the file's own type and scale, NaN where a record has no value: "intensity",
+        "classification", "gps_time", "return_number" and so on, named as laspy names them; other fields by their name in the
+        file.
+    native: the records as the format's own library holds them, for a writer of the same format; None where there is none.
+    """
+
+    xyz: np.ndarray
+    rgb: np.ndarray | None = None
+    scan: int | np.ndarray = 0
+    columns: dict[str, np.ndarray] = field(default_factory=dict)
+    native: Any = None
+
+
 @dataclass(eq=False)
 class Source:
     """A readable scan.  Subclasses fill the facts on construction and implement ``chunks``.
@@ -66,10 +88,59 @@ class Source:
         """Yields the points from the beginning.  Raises InputError where the file is damaged."""
         raise NotImplementedError
 
+    def record_chunks(self) -> Iterator[Records]:
+        """Yields the points that ``chunks`` yields, in the same order and pieces, with all that the file says of them."""
+        for chunk in self.chunks():
+            known = {"intensity": chunk.intensity, "classification": chunk.classification, "point_source_id": chunk.station}
+            columns = {name: np.asarray(values) for name, values in known.items() if values is not None}
+            yield Records(chunk.xyz, chunk.rgb, chunk.scan, columns)
+
+    def records(self, numbers: np.ndarray) -> Records:
+        """The records with these running numbers, (n,) int64 ascending, each once; number i is the i-th point of ``chunks``.
+
+        Reads the file from its beginning; formats with random access override it.  Raises InputError where the file is
+        damaged, or has fewer points than it had.
+        """
+        found, first = [], 0
+        for records in self.record_chunks():
+            low, high = np.searchsorted(numbers, (first, first + len(records.xyz)))
+            if low < high:
+                found.append(taken(records, numbers[low:high] - first))
+            first += len(records.xyz)
+            if high == len(numbers):
+                break
+        else:
+            raise InputError(f"{self.path}: has {first:,} points, fewer than when its grid was built; open it again")
+        return joined(found)
+
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """Yields runs of ``run`` points spread over the file, about ``points`` in all, without reading the rest.  Returns None
         where that is impossible.  Raises InputError where the file is damaged."""
         return None
+
+
+def taken(records: Records, index: np.ndarray) -> Records:
+    """Some of the records: those at ``index``, whole numbers or a mask."""
+    return Records(
+        records.xyz[index],
+        None if records.rgb is None else records.rgb[index],
+        records.scan[index] if isinstance(records.scan, np.ndarray) else records.scan,
+        {name: values[index] for name, values in records.columns.items()},
+        None if records.native is None else records.native[index],
+    )
+
+
+def joined(parts: Sequence[Records]) -> Records:
+    """Records of one source behind each other, without their native form."""
+    if len(parts) == 1:
+        return parts[0]
+    scans = [np.broadcast_to(np.asarray(part.scan), len(part.xyz)) for part in parts]
+    return Records(
+        np.concatenate([part.xyz for part in parts]) if parts else np.empty((0, 3)),
+        np.concatenate([part.rgb for part in parts if part.rgb is not None]) if parts and parts[0].rgb is not None else None,
+        np.concatenate(scans) if parts else 0,
+        {name: np.concatenate([part.columns[name] for part in parts]) for name in (parts[0].columns if parts else ())},
+    )
 
 
 def surplus_warning(path: Path, count: int | None) -> str:

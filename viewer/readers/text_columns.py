@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.text_rows import BLANKS, TextRows, has_decimal_comma, quoted
+from ..errors import InputError
+from .text_rows import BLANKS, TextRows, has_decimal_comma, quoted
 
 COLUMNS = "xyzrgbic"
 OTHER = "-"

@@ -8,7 +8,7 @@ near 2**-104, so the result is rounded as by ``float`` (a test compares them).  
 
 import numpy as np
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 DIGITS = 19
 """Decimal digits that fit 64 bits."""

@@ -9,8 +9,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.text import counted
+from ..errors import InputError
+from ..text import counted
 
 _BLOCK = 1 << 24  # bytes of text read at a time; chosen by hand
 _LONGEST_LINE = 1 << 16  # bytes of a line; chosen by hand: rows of scans have some hundreds
@@ -61,7 +61,7 @@ class TextRows:
         Returns (n, columns) float64, and the number of fields of the next line where it differs, else None.
         Raises InputError naming the line where a wanted field is not a number.
         """
-        from viewer.readers.text_kernels import OTHER_WIDTH, parse_rows
+        from .text_kernels import OTHER_WIDTH, parse_rows
 
         table = np.empty((most, max(target) + 1))
         places, slow = np.array(target, np.int64), np.empty((max(4096, 4 * len(target)), 4), np.int64)
@@ -113,7 +113,7 @@ class TextRows:
 
     def skip(self, most: int) -> int:
         """Skips up to ``most`` rows without parsing them, and returns how many there were."""
-        from viewer.readers.text_kernels import skip_rows
+        from .text_kernels import skip_rows
 
         passed = 0
         while passed < most and self._fill():

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.readers.sampling import interleaved
-from viewer.readers.text_rows import BLANKS, TextRows
+from ..errors import InputError
+from .sampling import interleaved
+from .text_rows import BLANKS, TextRows
 
 _MEASURED_BYTES = 1 << 16  # at the beginning of a region, to learn the length of a row; chosen by hand
 _LINE_END_BYTES = 1 << 12  # read behind a block to complete its last line; rows of scans have up to about 200 bytes

@@ -6,10 +6,10 @@ Fields are separated by blanks, tabs, commas or semicolons; comments begin with 
 from collections.abc import Iterator
 from pathlib import Path
 
-from viewer.readers.column_source import Columns, ColumnSource
-from viewer.readers.text_columns import named_columns, recognise
-from viewer.readers.text_rows import ROWS, TextRows
-from viewer.readers.text_sample import TextRegion, sample_rows
+from .column_source import Columns, ColumnSource
+from .text_columns import named_columns, recognise
+from .text_rows import ROWS, TextRows
+from .text_sample import TextRegion, sample_rows
 
 _HEADER_BLOCK = 1 << 16  # bytes read at a time to pass the lines before the rows; chosen by hand
 

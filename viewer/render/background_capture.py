@@ -10,12 +10,12 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from model.engines import Runner
+from ...model.engines import Runner
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from model.reconstruct import Reconstructor
+    from ...model.reconstruct import Reconstructor
 
 log = logging.getLogger(__name__)
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 if TYPE_CHECKING:
-    from viewer.render.cull import DrawList
-    from viewer.render.points import PointPages
+    from .cull import DrawList
+    from .points import PointPages
 
 UNCUT = 1 << 31
 """Points of a piece, more than any page holds: pieces are cut at page borders only."""

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from model.network_layout import PACKED_IN, PACKED_OUT
-from viewer.errors import DeviceError
-from viewer.render.self_test import run_self_test
+from ...model.network_layout import PACKED_IN, PACKED_OUT
+from ..errors import DeviceError
+from .self_test import run_self_test
 
 if TYPE_CHECKING:
     import moderngl
     import torch
 
-    from viewer.render.context import Device
-    from viewer.render.shader import Programs
+    from .context import Device
+    from .shader import Programs
 
 TESTED = 4096
 """Pixels that the self-test compares: enough for several rows and workgroups; a choice."""

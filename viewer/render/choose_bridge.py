@@ -2,18 +2,18 @@
 
 from typing import TYPE_CHECKING
 
-from viewer.errors import DeviceError
-from viewer.render.bridge import Bridge, ReadBackBridge
+from ..errors import DeviceError
+from .bridge import Bridge, ReadBackBridge
 
 if TYPE_CHECKING:
-    from viewer.render.shader import Programs
+    from .shader import Programs
 
 
 def make_bridge(programs: "Programs", size: tuple[int, int], device: str) -> tuple[Bridge, str | None]:
     """The bridge for a device, and the reason why a faster one is not used (None where there is no faster one)."""
     if device != "cuda":
         return ReadBackBridge(programs.context, size), None
-    from viewer.render.cuda_bridge import CudaBridge  # imported here: only CUDA needs its libraries
+    from .cuda_bridge import CudaBridge  # imported here: only CUDA needs its libraries
 
     try:
         mapped = CudaBridge(programs, size)

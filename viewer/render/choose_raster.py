@@ -7,21 +7,21 @@ from collections.abc import Callable
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from viewer.render.device_class import Workgroup, workgroups
-from viewer.render.raster import Rasteriser
-from viewer.render.raster_compute import ComputeRasteriser
-from viewer.render.raster_cpu import CpuRasteriser
-from viewer.render.raster_points import PointRasteriser
+from .device_class import Workgroup, workgroups
+from .raster import Rasteriser
+from .raster_compute import ComputeRasteriser
+from .raster_cpu import CpuRasteriser
+from .raster_points import PointRasteriser
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from model.soft_z import SoftZ
-    from viewer.camera import Camera
-    from viewer.render.context import Device
-    from viewer.render.cull import DrawList
-    from viewer.render.points import PointPages
-    from viewer.render.shader import Programs
+    from ...model.soft_z import SoftZ
+    from ..camera import Camera
+    from .context import Device
+    from .cull import DrawList
+    from .points import PointPages
+    from .shader import Programs
 
 RASTERISERS: "dict[str, Callable[[Programs, tuple[int, int], Device], Rasteriser]]" = {
     "compute": ComputeRasteriser, "points": PointRasteriser, "cpu": CpuRasteriser,

@@ -4,10 +4,10 @@ import ctypes.util
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from viewer.errors import DeviceError
-from viewer.render.device_class import device_class
-from viewer.render.egl import device_order
-from viewer.render.shader import EXTENDED_VERSION, EXTENSIONS
+from ..errors import DeviceError
+from .device_class import device_class
+from .egl import device_order
+from .shader import EXTENDED_VERSION, EXTENSIONS
 
 if TYPE_CHECKING:
     import moderngl

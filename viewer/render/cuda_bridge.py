@@ -8,19 +8,19 @@ waits for earlier OpenGL commands, unmapping makes OpenGL wait for CUDA; the hos
 import contextlib
 from typing import TYPE_CHECKING
 
-from model.network_layout import PACKED_IN, PACKED_OUT
-from viewer.errors import DeviceError
-from viewer.render.bridge import Network, works
-from viewer.render.context import unshared
-from viewer.render.cuda_mappers import MAPPERS, Mapper
-from viewer.render.device_failure import CudaCallError, first_line
-from viewer.render.match_device import other_gpu
+from ...model.network_layout import PACKED_IN, PACKED_OUT
+from ..errors import DeviceError
+from .bridge import Network, works
+from .context import unshared
+from .cuda_mappers import MAPPERS, Mapper
+from .device_failure import CudaCallError, first_line
+from .match_device import other_gpu
 
 if TYPE_CHECKING:
     import moderngl
     import torch
 
-    from viewer.render.shader import Programs
+    from .shader import Programs
 
 ALIGNMENT = 256
 """Bytes: the largest alignment of a storage buffer's offset that OpenGL allows a driver to require."""

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Protocol
 
-from viewer.render.device_failure import CudaCallError
+from .device_failure import CudaCallError
 
 if TYPE_CHECKING:
     import torch

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.grid.density_layers import part_extra
-from viewer.render.cull_kernels import list_runs, visible_cells
+from ..grid.density_layers import part_extra
+from .cull_kernels import list_runs, visible_cells
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
+    from ..camera import Camera
+    from ..grid.scene import Scene
 
 BLOCK = 64
 """Cells in a block of the upper level.  How it was chosen is not recorded."""

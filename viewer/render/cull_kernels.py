@@ -6,9 +6,9 @@ gives the same bits.
 
 import numpy as np
 
-from model.common.jit import compiled
-from viewer.grid.cell_boxes import SHARE_BITS, SHARES, WHOLE
-from viewer.grid.projected_coverage import SQUARES, UNKNOWN
+from ...model.common.jit import compiled
+from ..grid.cell_boxes import SHARE_BITS, SHARES, WHOLE
+from ..grid.projected_coverage import SQUARES, UNKNOWN
 
 SLACK = 1e-8
 """Relative margin of a block's extent in its frustum test, so that no cell is lost with its block: larger than WIDER's 1e-9."""

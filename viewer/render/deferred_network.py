@@ -6,13 +6,13 @@ The network runs on its own thread (viewer.render.network_thread); these functio
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from viewer.render.frame import Frame
+from .frame import Frame
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.render.fill import Fill
-    from viewer.render.neural import NeuralStage
-    from viewer.render.stage_times import Stages
+    from ..camera import Camera
+    from .fill import Fill
+    from .neural import NeuralStage
+    from .stage_times import Stages
 
 
 def camera_key(camera: "Camera") -> tuple:

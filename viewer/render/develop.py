@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.render import shader
-from viewer.tools import provenance_tint
-from viewer.tools.look import EDL_GAIN, Look, disc, tone_curves
+from ..tools import provenance_tint
+from ..tools.look import EDL_GAIN, Look, disc, tone_curves
+from . import shader
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.render.frame import Frame
+    from .frame import Frame
 
 SHOWS_POINTS = ("raw", "filtered")
 """Views in which point size and eye-dome lighting apply: only these show points."""

@@ -8,7 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from viewer.errors import InputError
+from ..errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np

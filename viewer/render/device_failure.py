@@ -2,7 +2,7 @@
 
 import re
 
-from viewer.errors import DeviceError
+from ..errors import DeviceError
 
 _OF_DEVICE = re.compile(
     r"CUDA( driver)? error|CUDA out of memory|cuDNN error|CUDNN_STATUS|CUBLAS_STATUS|cudaError|CUDA_ERROR"

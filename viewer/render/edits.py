@@ -14,14 +14,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from viewer.grid.scene import unpack
-from viewer.tools.clip import MOST_CLIPS, Clip, active, group, may_contain, normals
-from viewer.tools.look import COLOUR_BY, LEVELS, Look, table_of
+from ..grid.scene import unpack
+from ..tools.clip import MOST_CLIPS, Clip, active, group, may_contain, normals
+from ..tools.look import COLOUR_BY, LEVELS, Look, table_of
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.cull import DrawList
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from .cull import DrawList
 
 BLOCK = np.dtype([
     ("clip_rows", "<f4", (3 * MOST_CLIPS, 4)), ("clip_groups", "<u4", 4), ("hidden", "<u4", 8), ("upward", "<f4", 4),

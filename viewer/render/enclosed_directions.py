@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.jit import compiled
-from viewer.grid.scene import unpack
-from viewer.render.occupancy import Occupancy, occupancy_of
+from ...model.common.jit import compiled
+from ..grid.scene import unpack
+from .occupancy import Occupancy, occupancy_of
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
+    from ..camera import Camera
+    from ..grid.scene import Scene
 
 SIDE = 16
 """Cells along a side of a cube face: 5.6 degrees."""

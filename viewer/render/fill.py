@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import moderngl
 
-from model.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
-from model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
-from viewer.render import shader
-from viewer.render.enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
-from viewer.render.filter import level_sizes
-from viewer.render.hole_test import HoleTest
+from ...model.fill_constants import EMPTY_FEATURE, FIRST_LEVEL, NEARER_SCALE, NEARER_START, WIDER_SCALE, wider_offset
+from ...model.network_layout import DEPTH_FEATURE_LIMIT, DEPTH_FEATURE_SCALE
+from . import shader
+from .enclosed_directions import CLOSED, SEALED, SIDE, Directions, closed_in_view
+from .filter import level_sizes
+from .hole_test import HoleTest
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.render.bridge import Pixels
+    from ..camera import Camera
+    from .bridge import Pixels
 
 INPUT_BYTES = 16  # a pixel
 _CONSTANTS = {"FEATURE_SCALE": DEPTH_FEATURE_SCALE, "FEATURE_LIMIT": DEPTH_FEATURE_LIMIT}

@@ -8,9 +8,9 @@ import itertools
 
 import moderngl
 
-from model import filter_constants as constants
-from viewer.render import shader
-from viewer.render.shader import BINDINGS
+from ...model import filter_constants as constants
+from . import shader
+from .shader import BINDINGS
 
 _SHARED = {
     "EMPTY": constants.EMPTY,

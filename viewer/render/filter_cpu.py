@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model import filter_constants as constants
-from model.common.processors import in_rows
-from viewer.render.filter import level_sizes
-from viewer.render.filter_loops import base_rows, coarser_rows, keep_rows, surround, threshold_rows
+from ...model import filter_constants as constants
+from ...model.common.processors import in_rows
+from .filter import level_sizes
+from .filter_loops import base_rows, coarser_rows, keep_rows, surround, threshold_rows
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.render.raster_cpu import CpuRasteriser
+    from .raster_cpu import CpuRasteriser
 
 _FEW = 32
 """Rows of a thread at least: a smaller plane takes less time than waking another thread.  Chosen by hand."""

@@ -8,8 +8,8 @@ A plane of a level is flat, (height + 2) rows of width + 2, with an edge of one 
 
 import numpy as np
 
-from model.common.jit import compiled
-from model.filter_constants import CHILDREN, CLUMPED, EMPTY, SAME_SURFACE, STEEPEST, SUPPORT, SUPPORT_SHARED, TWIST
+from ...model.common.jit import compiled
+from ...model.filter_constants import CHILDREN, CLUMPED, EMPTY, SAME_SURFACE, STEEPEST, SUPPORT, SUPPORT_SHARED, TWIST
 
 _F, _U = np.float32, np.uint32
 _SAME, _LIMIT, _LIMIT_SHARED = _F(1.0 - SAME_SURFACE), _F(36.0 * SUPPORT), _F(36.0 * SUPPORT_SHARED)

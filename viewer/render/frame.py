@@ -8,7 +8,7 @@ import numpy as np
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.render.stage_times import Times
+    from .stage_times import Times
 
 
 @dataclass

@@ -5,9 +5,9 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from viewer.render.context import describe_device
-from viewer.render.gl_functions import integers
-from viewer.stream.residency import available_memory
+from ..stream.residency import available_memory
+from .context import describe_device
+from .gl_functions import integers
 
 if TYPE_CHECKING:
     import moderngl

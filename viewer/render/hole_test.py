@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from model import ray_march
-from model.hole_constants import (
+from ...model import ray_march
+from ...model.hole_constants import (
     BACKGROUND_BELOW,
     COVER_SLOPE,
     FINE_LEVELS,
@@ -17,16 +17,16 @@ from model.hole_constants import (
     strides,
     window_reach,
 )
-from model.ray_march import RAY_BLOCK
-from viewer.render import occupancy as lattice
-from viewer.render import shader
-from viewer.render.filter import level_sizes
+from ...model.ray_march import RAY_BLOCK
+from . import occupancy as lattice
+from . import shader
+from .filter import level_sizes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from viewer.camera import Camera
-    from viewer.render.occupancy import Occupancy
+    from ..camera import Camera
+    from .occupancy import Occupancy
 
 _RAY_LEVELS = int(log2(RAY_BLOCK))
 

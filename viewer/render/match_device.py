@@ -8,9 +8,9 @@ Asked in order of certainty: the device's UUID (GL_EXT_memory_object), the CUDA 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from viewer.render.context import unshared
-from viewer.render.egl import current_cuda_device
-from viewer.render.gl_functions import device_uuids
+from .context import unshared
+from .egl import current_cuda_device
+from .gl_functions import device_uuids
 
 if TYPE_CHECKING:
     import moderngl

@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from model.interruption import Interrupted, interruptible
+from ...model.interruption import Interrupted, interruptible
 
 _NICENESS = 10
 """Added to the niceness of the thread, and of torch's threads that it starts, where the system has one per thread (Linux).  A

@@ -11,19 +11,19 @@ from typing import NoReturn
 
 import numpy as np
 
-from model.engines import ENGINES, Runner
-from model.network_layout import PACKED_IN
-from model.reconstruct import Reconstructor, cuda_problem
-from model.weights import WeightsError
-from viewer.errors import DeviceError, DeviceLostError, InputError
-from viewer.render import shader
-from viewer.render.background_capture import BackgroundRunner
-from viewer.render.bridge import Network, ReadBackBridge
-from viewer.render.choose_bridge import make_bridge
-from viewer.render.context import LOST, context_lost
-from viewer.render.device_failure import device_failure
-from viewer.render.match_device import use_matching_device
-from viewer.render.network_thread import NetworkThread
+from ...model.engines import ENGINES, Runner
+from ...model.network_layout import PACKED_IN
+from ...model.reconstruct import Reconstructor, cuda_problem
+from ...model.weights import WeightsError
+from ..errors import DeviceError, DeviceLostError, InputError
+from . import shader
+from .background_capture import BackgroundRunner
+from .bridge import Network, ReadBackBridge
+from .choose_bridge import make_bridge
+from .context import LOST, context_lost
+from .device_failure import device_failure
+from .match_device import use_matching_device
+from .network_thread import NetworkThread
 
 ENGINE_VARIABLE = "POINTGLASS_ENGINE"
 """Environment variable with the engine of the network on CUDA (a key of model.engines.ENGINES), for measurements."""

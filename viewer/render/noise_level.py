@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.network_layout import NOISE_SCALE, TYPICAL_WEIGHT
-from model.noise import KNOTS, LUMA
-from viewer.render import shader
+from ...model.network_layout import NOISE_SCALE, TYPICAL_WEIGHT
+from ...model.noise import KNOTS, LUMA
+from . import shader
 
 if TYPE_CHECKING:
     import moderngl
 
-    from model.noise import NoiseModel
-    from viewer.camera import Camera
+    from ...model.noise import NoiseModel
+    from ..camera import Camera
 
 
 def noise_scale(detail: float) -> float:

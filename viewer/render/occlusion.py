@@ -20,18 +20,18 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from viewer.errors import DeviceError
-from viewer.grid.cell_boxes import SHARE_BITS
-from viewer.render import shader
-from viewer.render.gpu_buffers import Grown
-from viewer.render.read_ring import make_ring
-from viewer.render.shader import BINDINGS
+from ..errors import DeviceError
+from ..grid.cell_boxes import SHARE_BITS
+from . import shader
+from .gpu_buffers import Grown
+from .read_ring import make_ring
+from .shader import BINDINGS
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
-    from viewer.render.cull import DrawList
-    from viewer.render.filter import DepthFilter
-    from viewer.settings import Settings
+    from ..grid.scene import Scene
+    from ..settings import Settings
+    from .cull import DrawList
+    from .filter import DepthFilter
 
 LAG = {True: 1, False: 2}
 """Frames back of the visibility that a frame uses, in software OpenGL, which is done with a frame when it is submitted, and on

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.grid.scene import unpack
+from ..grid.scene import unpack
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 BLOCKS = 128
 """Blocks along the longest side at most: 2 MB of texture.  A street of 44 m has blocks of 0.35 m."""

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from model.common.jit import compiled
-from model.station_constants import HEAVIEST, UNPLACED
-from viewer.render.edits import BLOCK, DIMMED_LEAST, DIMMED_SHIFT
+from ...model.common.jit import compiled
+from ...model.station_constants import HEAVIEST, UNPLACED
+from .edits import BLOCK, DIMMED_LEAST, DIMMED_SHIFT
 
 _F, _U = np.float32, np.uint32
 

@@ -17,21 +17,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import DeviceError, InputError, is_opengl_error
-from viewer.grid.scene import CHUNK
-from viewer.render.context import describe_device
-from viewer.render.gpu_buffers import Uploads
-from viewer.render.gpu_memory import point_budget
-from viewer.render.shader import BATCH
-from viewer.stream.chunk_reader import READ_AHEAD, ChunkReader
-from viewer.stream.chunk_source import POINT_BYTES, ChunkError, ChunkSource
-from viewer.stream.residency import OVERVIEW, Residency, Round, opening_chunks, overview_chunks
-from viewer.text import bytes_text
+from ..errors import DeviceError, InputError, is_opengl_error
+from ..grid.scene import CHUNK
+from ..stream.chunk_reader import READ_AHEAD, ChunkReader
+from ..stream.chunk_source import POINT_BYTES, ChunkError, ChunkSource
+from ..stream.residency import OVERVIEW, Residency, Round, opening_chunks, overview_chunks
+from ..text import bytes_text
+from .context import describe_device
+from .gpu_buffers import Uploads
+from .gpu_memory import point_budget
+from .shader import BATCH
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 UPLOAD = 32 << 20
 """Bytes of points uploaded in one frame of a moving picture at most.  How it was chosen is not recorded."""

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.render.batches import BatchTable, PageMap
-from viewer.render.cull import DrawList
-from viewer.render.occlusion import HiddenCells, History
+from .batches import BatchTable, PageMap
+from .cull import DrawList
+from .occlusion import HiddenCells, History
 
 if TYPE_CHECKING:
     import moderngl
 
-    from model.soft_z import SoftZ
-    from viewer.camera import Camera
-    from viewer.render.points import PointPages
-    from viewer.stream.residency import Round
+    from ...model.soft_z import SoftZ
+    from ..camera import Camera
+    from ..stream.residency import Round
+    from .points import PointPages
 
 FRAME_FIELDS = np.dtype(
     [("axes", "<f4", (3, 4)), ("lens", "<f4", 4), ("size", "<u4", 4), ("soft", "<f4", 4)]

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from model.common.processors import usable_processors
-from viewer.render import shader
-from viewer.render.batches import BatchTable
-from viewer.render.cull import DrawList
-from viewer.render.device_class import Workgroup, workgroups
-from viewer.render.occlusion import LAG, MAX_GROUPS, HiddenCells, History
-from viewer.render.raster_shader import COPIED_KEYS, ShaderRasteriser
-from viewer.render.shader import BATCH, BINDINGS, STRETCH
+from ...model.common.processors import usable_processors
+from . import shader
+from .batches import BatchTable
+from .cull import DrawList
+from .device_class import Workgroup, workgroups
+from .occlusion import LAG, MAX_GROUPS, HiddenCells, History
+from .raster_shader import COPIED_KEYS, ShaderRasteriser
+from .shader import BATCH, BINDINGS, STRETCH
 
 if TYPE_CHECKING:
-    from viewer.render.context import Device
-    from viewer.render.points import PointPages
-    from viewer.stream.residency import Round
+    from ..stream.residency import Round
+    from .context import Device
+    from .points import PointPages
 
 
 class ComputeRasteriser(ShaderRasteriser):

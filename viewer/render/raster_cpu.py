@@ -12,25 +12,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.linear_light import LEVELS, TO_LINEAR, TO_SRGB
-from model.common.processors import everywhere
-from viewer.render.batches import BatchTable
-from viewer.render.cull import DrawList
-from viewer.render.occlusion import History
-from viewer.render.point_loops import Edited
-from viewer.render.raster import Rasteriser
-from viewer.render.raster_loops import Drawn, Sums, View, colour_sums, nearest_depths, resolve_pixels
-from viewer.render.shader import BATCH
+from ...model.common.linear_light import LEVELS, TO_LINEAR, TO_SRGB
+from ...model.common.processors import everywhere
+from .batches import BatchTable
+from .cull import DrawList
+from .occlusion import History
+from .point_loops import Edited
+from .raster import Rasteriser
+from .raster_loops import Drawn, Sums, View, colour_sums, nearest_depths, resolve_pixels
+from .shader import BATCH
 
 if TYPE_CHECKING:
     import moderngl
 
-    from model.soft_z import SoftZ
-    from viewer.camera import Camera
-    from viewer.render.context import Device
-    from viewer.render.points import PointPages
-    from viewer.render.shader import Programs
-    from viewer.stream.residency import Round
+    from ...model.soft_z import SoftZ
+    from ..camera import Camera
+    from ..stream.residency import Round
+    from .context import Device
+    from .points import PointPages
+    from .shader import Programs
 
 _TABLES = {
     True: (TO_LINEAR.astype(np.uint64), TO_SRGB),

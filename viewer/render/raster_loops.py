@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from model.common.atomics import atomic_add, atomic_max
-from model.common.jit import compiled
-from model.soft_z import MAX_AVERAGED
-from viewer.render.point_loops import dropped, point_weight, recoloured
-from viewer.render.shader import BATCH
+from ...model.common.atomics import atomic_add, atomic_max
+from ...model.common.jit import compiled
+from ...model.soft_z import MAX_AVERAGED
+from .point_loops import dropped, point_weight, recoloured
+from .shader import BATCH
 
 _F, _U, _W = np.float32, np.uint32, np.uint64
 _TAKEN = 32

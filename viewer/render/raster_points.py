@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
-from viewer.render import shader
-from viewer.render.batches import UNCUT, BatchTable
-from viewer.render.cull import DrawList
-from viewer.render.raster_shader import ShaderRasteriser
+from . import shader
+from .batches import UNCUT, BatchTable
+from .cull import DrawList
+from .raster_shader import ShaderRasteriser
 
 if TYPE_CHECKING:
-    from viewer.render.context import Device
-    from viewer.render.points import PointPages
-    from viewer.stream.residency import Round
+    from ..stream.residency import Round
+    from .context import Device
+    from .points import PointPages
 
 
 class PointRasteriser(ShaderRasteriser):

@@ -7,27 +7,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.soft_z import MAX_AVERAGED
-from model.station_constants import HEAVIEST, UNPLACED
-from viewer.render import shader
-from viewer.render.cull import DrawList
-from viewer.render.edits import BLOCK as EDITS_BLOCK
-from viewer.render.edits import DEFINES as EDITED
-from viewer.render.gpu_buffers import Grown
-from viewer.render.occlusion import History, worthwhile
-from viewer.render.raster import FRAME_FIELDS, Rasteriser
-from viewer.render.shader import BINDINGS
-from viewer.render.stations import MOST_STATIONS
+from ...model.common.linear_light import TO_LINEAR, TO_SRGB
+from ...model.soft_z import MAX_AVERAGED
+from ...model.station_constants import HEAVIEST, UNPLACED
+from . import shader
+from .cull import DrawList
+from .edits import BLOCK as EDITS_BLOCK
+from .edits import DEFINES as EDITED
+from .gpu_buffers import Grown
+from .occlusion import History, worthwhile
+from .raster import FRAME_FIELDS, Rasteriser
+from .shader import BINDINGS
+from .stations import MOST_STATIONS
 
 if TYPE_CHECKING:
     import moderngl
 
-    from model.soft_z import SoftZ
-    from viewer.camera import Camera
-    from viewer.render.context import Device
-    from viewer.render.points import PointPages
-    from viewer.stream.residency import Round
+    from ...model.soft_z import SoftZ
+    from ..camera import Camera
+    from ..stream.residency import Round
+    from .context import Device
+    from .points import PointPages
 
 _SUM_BYTES, _WIDE_SUM_BYTES, _CARRY_BYTES = 8, 16, 16  # a pixel, in common_sums.glsl
 _CARRY_HEAD = 16  # bytes of the indirect command of the pass over pixels with carries

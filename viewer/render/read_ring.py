@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import DeviceError, DeviceLostError
-from viewer.render.gl_functions import gl_function
+from ..errors import DeviceError, DeviceLostError
+from .gl_functions import gl_function
 
 if TYPE_CHECKING:
     import moderngl

@@ -12,42 +12,42 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.memory import give_back
-from model.soft_z import SoftZ
-from viewer.errors import DeviceLostError, InputError
-from viewer.render.choose_raster import RASTERISERS as RASTERISERS
-from viewer.render.choose_raster import fastest, make_rasteriser
-from viewer.render.context import LOST, context_lost, describe_device
-from viewer.render.cull import Culler, DrawList
-from viewer.render.deferred_network import camera_key as camera_key
-from viewer.render.deferred_network import finish_network, start_network
-from viewer.render.device_failure import DeviceMemoryError
-from viewer.render.edits import Edits, block_of, without_clipped_cells
-from viewer.render.enclosed_directions import OPEN, Directions, Enclosure
-from viewer.render.fill import Fill
-from viewer.render.filter import DepthFilter
-from viewer.render.filter_cpu import CpuDepthFilter
-from viewer.render.frame import Frame
-from viewer.render.noise_level import NoiseLevel
-from viewer.render.occlusion import History, Occlusion, may_hide
-from viewer.render.points import PointPages
-from viewer.render.raster import Rasteriser
-from viewer.render.raster_compute import ComputeRasteriser
-from viewer.render.raster_cpu import CpuRasteriser
-from viewer.render.shader import Programs
-from viewer.render.sized_passes import SizedPasses
-from viewer.render.stage_times import Stages
-from viewer.render.stations import Confidence, ScannerPositions, uses_station_weights
-from viewer.settings import MEMORY, VIEWS, Memory, Settings
-from viewer.text import bytes_text, counted
+from ...model.common.memory import give_back
+from ...model.soft_z import SoftZ
+from ..errors import DeviceLostError, InputError
+from ..settings import MEMORY, VIEWS, Memory, Settings
+from ..text import bytes_text, counted
+from .choose_raster import RASTERISERS as RASTERISERS
+from .choose_raster import fastest, make_rasteriser
+from .context import LOST, context_lost, describe_device
+from .cull import Culler, DrawList
+from .deferred_network import camera_key as camera_key
+from .deferred_network import finish_network, start_network
+from .device_failure import DeviceMemoryError
+from .edits import Edits, block_of, without_clipped_cells
+from .enclosed_directions import OPEN, Directions, Enclosure
+from .fill import Fill
+from .filter import DepthFilter
+from .filter_cpu import CpuDepthFilter
+from .frame import Frame
+from .noise_level import NoiseLevel
+from .occlusion import History, Occlusion, may_hide
+from .points import PointPages
+from .raster import Rasteriser
+from .raster_compute import ComputeRasteriser
+from .raster_cpu import CpuRasteriser
+from .shader import Programs
+from .sized_passes import SizedPasses
+from .stage_times import Stages
+from .stations import Confidence, ScannerPositions, uses_station_weights
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.device_class import Workgroup
-    from viewer.render.neural import NeuralStage
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from .device_class import Workgroup
+    from .neural import NeuralStage
 
 _WORTH_HALVING = 64 << 20
 """Bytes of points below which giving half of them back is not tried: a choice."""
@@ -127,7 +127,7 @@ class Renderer(SizedPasses):
             raise DeviceLostError(LOST)
         self._resize((camera.width, camera.height), self.device.texture_limit)
         if "neural" in views:  # before anything is drawn
-            from viewer.render.bridge import check_room
+            from .bridge import check_room
 
             check_room(self.device, self._size)
         stages = self._stages
@@ -307,7 +307,7 @@ class Renderer(SizedPasses):
 
     def _neural_for(self, settings: Settings, *, background: bool) -> "NeuralStage":
         """The network's stage.  background: what can be prepared on another thread is, and the first pictures do without."""
-        from viewer.render.neural import NeuralStage
+        from .neural import NeuralStage
 
         device = settings.device if settings.device != "auto" else self._device
         key = (settings.quality, settings.filter != "off", settings.weights, settings.precision, device)

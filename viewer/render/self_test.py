@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from viewer.render.shader import Programs
+from .shader import Programs
 
 
 class Storage(Protocol):

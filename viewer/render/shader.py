@@ -10,8 +10,8 @@ from functools import cache
 
 import moderngl
 
-from viewer.errors import DeviceError
-from viewer.paths import shaders_dir
+from ..errors import DeviceError
+from ..paths import shaders_dir
 
 TILE = (16, 8)
 """Pixels (width, height) that a workgroup of an image pass covers: 128 invocations, a multiple of every GPU's wave."""

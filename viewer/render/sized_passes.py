@@ -2,16 +2,16 @@
 
 from typing import TYPE_CHECKING
 
-from viewer.errors import DeviceError
+from ..errors import DeviceError
 
 if TYPE_CHECKING:
-    from viewer.render.fill import Fill
-    from viewer.render.filter import DepthFilter
-    from viewer.render.filter_cpu import CpuDepthFilter
-    from viewer.render.neural import NeuralStage
-    from viewer.render.noise_level import NoiseLevel
-    from viewer.render.raster import Rasteriser
-    from viewer.render.stations import Confidence
+    from .fill import Fill
+    from .filter import DepthFilter
+    from .filter_cpu import CpuDepthFilter
+    from .neural import NeuralStage
+    from .noise_level import NoiseLevel
+    from .raster import Rasteriser
+    from .stations import Confidence
 
 _NAMES = ("_rasterisers", "_filter", "_fill", "_confidence", "_noise", "_neural", "_spare_neural")
 """Attributes of SizedPasses that belong to one picture size."""

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.scanner_positions import stations_differ
-from model.station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST
-from viewer.render import shader
+from ...model.common.scanner_positions import stations_differ
+from ...model.station_constants import CONFIDENCE_BLOCK, CONFIDENCE_HALF_SUM, HEAVIEST
+from . import shader
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.settings import Settings
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from ..settings import Settings
 
 MOST_STATIONS = 256
 """Stations that the eight bits of a packed point can number."""

@@ -1,6 +1,6 @@
 """The compiled loop that finds the chunks which a draw list needs."""
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 
 @compiled(nogil=True)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from model.common.processors import usable_processors
-from viewer.settings import MEMORY
-from viewer.stream.chunk_source import ChunkSource
+from ...model.common.processors import usable_processors
+from ..settings import MEMORY
+from .chunk_source import ChunkSource
 
 READ_AHEAD = MEMORY.read_ahead
 """Bytes of main memory for the buffers of a reader, by default."""

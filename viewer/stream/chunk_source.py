@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.grid.cache import distrust
-from viewer.grid.checksum import checksum
-from viewer.grid.scene import CHUNK
+from ..errors import InputError
+from ..grid.cache import distrust
+from ..grid.checksum import checksum
+from ..grid.scene import CHUNK
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 POINT_BYTES = 12
 """Of a packed point: three uint32."""

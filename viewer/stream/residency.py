@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.grid.scene import CHUNK
+from ..errors import InputError
+from ..grid.scene import CHUNK
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 OVERVIEW = 1 << 22
 """Points of the coarse layers that stay in the pool, as far as they fit; chosen by hand: two per pixel of a 1920x1080
@@ -76,7 +76,7 @@ class Residency:
 
     def need(self, first: np.ndarray, count: np.ndarray) -> np.ndarray:
         """Ascending numbers of the chunks that hold runs of points.  first, count: (R,) int64, in any order."""
-        from viewer.stream.chunk_kernels import tally_chunks
+        from .chunk_kernels import tally_chunks
 
         self.tally[:] = 0
         tally_chunks(first, count, self._shift, self.tally)

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.render.develop import DevelopedViews, read_picture
-from viewer.render.edits import Edits
-from viewer.tools.background import as_saved
-from viewer.tools.document import Alterations
+from ..errors import InputError
+from ..render.develop import DevelopedViews, read_picture
+from ..render.edits import Edits
+from .background import as_saved
+from .document import Alterations
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.render.frame import Frame
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
-    from viewer.tools.shot_metadata import Shot
+    from ..camera import Camera
+    from ..render.frame import Frame
+    from ..render.renderer import Renderer
+    from ..settings import Settings
+    from .shot_metadata import Shot
 
 _LETTERS, _MARGIN = 0.028, 0.018
 """Height of a comparison's labels and their distance from the edges, shares of the picture's height."""
@@ -35,7 +35,7 @@ class AlteredPictures:
     """Renders pictures of one scene with alterations.  Owns GL objects: release it."""
 
     def __init__(self, renderer: "Renderer", alterations: Alterations):
-        from viewer.render.shader import Programs
+        from ..render.shader import Programs
 
         self._renderer, self._alterations, self._edits = renderer, alterations, edits_of(alterations)
         self._programs = Programs(renderer.context)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.tools.pick import Surface, surface_around
+from .pick import Surface, surface_around
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 SPACINGS = 250.0
 """Distance from the surface in point spacings: at 60 degrees on 720 rows, points are then 2.5 pixels apart."""
@@ -79,7 +79,7 @@ def _between(start: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
 
 def _free(scene: "Scene", point: np.ndarray, along: np.ndarray, stop: float) -> bool:
     """Whether no points lie around the line of sight and the eye.  From a third of the distance on: nearer is the surface."""
-    from viewer.tools import pick_kernels  # numba: only once something is picked
+    from . import pick_kernels  # numba: only once something is picked
 
     coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
     for distance in np.geomspace(stop / 3, stop, _LOOKED_AT):

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.tools.camera_formats.colmap import find_model, read_text_model
-from viewer.tools.camera_formats.colmap_binary import read_binary_model
-from viewer.tools.camera_formats.nerfstudio import read_json
-from viewer.tools.camera_formats.parse import read_text, shown
-from viewer.tools.camera_formats.tum import read_tum
-from viewer.tools.files import write_json
+from ..camera import Camera
+from ..errors import InputError
+from .camera_formats.colmap import find_model, read_text_model
+from .camera_formats.colmap_binary import read_binary_model
+from .camera_formats.nerfstudio import read_json
+from .camera_formats.parse import read_text, shown
+from .camera_formats.tum import read_tum
+from .files import write_json
 
 _LONGEST_NAME = 150  # bytes; a file name may have 255, and endings are still to come
 

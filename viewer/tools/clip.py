@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from viewer.errors import InputError
+from ..errors import InputError
 
 Vector = tuple[float, float, float]
 Axes = tuple[Vector, Vector, Vector]

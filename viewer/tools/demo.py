@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.paths import assets_dir
-from viewer.settings import VIEWS, Settings
-from viewer.tools.files import out_folder, write_png
+from ..errors import InputError
+from ..paths import assets_dir
+from ..settings import VIEWS, Settings
+from .files import out_folder, write_png
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
+    from ..camera import Camera
 
 
 def demo_scan() -> Path:
@@ -26,7 +26,7 @@ def demo_scan() -> Path:
 
 def demo_camera() -> "Camera":
     """The first of the shipped cameras, where a visit to the demo begins."""
-    from viewer.tools.camera_files import read_cameras
+    from .camera_files import read_cameras
 
     return read_cameras(assets_dir() / "demo_cameras.json")[0]
 
@@ -56,11 +56,11 @@ def contact_sheet(rows: list[list[np.ndarray]], scale: int = 2, gap: int = 4) ->
 
 def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     """Renders the shipped cameras in every view into ``out``, with one contact sheet.  Returns the files, it first."""
-    from viewer.grid.open_scene import open_scene
-    from viewer.progress import progress
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
-    from viewer.tools.camera_files import read_cameras
+    from ..grid.open_scene import open_scene
+    from ..progress import progress
+    from ..render.context import create_context
+    from ..render.renderer import Renderer
+    from .camera_files import read_cameras
 
     scene = open_scene([demo_scan()])
     cameras = read_cameras(assets_dir() / "demo_cameras.json")

@@ -11,12 +11,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from viewer.camera import Camera, from_fov
-from viewer.errors import InputError
-from viewer.settings import BACKGROUNDS, Settings
-from viewer.tools.clip import Clip, Vector
-from viewer.tools.look import Look
-from viewer.tools.measure import Measurement
+from ..camera import Camera, from_fov
+from ..errors import InputError
+from ..settings import BACKGROUNDS, Settings
+from .clip import Clip, Vector
+from .look import Look
+from .measure import Measurement
 
 Matrix = tuple[
     tuple[float, float, float, float],

@@ -4,19 +4,19 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.settings import Settings
-from viewer.text import whole_number
-from viewer.tools.background import as_saved
-from viewer.tools.files import out_folder, write_array, write_json, write_png, write_together
-from viewer.tools.provenance import provenance, views_with_mask
-from viewer.tools.shot_metadata import KEY, Shot, describe_shot
+from ..errors import InputError
+from ..progress import progress
+from ..settings import Settings
+from ..text import whole_number
+from .background import as_saved
+from .files import out_folder, write_array, write_json, write_png, write_together
+from .provenance import provenance, views_with_mask
+from .shot_metadata import KEY, Shot, describe_shot
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.render.frame import Frame
-    from viewer.render.renderer import Renderer
+    from ..camera import Camera
+    from ..render.frame import Frame
+    from ..render.renderer import Renderer
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -67,7 +67,7 @@ def export_pictures(
 
 def _altered_file(renderer: "Renderer", shot: Shot) -> dict[str, Callable[[Path], object]]:
     """The picture of a shot with alterations or two views, as :func:`_files`."""
-    from viewer.tools.altered_pictures import shot_picture
+    from .altered_pictures import shot_picture
 
     image = shot_picture(renderer, shot)
     return {f"{shot.camera.name}.png": lambda path: write_png(path, image, {KEY: shot.text()})}

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_atomic
-from model.common.folders import made_folder
-from viewer.errors import InputError
+from ...model.common.atomic_write import write_atomic
+from ...model.common.folders import made_folder
+from ..errors import InputError
 
 
 @contextlib.contextmanager

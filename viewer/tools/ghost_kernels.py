@@ -5,7 +5,7 @@ Directions around a station are divided into cells of equal azimuth and inclinat
 
 import math
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 
 @compiled(inline="always")

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.grid.marked_points import MarkedPoints
-from viewer.progress import progress
+from ..errors import InputError
+from ..grid.marked_points import MarkedPoints
+from ..progress import progress
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 NAME = "ghosts (seen through by another station)"
 """Name of their station."""
@@ -79,7 +79,7 @@ def find_ghosts(scene: "Scene") -> np.ndarray:
 
 def _candidates(scene: "Scene", known: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points seen through, and how wide a thing the rays could have missed there."""
-    from viewer.tools.ghost_kernels import add_ranges, blurred_ranges, seen_through
+    from .ghost_kernels import add_ranges, blurred_ranges, seen_through
 
     slot = np.full(256, -1, np.int16)
     slot[known] = np.arange(len(known))
@@ -107,7 +107,7 @@ def _coherent(scene: "Scene", candidates: np.ndarray, width: np.ndarray) -> np.n
     """(M,) bool: which candidates belong to something wide enough, of which they are most of the points."""
     if len(candidates) == 0:
         return np.zeros(0, bool)
-    from viewer.grid.scene import unpack
+    from ..grid.scene import unpack
 
     side = VOXEL * scene.spacing
     xyz = np.concatenate([unpack(scene, candidates[i : i + BLOCK])[0] for i in range(0, len(candidates), BLOCK)])
@@ -167,7 +167,7 @@ def _keys(xyz: np.ndarray, scene: "Scene", side: float) -> np.ndarray:
 
 def _blocks(scene: "Scene", label: str) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
     """(number of the first point, xyz (n, 3) float64, station (n,) uint8) of every part of the scan, with progress."""
-    from viewer.grid.scene import unpack
+    from ..grid.scene import unpack
 
     with progress(scene.count, label, "point") as meter:
         for start in range(0, scene.count, BLOCK):

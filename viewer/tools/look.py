@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from viewer.errors import InputError
+from ..errors import InputError
 
 COLOUR_BY: dict[str, str] = {
     "rgb": "the scan's own colours",

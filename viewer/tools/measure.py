@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_atomic
-from viewer.errors import InputError
-from viewer.tools.clip import Vector
+from ...model.common.atomic_write import write_atomic
+from ..errors import InputError
+from .clip import Vector
 
 COVERAGE = 2.0
 """Factor from standard to expanded uncertainty; 95 % where errors are normal."""

@@ -4,13 +4,13 @@ import argparse
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from viewer.tools.document import Document, ScanFile
-from viewer.tools.ghosts import prepared
-from viewer.tools.project import check_projects, is_project, read_project, scans_of
-from viewer.tools.reference import with_reference
+from .document import Document, ScanFile
+from .ghosts import prepared
+from .project import check_projects, is_project, read_project, scans_of
+from .reference import with_reference
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 
 def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
@@ -19,7 +19,7 @@ def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
     options: as viewer.options.add_scans and add_exposures make them.  Raises InputError where a project is damaged, holds no
     visible scan, or is not alone, or assigns a reference system that is not known.
     """
-    from viewer.grid.open_scene import open_scene
+    from ..grid.open_scene import open_scene
 
     check_projects(list(options.scans))
     if is_project(options.scans[0]):
@@ -37,7 +37,7 @@ def project_facts(options: argparse.Namespace) -> dict:
 
     Raises InputError as :func:`opened`.
     """
-    from viewer.grid.info import describe
+    from ..grid.info import describe
 
     check_projects(list(options.scans))
     document = read_project(options.scans[0])

@@ -8,8 +8,8 @@ the distance walked the photograph fades out.
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.readers.e57_photographs import KINDS, StationPhoto
+from ..camera import Camera
+from ..readers.e57_photographs import KINDS, StationPhoto
 
 FADE = 2.0
 """Metres from its place over which a photograph fades out; chosen by eye for rooms."""
@@ -47,7 +47,7 @@ def resampled(photo: StationPhoto, camera: Camera, depth: np.ndarray, ranges: np
     depth: (H, W) float32 view-space z, file units, of the picture; +inf where nothing was measured: taken as far away.
     ranges: of :func:`nearest_ranges`; None: nothing hides anything, as at the photograph's own place.
     """
-    from viewer.tools.photo_kernel import resample  # numba: only once a photograph is shown
+    from .photo_kernel import resample  # numba: only once a photograph is shown
 
     to_photo = photo.camera_to_world[:3, :3].T
     out = np.zeros((*depth.shape, 4), np.uint8)

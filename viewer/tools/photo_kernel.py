@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 
 @compiled(nogil=True)

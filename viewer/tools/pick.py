@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.grid.scene import attributes_of, packed, positions, unpack
+from ..grid.scene import attributes_of, packed, positions, unpack
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
+    from ..camera import Camera
+    from ..grid.scene import Scene
 
 RADIUS = 8.0
 """Pixels around the pointer in which a point is looked for."""
@@ -119,7 +119,7 @@ def pick(scene: "Scene", camera: "Camera", measured: np.ndarray, depth: np.ndarr
 
 def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], front: float) -> tuple[np.ndarray, np.ndarray]:
     """Running numbers of the points in a pixel from its depth to where its surface ends; (n, 3) depth and pixel position."""
-    from viewer.tools import pick_kernels  # numba: only once something is picked
+    from . import pick_kernels  # numba: only once something is picked
 
     near = front * (1.0 - _DEPTH_SLACK)
     far = max(front * (1.0 + _SOFT_RELATIVE), front + _SOFT_SPACINGS * scene.spacing)
@@ -158,7 +158,7 @@ def station_name(scene: "Scene", scan: int) -> str:
 
 def surface_around(scene: "Scene", position) -> Surface:
     """Spacing and noise of the measured points around a place, (3,) file coordinates."""
-    from viewer.tools import pick_kernels  # numba: only once something is picked
+    from . import pick_kernels  # numba: only once something is picked
 
     coords, points, offsets = np.asarray(scene.cell_coords), np.asarray(scene.points), np.asarray(scene.offsets)
     place = np.asarray(position, np.float64) - scene.origin

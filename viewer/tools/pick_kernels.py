@@ -5,7 +5,7 @@ Frames: cells and balls in file coordinates relative to ``Scene.origin``, float6
 
 import numpy as np
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 
 @compiled(nogil=True)

@@ -12,10 +12,10 @@ import types
 import typing
 from pathlib import Path
 
-from model.common.atomic_write import write_atomic
-from viewer.errors import InputError
-from viewer.tools.clip import Box, Slab
-from viewer.tools.document import Document
+from ...model.common.atomic_write import write_atomic
+from ..errors import InputError
+from .clip import Box, Slab
+from .document import Document
 
 SUFFIX = ".pointglass"
 VERSION = 1

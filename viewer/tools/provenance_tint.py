@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from viewer.tools.provenance import BACKGROUND, FILLED, MEASURED, REPAINTED, provenance
+from .provenance import BACKGROUND, FILLED, MEASURED, REPAINTED, provenance
 
 COLOURS: dict[int, tuple[int, int, int]] = {
     BACKGROUND: (60, 64, 72), MEASURED: (64, 190, 120), REPAINTED: (170, 90, 230), FILLED: (245, 160, 40),

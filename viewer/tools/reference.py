@@ -6,7 +6,7 @@ well takes precedence, for scans that are stored in millimetres of a national gr
 
 from collections.abc import Iterable
 
-from viewer.tools.document import ScanFile
+from .document import ScanFile
 
 UNITS: dict[str, float] = {
     "metre": 1.0, "millimetre": 0.001, "centimetre": 0.01, "kilometre": 1000.0, "foot": 0.3048,
@@ -27,7 +27,7 @@ def with_reference(meta: dict, scans: Iterable[ScanFile]) -> dict:
     metres = next((scan.metres_per_unit for scan in scans if scan.metres_per_unit), None)
     found = dict(meta)
     if code is not None:
-        from viewer.readers.crs import assigned
+        from ..readers.crs import assigned
 
         found["crs"], found["units"], found["metres_per_unit"] = assigned(code)
     if metres is not None:
@@ -52,6 +52,6 @@ def wkt_of(meta: dict) -> str | None:
     if "unit" in done:
         name = f"{meta['crs']} in {meta['units']}" if meta.get("crs") else "local coordinates"
         return f'LOCAL_CS["{name.replace(chr(34), "")}",UNIT["{meta["units"]}",{meta["metres_per_unit"]!r}]]'
-    from viewer.readers.crs import wkt
+    from ..readers.crs import wkt
 
     return wkt(meta["crs"])

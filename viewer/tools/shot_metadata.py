@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from viewer import __version__
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.settings import BACKGROUNDS, VIEWS, Settings
-from viewer.tools.document import Alterations
-from viewer.tools.project import from_json, to_json
+from .. import __version__
+from ..camera import Camera
+from ..errors import InputError
+from ..settings import BACKGROUNDS, VIEWS, Settings
+from .document import Alterations
+from .project import from_json, to_json
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 KEY = "pointglass"
 """Keyword of the PNG's text chunk."""
@@ -81,7 +81,7 @@ def describe_shot(scene: "Scene", camera: Camera, settings: Settings, *, backgro
 
 
 def _weights_digest(settings: Settings) -> str:
-    from model.weights import weights_dir, weights_name
+    from ...model.weights import weights_dir, weights_name
 
     shipped = f"{weights_name(settings.quality, filtered=settings.filter != 'off')}.safetensors"
     path = Path(settings.weights) if settings.weights else weights_dir() / shipped
@@ -91,7 +91,7 @@ def _weights_digest(settings: Settings) -> str:
 @cache
 def _digest(path: Path, _changed: int) -> str:
     """Of megabytes, hence once a file.  _changed: its time of change."""
-    from model.weights import digest
+    from ...model.weights import digest
 
     return digest(path)
 

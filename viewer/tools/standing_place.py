@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from model.common.processors import each
-from viewer.tools.surroundings_kernel import add_surroundings
-from viewer.tools.up_axis import turned
+from ...model.common.processors import each
+from .surroundings_kernel import add_surroundings
+from .up_axis import turned
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 EYE_HEIGHT = 1.6
 """Metres."""
@@ -93,7 +93,7 @@ class SceneSample:
 
 def sample_scene(scene: "Scene") -> SceneSample:
     """The coarse layers of a scene and what follows from them."""
-    from viewer.grid.scene import unpack
+    from ..grid.scene import unpack
 
     ends = scene.offsets[len(scene.cell_coords) :: len(scene.cell_coords)]
     whole_layers = int(ends[max(0, int(np.searchsorted(ends, _SAMPLE, side="right")) - 1)])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from model.common.jit import compiled
+from ...model.common.jit import compiled
 
 
 @compiled(nogil=True)

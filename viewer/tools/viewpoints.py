@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.camera import Camera, from_fov, look_at
-from viewer.tools.standing_place import (
+from ..camera import Camera, from_fov, look_at
+from .standing_place import (
     FIELD_OF_VIEW,
     OUTSIDE_DIRECTION,
     overview_position,
@@ -23,7 +23,7 @@ from viewer.tools.standing_place import (
 )
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 PATH_FRAMES = 48
 CORNER_FIELD = 90.0
@@ -99,8 +99,8 @@ def camera_path(scene: "Scene", size: tuple[int, int], frames: int = PATH_FRAMES
 
 def _shipped(scene: "Scene", size: tuple[int, int]) -> list[Camera]:
     """The demo scan's cameras, if it is that."""
-    from viewer.paths import assets_dir
-    from viewer.tools.camera_files import read_cameras
+    from ..paths import assets_dir
+    from .camera_files import read_cameras
 
     if [Path(s) for s in scene.meta.get("sources", [])] != [(assets_dir() / "demo.laz").absolute()]:
         return []

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.grid.scene import unpack
-from viewer.progress import progress
-from viewer.tools.exporting.selection import Selection
+from ..grid.scene import unpack
+from ..progress import progress
+from .exporting.selection import Selection
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 SAMPLE = 4_000_000
 """Points of the coarse layers, at most, from which the map is built; about a second on one core."""

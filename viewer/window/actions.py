@@ -4,11 +4,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from viewer.window.gamepad import SPEED_NOTCHES
-from viewer.window.interaction.fly import Fly
+from .gamepad import SPEED_NOTCHES
+from .interaction.fly import Fly
 
 if TYPE_CHECKING:
-    from viewer.window.app import App
+    from .app import App
 
 
 def actions(app: "App") -> "dict[str, Callable[[], object]]":
@@ -49,8 +49,8 @@ def _walk(app: "App") -> None:
 
 
 def _open_demo(app: "App") -> None:
-    from viewer.errors import InputError
-    from viewer.tools.demo import demo_camera, demo_scan
+    from ..errors import InputError
+    from ..tools.demo import demo_camera, demo_scan
 
     try:
         app.session.open([demo_scan()], demo_camera())

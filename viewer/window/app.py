@@ -16,30 +16,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.interrupts import finish_before_interrupt
-from viewer.settings import MEMORY, Memory, Settings
-from viewer.window.actions import actions
-from viewer.window.clipboard import SystemClipboard
-from viewer.window.gamepad import POLL, STILL, Gamepad
-from viewer.window.glfw_window import make_window
-from viewer.window.input import Input
-from viewer.window.interaction.table import toolbox
-from viewer.window.interaction.tool import ToolContext
-from viewer.window.interface import draw_interface
-from viewer.window.loading import Loaded, open_scene, preview_scene
-from viewer.window.open_dialog import OpenDialog
-from viewer.window.preferences import preferences_of, read_preferences, take_preferences, with_preferences, write_preferences
-from viewer.window.recent import RecentScan, remember
-from viewer.window.save_actions import SaveActions
-from viewer.window.session import Session
-from viewer.window.start_page import StartPage
-from viewer.window.viewport import Viewport
-from viewer.window.warm_up import WarmUp
+from ...model.common.interrupts import finish_before_interrupt
+from ..settings import MEMORY, Memory, Settings
+from .actions import actions
+from .clipboard import SystemClipboard
+from .gamepad import POLL, STILL, Gamepad
+from .glfw_window import make_window
+from .input import Input
+from .interaction.table import toolbox
+from .interaction.tool import ToolContext
+from .interface import draw_interface
+from .loading import Loaded, open_scene, preview_scene
+from .open_dialog import OpenDialog
+from .preferences import preferences_of, read_preferences, take_preferences, with_preferences, write_preferences
+from .recent import RecentScan, remember
+from .save_actions import SaveActions
+from .session import Session
+from .start_page import StartPage
+from .viewport import Viewport
+from .warm_up import WarmUp
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
+    from ..camera import Camera
 
 SIZE = (1280, 720)
 _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hover and answer
@@ -140,8 +140,8 @@ class App:
         self.input.set_captured(captured)
 
     def _start_graphics(self) -> None:
-        from viewer.render.context import create_context
-        from viewer.window.theme import Theme
+        from ..render.context import create_context
+        from .theme import Theme
 
         glfw, imgui = self.glfw, self.imgui
         glfw.make_context_current(self.window)

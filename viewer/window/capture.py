@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_atomic
-from viewer.errors import InputError
-from viewer.tools.files import write_png
+from ...model.common.atomic_write import write_atomic
+from ..errors import InputError
+from ..tools.files import write_png
 
 STAGES = ("cull", "raster", "filter", "fill", "network", "present")
 """Columns of the recording, milliseconds; a stage that a view does not need stays empty."""

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from viewer.window.interaction.tool import Clipboard
+from .interaction.tool import Clipboard
 
 
 class SystemClipboard(Clipboard):

@@ -4,11 +4,11 @@ from collections.abc import Callable
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.window import theme
-from viewer.window.controls import CONTROLS, Control
-from viewer.window.session import Session
-from viewer.window.theme import Theme, fitted, text_in
-from viewer.window.widgets import DOCKED, button
+from . import theme
+from .controls import CONTROLS, Control
+from .session import Session
+from .theme import Theme, fitted, text_in
+from .widgets import DOCKED, button
 
 _MODAL = (
     imgui.WindowFlags_.no_decoration

@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.tools.up_axis import turned, upright_axes
-from viewer.window.framing import overview
-from viewer.window.gamepad import STILL
-from viewer.window.glide import Glide
-from viewer.window.navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
-from viewer.window.start_viewpoint import FIELD_OF_VIEW, Survey
-from viewer.window.walking import Walker
+from ..camera import Camera
+from ..tools.up_axis import turned, upright_axes
+from .framing import overview
+from .gamepad import STILL
+from .glide import Glide
+from .navigation import LOOK, FlyState, Motion, changed_speed, step, view_along
+from .start_viewpoint import FIELD_OF_VIEW, Survey
+from .walking import Walker
 
 REST = 0.25
 """Seconds without a change of camera that count as rest."""

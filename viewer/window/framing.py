@@ -6,8 +6,8 @@ units.  Works on a uniform subsample of the points.
 
 import numpy as np
 
-from viewer.tools.standing_place import FIELD_OF_VIEW, Sampled, overview_position
-from viewer.window.navigation import FlyState, view_along
+from ..tools.standing_place import FIELD_OF_VIEW, Sampled, overview_position
+from .navigation import FlyState, view_along
 
 _OUTSIDE = 16  # azimuths from which a scan is looked at from outside
 _PITCHES = {"object": (-0.2, -0.5), "tile": (-0.55,)}  # radians: objects from just above, terrain from above at an angle

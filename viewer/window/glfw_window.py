@@ -2,7 +2,7 @@
 
 import os
 
-from viewer.errors import DeviceError
+from ..errors import DeviceError
 
 _LEAST_SIZE = (320, 200)
 """Logical pixels below which the interface cannot be laid out."""

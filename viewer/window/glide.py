@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from viewer.window.navigation import FlyState
+from .navigation import FlyState
 
 SECONDS = 0.8
 """Duration of a flight to a place that was clicked.  Chosen by hand: long enough to see where one goes."""

@@ -3,13 +3,13 @@
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from viewer.text import counted
-from viewer.window import theme
-from viewer.window.session import Session
-from viewer.window.status_bar import count_text
-from viewer.window.theme import Theme, fitted, packed, text_in
-from viewer.window.view_switch import TITLES
-from viewer.window.widgets import FLOATING, MARGIN, PASSIVE
+from ..text import counted
+from . import theme
+from .session import Session
+from .status_bar import count_text
+from .theme import Theme, fitted, packed, text_in
+from .view_switch import TITLES
+from .widgets import FLOATING, MARGIN, PASSIVE
 
 _TITLE_WIDTH = 258.0  # as wide as the figures beneath it
 _LOST_BOX = 112.0, 44.0

@@ -8,12 +8,12 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from viewer.window.controls import Control, by_key
-from viewer.window.interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
-from viewer.window.session import Session
+from .controls import Control, by_key
+from .interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
+from .session import Session
 
 if TYPE_CHECKING:
-    from viewer.window.theme import Theme
+    from .theme import Theme
 
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
 _CLICK = 4.0  # logical pixels that the pointer may move between press and release of a click

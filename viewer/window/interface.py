@@ -4,15 +4,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.window import dialogs, hud
-from viewer.window.look_panel import draw_look_panel
-from viewer.window.overlay import OverlayCanvas
-from viewer.window.scenes_panel import draw_scenes_panel
-from viewer.window.status_bar import draw_status_bar
-from viewer.window.view_switch import draw_view_switch
+from . import dialogs, hud
+from .look_panel import draw_look_panel
+from .overlay import OverlayCanvas
+from .scenes_panel import draw_scenes_panel
+from .status_bar import draw_status_bar
+from .view_switch import draw_view_switch
 
 if TYPE_CHECKING:
-    from viewer.window.app import App
+    from .app import App
 
 _CURSORS = {"arrow": "arrow", "crosshair": "none", "hand": "hand", "resize": "resize_ew"}
 """A tool's cursor -> imgui's name.  imgui has no crosshair: the overlay draws it."""

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from viewer.window import theme
-from viewer.window.theme import packed
+from . import theme
+from .theme import packed
 
 if TYPE_CHECKING:
-    from viewer.window.overlay import OverlayCanvas
+    from .overlay import OverlayCanvas
 
 _MARGIN, _ROW, _SWATCH, _RAMP = 14.0, 22.0, 13.0, 220.0  # logical pixels
 

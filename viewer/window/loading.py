@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer.errors import Cancelled, PointglassError
-from viewer.settings import Settings
-from viewer.window.notices import Notices, ScanNotice
-from viewer.window.start_viewpoint import Survey, survey
-from viewer.window.worker import Worker
+from ..errors import Cancelled, PointglassError
+from ..settings import Settings
+from .notices import Notices, ScanNotice
+from .start_viewpoint import Survey, survey
+from .worker import Worker
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 
 _SMALLER = {"fast": (), "balanced": ("fast",), "best": ("balanced", "fast"), "paper": ("fast",)}
@@ -61,8 +61,8 @@ def network_key(settings: Settings) -> tuple:
 
 def open_scene(paths: list[Path], *, cache: bool = True, match: bool = True, columns: str | None = None) -> "Scene":
     """The scans as one scene.  cache, match, columns: as in viewer.grid.open_scene."""
-    from viewer.grid import open_scene as grid_scene
-    from viewer.readers.formats import takes_columns
+    from ..grid import open_scene as grid_scene
+    from ..readers.formats import takes_columns
 
     columns = columns if any(map(takes_columns, paths)) else None  # not of files that are dropped into the window later
     return grid_scene.open_scene(paths, cache=cache, match=match, columns=columns)
@@ -72,14 +72,14 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
     """A coarse scene within about a second; None where the complete one opens as fast.
 
     cache: whether the complete one is read from the cache, where it is there."""
-    from viewer.grid.cache import folder_of
-    from viewer.grid.open_scene import as_paths
-    from viewer.grid_folder import is_grid
+    from ..grid.cache import folder_of
+    from ..grid.open_scene import as_paths
+    from ..grid_folder import is_grid
 
     files = as_paths(paths)
     if any(is_grid(file) for file in files) or (cache and (folder_of(files, match, columns) / "meta.json").is_file()):
         return None
-    from viewer.grid.preview import preview_scene as coarse
+    from ..grid.preview import preview_scene as coarse
 
     return coarse(files, columns=columns)
 
@@ -87,7 +87,7 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
 def smaller_networks(settings: Settings) -> tuple[str, ...]:
     """Qualities whose networks may stand in for that of ``settings`` while the camera moves, the largest first: those shipped
     for the same input; none for a person's own weights."""
-    from viewer.paths import assets_dir
+    from ..paths import assets_dir
 
     if settings.weights is not None:
         return ()
@@ -99,10 +99,10 @@ def smaller_networks(settings: Settings) -> tuple[str, ...]:
 def load_network(settings: Settings) -> None:
     """Imports torch and reads the weights, also those of smaller networks for flight, off the window's thread, so that the
     first neural frame only has to run."""
-    from model.common.torch_process import prepare_inference
-    from model.reconstruct import cuda_problem
-    from viewer.errors import DeviceError
-    from viewer.render import neural
+    from ...model.common.torch_process import prepare_inference
+    from ...model.reconstruct import cuda_problem
+    from ..errors import DeviceError
+    from ..render import neural
 
     prepare_inference()
     problem = None if settings.device == "cpu" else cuda_problem()
@@ -115,8 +115,8 @@ def load_network(settings: Settings) -> None:
 
 def expanded(paths: Sequence[Path]) -> list[Path]:
     """The paths, with each folder that is no scan itself replaced by the scans that lie in it."""
-    from viewer.grid_folder import is_grid
-    from viewer.readers.formats import entry_of, is_scan
+    from ..grid_folder import is_grid
+    from ..readers.formats import entry_of, is_scan
 
     found: list[Path] = []
     for path in paths:

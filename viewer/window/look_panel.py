@@ -9,13 +9,13 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.settings import BACKGROUNDS, QUALITIES, VIEWS, Settings
-from viewer.tools.background import COLOURS
-from viewer.window import theme
-from viewer.window.session import Session
-from viewer.window.theme import Theme
-from viewer.window.view_switch import TITLES
-from viewer.window.widgets import (
+from ..settings import BACKGROUNDS, QUALITIES, VIEWS, Settings
+from ..tools.background import COLOURS
+from . import theme
+from .session import Session
+from .theme import Theme
+from .view_switch import TITLES
+from .widgets import (
     CLAMP,
     begin_docked,
     button,
@@ -162,7 +162,7 @@ def missing_qualities(settings: Settings) -> dict[str, str]:
     """Qualities without weights -> the reason."""
     if settings.weights is not None:
         return {}
-    from viewer.paths import assets_dir
+    from ..paths import assets_dir
 
     form = "unfiltered" if settings.filter == "off" else "filtered"
     shipped = assets_dir() / "weights"

@@ -31,7 +31,7 @@ class OpenDialog:
         """Opens the dialog, if none is open."""
         from imgui_bundle import portable_file_dialogs as dialogs
 
-        from viewer.readers.formats import FORMATS
+        from ..readers.formats import FORMATS
 
         if self._dialog is not None:
             return

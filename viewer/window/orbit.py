@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.window.navigation import PITCH_LIMIT, FlyState
+from .navigation import PITCH_LIMIT, FlyState
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
+    from ..camera import Camera
 
 ORBIT = 0.006
 """Radians a logical pixel of mouse movement: half a turn in 520 pixels.  Chosen by hand on a window of 1280 pixels."""

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from viewer.window import theme
-from viewer.window.theme import Theme, packed
+from . import theme
+from .theme import Theme, packed
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
+    from ..camera import Camera
 
 _NEAR = 1e-6  # of the farthest depth of a line: where it is cut off in front of the camera
 Shape = Literal["dot", "ring", "cross", "square", "diamond"]

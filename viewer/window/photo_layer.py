@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.readers.e57_photographs import StationPhoto
-from viewer.tools.photo_in_view import agreement, blended, filled_depth, nearest_ranges, resampled, strength
-from viewer.tools.standing_place import sample_scene
+from ..readers.e57_photographs import StationPhoto
+from ..tools.photo_in_view import agreement, blended, filled_depth, nearest_ranges, resampled, strength
+from ..tools.standing_place import sample_scene
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.frame import Frame
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from ..render.frame import Frame
 
 
 IN_PLACE = 0.05

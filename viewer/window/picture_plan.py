@@ -6,7 +6,7 @@ No GL: the viewport asks for a plan and reports what was made.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from viewer.window.adaptive_lod import AdaptiveLod
+from .adaptive_lod import AdaptiveLod
 
 
 @dataclass(frozen=True)

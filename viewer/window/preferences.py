@@ -10,14 +10,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING
 
-from model.common.atomic_write import write_atomic
-from viewer.errors import InputError
-from viewer.settings import BACKGROUNDS, Settings
-from viewer.window.recent import state_dir
-from viewer.window.saved_picture import LARGEST
+from ...model.common.atomic_write import write_atomic
+from ..errors import InputError
+from ..settings import BACKGROUNDS, Settings
+from .recent import state_dir
+from .saved_picture import LARGEST
 
 if TYPE_CHECKING:
-    from viewer.window.session import Session
+    from .session import Session
 
 FILE = "window.json"
 SMALLEST, LARGEST_SIDE = 320, 16384

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.tools.background import PLAIN, rows
+from ..tools.background import PLAIN, rows
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.render.shader import Programs
+    from ..render.shader import Programs
 
 
 def split_column(split: float, width: int) -> int:

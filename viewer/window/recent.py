@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_atomic
+from ...model.common.atomic_write import write_atomic
 
 MOST = 12
 """Scans that are remembered."""

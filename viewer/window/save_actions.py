@@ -5,15 +5,15 @@ A picture of the window's size is read from the screen; larger ones and panorama
 
 from pathlib import Path
 
-from viewer.errors import PointglassError
-from viewer.text import counted
-from viewer.tools.shot_metadata import KEY
-from viewer.window import capture
-from viewer.window.saved_picture import saved_picture, shot_of
-from viewer.window.session import Session
-from viewer.window.still_job import StillJob, still_worker
-from viewer.window.viewport import Viewport
-from viewer.window.worker import Worker
+from ..errors import PointglassError
+from ..text import counted
+from ..tools.shot_metadata import KEY
+from . import capture
+from .saved_picture import saved_picture, shot_of
+from .session import Session
+from .still_job import StillJob, still_worker
+from .viewport import Viewport
+from .worker import Worker
 
 _LAST_WAIT = 5.0
 """Seconds that a closing window waits for a picture that is being rendered; a network cannot be interrupted there."""

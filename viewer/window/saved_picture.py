@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.tools.altered_pictures import labelled, split_column
-from viewer.tools.shot_metadata import Shot, describe_shot
-from viewer.window.viewport import scaled
+from ..tools.altered_pictures import labelled, split_column
+from ..tools.shot_metadata import Shot, describe_shot
+from .viewport import scaled
 
 if TYPE_CHECKING:
-    from viewer.window.session import Session
-    from viewer.window.viewport import Viewport
+    from .session import Session
+    from .viewport import Viewport
 
 LARGEST = 4
 """Times the sides of the window's picture."""

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.window import theme
-from viewer.window.session import Session
-from viewer.window.status_bar import count_text, units_text
-from viewer.window.theme import Theme, fitted, packed, text_in
-from viewer.window.widgets import begin_docked, button, facts, heading, hint, link, rail_button, small, to_the_right
+from . import theme
+from .session import Session
+from .status_bar import count_text, units_text
+from .theme import Theme, fitted, packed, text_in
+from .widgets import begin_docked, button, facts, heading, hint, link, rail_button, small, to_the_right
 
 if TYPE_CHECKING:
-    from viewer.window.app import App
+    from .app import App
 
 _RAIL_BESIDES_TOOLS = 4
 """Icons of the folded panel besides the tools: unfold, open, start viewpoint, notices."""

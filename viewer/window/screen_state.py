@@ -1,10 +1,10 @@
 """What is on the screen against what was asked for: the picture to make next, whether more follows, and what is not exact."""
 
-from viewer.window.flight import Flight
-from viewer.window.picture_plan import Picture, Plan
-from viewer.window.view_settings import ViewSettings
-from viewer.window.visit import Visit
-from viewer.window.window_area import WindowArea
+from .flight import Flight
+from .picture_plan import Picture, Plan
+from .view_settings import ViewSettings
+from .visit import Visit
+from .window_area import WindowArea
 
 
 class ScreenState:

@@ -20,23 +20,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.camera import Camera, from_fov
-from viewer.settings import Settings
-from viewer.text import counted
-from viewer.tools.document import UP_AXES, Document
-from viewer.window import loading
-from viewer.window.capture import FrameTimes
-from viewer.window.flight import Flight
-from viewer.window.notices import Notices, ScanNotice
-from viewer.window.picture_plan import Picture, Plan
-from viewer.window.screen_state import ScreenState
-from viewer.window.view_settings import ViewSettings
-from viewer.window.visit import Visit
-from viewer.window.window_area import WindowArea
-from viewer.window.work import Work
+from ..camera import Camera, from_fov
+from ..settings import Settings
+from ..text import counted
+from ..tools.document import UP_AXES, Document
+from . import loading
+from .capture import FrameTimes
+from .flight import Flight
+from .notices import Notices, ScanNotice
+from .picture_plan import Picture, Plan
+from .screen_state import ScreenState
+from .view_settings import ViewSettings
+from .visit import Visit
+from .window_area import WindowArea
+from .work import Work
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 _NOTE_SECONDS = 10.0
 _HIDDEN = "Interface hidden; F10 or Esc shows it"

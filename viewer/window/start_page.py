@@ -4,19 +4,19 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.readers.formats import KNOWN_FILES, KNOWN_FOLDERS
-from viewer.window import theme
-from viewer.window.image_texture import texture_of
-from viewer.window.open_dialog import dialog_problem
-from viewer.window.recent import RecentScan, load_thumbnail, recent_scans
-from viewer.window.status_bar import count_text
-from viewer.window.theme import Theme, fitted, packed, text_in
-from viewer.window.widgets import DOCKED, button, heading, hint, small
+from ..readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from . import theme
+from .image_texture import texture_of
+from .open_dialog import dialog_problem
+from .recent import RecentScan, load_thumbnail, recent_scans
+from .status_bar import count_text
+from .theme import Theme, fitted, packed, text_in
+from .widgets import DOCKED, button, heading, hint, small
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.window.app import App
+    from .app import App
 
 _CARD, _PICTURE = 200.0, 125.0  # width of a card and height of its picture, design units
 

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.camera import Camera, from_fov
-from viewer.tools.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
-from viewer.tools.up_axis import Z_UP, turned, up_axis_offer, upright_axes
-from viewer.window.framing import from_outside
-from viewer.window.navigation import FlyState, view_along
-from viewer.window.notices import ScanNotice
+from ..camera import Camera, from_fov
+from ..tools.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
+from ..tools.up_axis import Z_UP, turned, up_axis_offer, upright_axes
+from .framing import from_outside
+from .navigation import FlyState, view_along
+from .notices import ScanNotice
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 _DARK = 0.22
 """Median level, 0 to 1, below which a scan counts as dark; chosen by eye on the scans at hand."""

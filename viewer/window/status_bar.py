@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from viewer.window import theme
-from viewer.window.session import Session
-from viewer.window.theme import Theme, fitted, packed, text_in
-from viewer.window.widgets import begin_docked, hint
+from . import theme
+from .session import Session
+from .theme import Theme, fitted, packed, text_in
+from .widgets import begin_docked, hint
 
 
 def count_text(number: int) -> str:

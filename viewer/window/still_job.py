@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer.tools.altered_pictures import AlteredPictures, shot_picture
-from viewer.tools.ghosts import prepared
-from viewer.tools.shot_metadata import KEY, Shot
-from viewer.window.capture import save_png
-from viewer.window.worker import Worker
+from ..tools.altered_pictures import AlteredPictures, shot_picture
+from ..tools.ghosts import prepared
+from ..tools.shot_metadata import KEY, Shot
+from .capture import save_png
+from .worker import Worker
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from viewer.grid.scene import Scene
-    from viewer.render.renderer import Renderer
+    from ..grid.scene import Scene
+    from ..render.renderer import Renderer
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,11 @@ class StillJob:
 
     def render(self) -> Path:
         """Makes the picture and saves it.  Raises PointglassError; then no file is left."""
-        from viewer.render.context import create_context
-        from viewer.render.renderer import Renderer
+        from ..render.context import create_context
+        from ..render.renderer import Renderer
 
         if "neural" in (self.shot.settings.view, self.shot.other_view):
-            from model.common.torch_process import prepare_inference
+            from ...model.common.torch_process import prepare_inference
 
             prepare_inference()
         context = create_context()
@@ -58,7 +58,7 @@ class StillJob:
         return self.out
 
     def _panorama(self, renderer: "Renderer", size: tuple[int, int]) -> "np.ndarray":
-        from viewer.tools.film.frames import FrameMaker
+        from ..tools.film.frames import FrameMaker
 
         altered = AlteredPictures(renderer, self.shot.alterations)
         try:

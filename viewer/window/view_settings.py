@@ -8,12 +8,12 @@ import operator
 from collections.abc import Callable
 from dataclasses import replace
 
-from viewer.paths import own_weights
-from viewer.settings import VIEWS, Settings
-from viewer.window import loading
-from viewer.window.notices import Notices
-from viewer.window.picture_plan import Picture
-from viewer.window.worker import Worker
+from ..paths import own_weights
+from ..settings import VIEWS, Settings
+from . import loading
+from .notices import Notices
+from .picture_plan import Picture
+from .worker import Worker
 
 
 class ViewSettings:

@@ -3,11 +3,11 @@ that a smaller network draws while the camera moves is lit and outlined."""
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.settings import VIEWS
-from viewer.window import theme
-from viewer.window.session import Session
-from viewer.window.theme import Theme, packed
-from viewer.window.widgets import DOCKED, MARGIN, hint
+from ..settings import VIEWS
+from . import theme
+from .session import Session
+from .theme import Theme, packed
+from .widgets import DOCKED, MARGIN, hint
 
 TITLES = {"raw": "Raw", "filtered": "Filtered", "filled": "Filled", "neural": "Neural"}
 _SHORT = {"raw": "Raw", "filtered": "Filt", "filled": "Fill", "neural": "Net"}

@@ -10,27 +10,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import DeviceError, DeviceLostError, PointglassError
-from viewer.render.develop import DevelopedViews, read_picture
-from viewer.render.occlusion import Occlusion
-from viewer.render.points import UPLOAD_SECONDS
-from viewer.settings import Memory, Settings
-from viewer.tools.background import composite
-from viewer.window.adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
-from viewer.window.frame_rate import FrameRate
-from viewer.window.loading import Loaded
-from viewer.window.photo_layer import PhotoLayer
-from viewer.window.present import Canvas, split_column
-from viewer.window.session import Session
+from ..errors import DeviceError, DeviceLostError, PointglassError
+from ..render.develop import DevelopedViews, read_picture
+from ..render.occlusion import Occlusion
+from ..render.points import UPLOAD_SECONDS
+from ..settings import Memory, Settings
+from ..tools.background import composite
+from .adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
+from .frame_rate import FrameRate
+from .loading import Loaded
+from .photo_layer import PhotoLayer
+from .present import Canvas, split_column
+from .session import Session
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.frame import Frame
-    from viewer.render.renderer import Renderer
-    from viewer.window.picture_plan import Plan
+    from ..camera import Camera
+    from ..grid.scene import Scene
+    from ..render.frame import Frame
+    from ..render.renderer import Renderer
+    from .picture_plan import Plan
 
 _NO_MEMORY = "not enough memory for its points"
 _KEPT_SIZES = 2  # internal resolutions besides the last one: they change while the camera moves
@@ -53,7 +53,7 @@ class Viewport:
     """
 
     def __init__(self, context: "moderngl.Context", session: Session, *, memory: Memory, wake: Callable[[], None]):
-        from viewer.render.shader import Programs
+        from ..render.shader import Programs
 
         self.context, self._session, self._memory, self._wake = context, session, memory, wake
         self._programs = Programs(context)
@@ -108,7 +108,7 @@ class Viewport:
             raise
 
     def _new(self, scene: "Scene") -> "Renderer":
-        from viewer.render.renderer import Renderer
+        from ..render.renderer import Renderer
 
         return Renderer(self.context, scene, memory=self._memory, wake=self._wake, kept_sizes=_KEPT_SIZES)
 

@@ -6,18 +6,18 @@ Frame: file coordinates; up is the direction that the document calls up.
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer.camera import Camera
-from viewer.tools.document import Document
-from viewer.tools.standing_place import standing_view, viewpoint_worth
-from viewer.tools.up_axis import turned, upright_axes
-from viewer.window.flight import Flight
-from viewer.window.loading import Loaded, scan_notices
-from viewer.window.navigation import FlyState, view_along
-from viewer.window.notices import ScanNotice
-from viewer.window.start_viewpoint import Survey, brightening, darkness, lying, start_state, state_of
+from ..camera import Camera
+from ..tools.document import Document
+from ..tools.standing_place import standing_view, viewpoint_worth
+from ..tools.up_axis import turned, upright_axes
+from .flight import Flight
+from .loading import Loaded, scan_notices
+from .navigation import FlyState, view_along
+from .notices import ScanNotice
+from .start_viewpoint import Survey, brightening, darkness, lying, start_state, state_of
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ..grid.scene import Scene
 
 
 _GOOD_START = 0.75

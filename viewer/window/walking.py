@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from viewer.tools.walk_map import BODY, WalkMap
-from viewer.window.navigation import FlyState, Motion, step
+from ..tools.walk_map import BODY, WalkMap
+from .navigation import FlyState, Motion, step
 
 EYE_HEIGHT = 1.65
 """Metres from the floor to the eye of a standing adult."""

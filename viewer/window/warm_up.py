@@ -39,12 +39,12 @@ def _load() -> None:
         import lazrs  # type: ignore[import-not-found]  # noqa: F401
         import numpy as np
 
-        import viewer.grid.preview
-        import viewer.preprocess.point_colour
-        import viewer.render.renderer  # noqa: F401
-        from viewer.grid.open_scene import scene_from_arrays
-        from viewer.tools.standing_place import surroundings
-        from viewer.window.start_viewpoint import survey
+        from ..grid import preview  # noqa: F401
+        from ..grid.open_scene import scene_from_arrays
+        from ..preprocess import point_colour  # noqa: F401
+        from ..render import renderer  # noqa: F401
+        from ..tools.standing_place import surroundings
+        from .start_viewpoint import survey
 
         rng = np.random.default_rng(0)
         scene = scene_from_arrays(

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.settings import CHOICES, Settings
-from viewer.window import theme
-from viewer.window.layout import Rect
-from viewer.window.theme import Theme, packed, text_in
+from ..settings import CHOICES, Settings
+from . import theme
+from .layout import Rect
+from .theme import Theme, packed, text_in
 
 DOCKED = (
     imgui.WindowFlags_.no_decoration

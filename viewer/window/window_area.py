@@ -6,7 +6,7 @@ pixel.  No imgui and no GL.
 
 from collections.abc import Callable
 
-from viewer.window.layout import Layout, Panels, Rect, arrange
+from .layout import Layout, Panels, Rect, arrange
 
 _SETTLE_SECONDS = 0.3
 """Seconds that a window must have kept its size before the network runs for it: a drag of its edge passes through many."""

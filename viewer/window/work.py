@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.render.edits import Edits
-from viewer.settings import Settings
-from viewer.tools.altered_pictures import edits_of
-from viewer.tools.document import Document, ScanFile, moved
-from viewer.tools.history import History
-from viewer.tools.pick import Picked
-from viewer.tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
-from viewer.tools.reference import with_reference
-from viewer.window.photo_layer import ShownPhoto
+from ..camera import Camera
+from ..errors import InputError
+from ..render.edits import Edits
+from ..settings import Settings
+from ..tools.altered_pictures import edits_of
+from ..tools.document import Document, ScanFile, moved
+from ..tools.history import History
+from ..tools.pick import Picked
+from ..tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
+from ..tools.reference import with_reference
+from .photo_layer import ShownPhoto
 
 _DRAWN_ANEW = ("hidden_stations", "clips", "look", "ghosts")
 """Fields of the document that decide what the renderer draws."""

@@ -5,8 +5,8 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from viewer.errors import Cancelled, PointglassError
-from viewer.progress import set_sink
+from ..errors import Cancelled, PointglassError
+from ..progress import set_sink
 
 
 class Worker:

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.bench.stability import frame_claims, point_claims, station_claims
-from viewer.bench.stability.exact_claims import depth_faults
-from viewer.bench.stability.network_claims import network_rows
-from viewer.bench.stability.scenes import axis_camera
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.progress import progress
-from viewer.stream.residency import available_memory
+from ...grid.open_scene import scene_from_arrays
+from ...progress import progress
+from ...stream.residency import available_memory
+from . import frame_claims, point_claims, station_claims
+from .exact_claims import depth_faults
+from .network_claims import network_rows
+from .scenes import axis_camera
 
 LARGEST = (16384, 16384)
 """Largest picture size that OpenGL 4.3 guarantees, pixels."""
@@ -43,8 +43,8 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     Returns rows, failed (their names), curves, network (table), opengl, size, seed.
     """
-    from model.weights import shipped, weights_name
-    from viewer.render.context import create_context, describe_device
+    from ....model.weights import shipped, weights_name
+    from ...render.context import create_context, describe_device
 
     context, other = create_context(), create_context()
     renderers = frame_claims.Renderers(context)
@@ -109,7 +109,7 @@ def _plot(curves: list[dict], table: list[dict], path: Path) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    from model.common.atomic_write import write_atomic
+    from ....model.common.atomic_write import write_atomic
 
     labels = {"depth_99": "depth error, 99th percentile, point spacings", "mask": "keep-masks that differ, share of pixels",
               "filled": "filled picture, PSNR in dB"}

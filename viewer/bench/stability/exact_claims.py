@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
+    from ...camera import Camera
+    from ...grid.scene import Scene
 
 _FLOAT32 = 2.0**-21
 """Largest rounding error relative to the largest coordinate: eight roundings of 2**-24 each."""
@@ -46,8 +46,8 @@ def exact_picture(xyz: np.ndarray, rgb: np.ndarray, camera: "Camera", spacing: f
     """
     import torch
 
-    from model.projection import SoftZ, frame, network_input, pixels
-    from model.station_weights import station_weights
+    from ....model.projection import SoftZ, frame, network_input, pixels
+    from ....model.station_weights import station_weights
 
     x, y, z = torch.from_numpy(exact_view(xyz, camera)).unbind(1)
     index, inside = pixels(x, y, z, camera)

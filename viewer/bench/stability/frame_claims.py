@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.bench.stability.exact_claims import Agreement, agreement, depth_faults, exact_picture
-from viewer.bench.stability.scenes import DECADES, axis_camera, direction, panels, placed, view_inside, walls
-from viewer.errors import InputError
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.scene import Scene
-from viewer.render.renderer import Renderer
-from viewer.settings import Settings
+from ...errors import InputError
+from ...grid.open_scene import scene_from_arrays
+from ...grid.scene import Scene
+from ...render.renderer import Renderer
+from ...settings import Settings
+from .exact_claims import Agreement, agreement, depth_faults, exact_picture
+from .scenes import DECADES, axis_camera, direction, panels, placed, view_inside, walls
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
+    from ...camera import Camera
 
 VIEWS = ("raw", "filtered", "filled")
 """Views that are rendered.  This and the ranges below were chosen by hand, well beyond those of real scans."""

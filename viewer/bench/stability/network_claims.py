@@ -11,14 +11,14 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from model.network_layout import CLOSED, PACKED_IN
-from model.projection import SoftZ, frame, network_input, pixels
-from model.reconstruct import PRECISIONS, Reconstructor, fitting_weights
-from model.unet import INPUT_CHANNELS
-from model.weights import weights_name
-from viewer.bench.stability.exact_claims import exact_view
-from viewer.bench.stability.frame_claims import SCALES, row
-from viewer.bench.stability.scenes import view_inside, walls
+from ....model.network_layout import CLOSED, PACKED_IN
+from ....model.projection import SoftZ, frame, network_input, pixels
+from ....model.reconstruct import PRECISIONS, Reconstructor, fitting_weights
+from ....model.unet import INPUT_CHANNELS
+from ....model.weights import weights_name
+from .exact_claims import exact_view
+from .frame_claims import SCALES, row
+from .scenes import view_inside, walls
 
 PRECISION_LIMITS = {"fp32": (5e-4, 1.5e-4), "bf16": (0.12, 0.01), "fp16": (0.02, 0.002)}
 """Limits of the largest and mean absolute difference from float64, colours in 0..1.  Results are stored in half floats, which

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.linear_light import TO_LINEAR, TO_SRGB
-from viewer.bench.stability.frame_claims import Renderers, arrays_of, different, place_at, row
-from viewer.bench.stability.scenes import axis_camera, direction, placed, view_inside, walls
-from viewer.bench.stability.station_claims import scanned
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.scene import Scene
-from viewer.render.renderer import RASTERISERS
-from viewer.settings import FILTERS, Settings
+from ....model.common.linear_light import TO_LINEAR, TO_SRGB
+from ...grid.open_scene import scene_from_arrays
+from ...grid.scene import Scene
+from ...render.renderer import RASTERISERS
+from ...settings import FILTERS, Settings
+from .frame_claims import Renderers, arrays_of, different, place_at, row
+from .scenes import axis_camera, direction, placed, view_inside, walls
+from .station_claims import scanned
 
 if TYPE_CHECKING:
     import moderngl

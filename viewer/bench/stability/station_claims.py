@@ -10,16 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.station_constants import HEAVIEST
-from viewer.bench.stability import frame_claims
-from viewer.bench.stability.exact_claims import Agreement, agreement, exact_picture
-from viewer.bench.stability.frame_claims import Renderers, arrays_of, different, place_at, row
-from viewer.bench.stability.scenes import GRAIN, ROOM, axis_camera, direction, placed, view_inside, walls
-from viewer.errors import InputError
-from viewer.grid.open_scene import scene_from_arrays
-from viewer.grid.scene import Scene
-from viewer.render.renderer import RASTERISERS
-from viewer.settings import Settings
+from ....model.station_constants import HEAVIEST
+from ...errors import InputError
+from ...grid.open_scene import scene_from_arrays
+from ...grid.scene import Scene
+from ...render.renderer import RASTERISERS
+from ...settings import Settings
+from . import frame_claims
+from .exact_claims import Agreement, agreement, exact_picture
+from .frame_claims import Renderers, arrays_of, different, place_at, row
+from .scenes import GRAIN, ROOM, axis_camera, direction, placed, view_inside, walls
 
 LEAST = 40.0
 """Least PSNR of filled pictures against the exact ones, dB.  Weights are integers, some of which are rounded differently."""

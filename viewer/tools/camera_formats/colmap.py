@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.text import whole_number
-from viewer.tools.camera_formats.parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
+from ...camera import Camera
+from ...errors import InputError
+from ...text import whole_number
+from .parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
 
 MODELS = {  # name: (focal lengths, parameters behind cx cy, all of them distortion)
     "SIMPLE_PINHOLE": (1, 0), "PINHOLE": (2, 0), "SIMPLE_RADIAL": (1, 1), "RADIAL": (1, 2), "OPENCV": (2, 4),

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.tools.camera_formats.colmap import MODELS, lens_of, parameters, posed, stem
-from viewer.tools.camera_formats.parse import Lens, numbers, shown
+from ...camera import Camera
+from ...errors import InputError
+from .colmap import MODELS, lens_of, parameters, posed, stem
+from .parse import Lens, numbers, shown
 
 _MODEL_IDS = {
     0: "SIMPLE_PINHOLE", 1: "PINHOLE", 2: "SIMPLE_RADIAL", 3: "RADIAL", 4: "OPENCV", 5: "OPENCV_FISHEYE", 6: "FULL_OPENCV",

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.tools.camera_formats.parse import Lens, camera, json_numbers, number, pose_matrix, read_text, shown
+from ...camera import Camera
+from ...errors import InputError
+from .parse import Lens, camera, json_numbers, number, pose_matrix, read_text, shown
 
 _MODELS = ("OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 _DISTORTION = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")

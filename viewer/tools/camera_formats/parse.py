@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.errors import InputError
+from ...camera import Camera
+from ...errors import InputError
 
 TO_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """Camera axes: OpenCV (x right, y down, z forward) <-> OpenGL (x right, y up, -z forward)."""

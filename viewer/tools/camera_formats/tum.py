@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.tools.camera_formats.colmap import read_lenses
-from viewer.tools.camera_formats.parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
+from ...camera import Camera
+from ...errors import InputError
+from .colmap import read_lenses
+from .parse import TO_OPENGL, Lens, camera, checked, numbers, read_text, rotation, shown
 
 
 def read_tum(path: Path, size: tuple[int, int] | None) -> list[Camera]:

@@ -7,13 +7,13 @@ import argparse
 import shutil
 from pathlib import Path
 
-from model.common.atomic_write import passes_through, write_atomic
-from viewer.errors import InputError
-from viewer.text import bytes_text, counted
-from viewer.tools.altered_pictures import edits_of
-from viewer.tools.exporting.point_writers import WRITERS, bytes_needed, writer_for
-from viewer.tools.exporting.selection import Selection, clips_of
-from viewer.tools.open_project import opened
+from ....model.common.atomic_write import passes_through, write_atomic
+from ...errors import InputError
+from ...text import bytes_text, counted
+from ..altered_pictures import edits_of
+from ..open_project import opened
+from .point_writers import WRITERS, bytes_needed, writer_for
+from .selection import Selection, clips_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.tools.exporting.selection import BLOCK, Selection
-from viewer.tools.reference import wkt_of
+from ...errors import InputError
+from ..reference import wkt_of
+from .selection import BLOCK, Selection
 
 if TYPE_CHECKING:
     import pye57
     from pye57 import libe57  # type: ignore[attr-defined]
 
-    from viewer.grid.scene import Scene
+    from ...grid.scene import Scene
 
 _POINT_FORMAT = 7
 """LAS 1.4 with RGB, intensity, class and point source."""

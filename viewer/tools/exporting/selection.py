@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.tools.clip import Clip, box_around, contains, may_contain
+from ...errors import InputError
+from ...progress import progress
+from ..clip import Clip, box_around, contains, may_contain
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ...grid.scene import Scene
 
 BLOCK = 1 << 20
 """Points read at a time: 28 MiB of float64 coordinates and attributes."""
@@ -48,7 +48,7 @@ class Selection:
 
     def blocks(self, label: str) -> Iterator[Block]:
         """Every point once, in the order of the grid (coarse layers first), with a progress bar."""
-        from viewer.grid.scene import attributes_of, scan_numbers, unpack
+        from ...grid.scene import attributes_of, scan_numbers, unpack
 
         scene = self.scene
         for start, stop in self._runs(label):

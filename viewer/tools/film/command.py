@@ -8,21 +8,21 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer import __version__
-from viewer.errors import InputError
-from viewer.text import counted
-from viewer.tools.document import Alterations
-from viewer.tools.film.frames import FrameMaker
-from viewer.tools.film.path import frame_name, interpolate
-from viewer.tools.project import to_json
+from ... import __version__
+from ...errors import InputError
+from ...text import counted
+from ..document import Alterations
+from ..project import to_json
+from .frames import FrameMaker
+from .path import frame_name, interpolate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.render.renderer import Renderer
-    from viewer.settings import Settings
+    from ...camera import Camera
+    from ...grid.scene import Scene
+    from ...render.renderer import Renderer
+    from ...settings import Settings
 
 FRAMES_A_SECOND = 24.0
 MOST_FRAMES = 1_000_000
@@ -58,7 +58,7 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
     A file's cameras are frames where they are as many as its own ``fps`` and ``seconds`` say, or where it does not say; else
     keyframes, as with ``seconds``.  Raises InputError.
     """
-    from viewer.tools.camera_files import read_cameras
+    from ..camera_files import read_cameras
 
     for name, value in (("--fps", fps), ("--seconds", seconds)):
         if value is not None and not (math.isfinite(value) and value > 0):
@@ -96,7 +96,7 @@ def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate
          panorama: bool = False, supersample: int = 1, background: str = "black", resume: bool = False,
          alterations: Alterations | None = None) -> str:
     """Makes the film; returns the line that tells a person what was made.  alterations: of a project.  Raises InputError."""
-    from viewer.tools.altered_pictures import AlteredPictures
+    from ..altered_pictures import AlteredPictures
 
     altered = None if alterations is None or alterations.none else AlteredPictures(renderer, alterations)
     try:
@@ -110,7 +110,7 @@ def film(scene: "Scene", renderer: "Renderer", cameras: "Sequence[Camera]", rate
 
 def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate: float, out: Path, *, resume: bool,
            alterations: Alterations | None) -> str:
-    from viewer.tools.film.encode import write_folder, write_mp4
+    from .encode import write_folder, write_mp4
 
     size = maker.size
     if out.suffix.lower() in MP4:
@@ -141,16 +141,16 @@ def check(options: argparse.Namespace) -> None:
 
 def run(options: argparse.Namespace, settings: "Settings") -> int:
     """The command.  Returns the exit code."""
-    from viewer.options import memory_of
-    from viewer.tools.export import parse_size
+    from ...options import memory_of
+    from ..export import parse_size
 
     check(options)
     size = parse_size(options.size) if options.size else PANORAMA_SIZE if options.panorama else None
     cameras, rate = read_path(options.path, size=size, fps=options.fps, seconds=options.seconds)
 
-    from viewer.grid.open_scene import open_scene
-    from viewer.render.context import create_context
-    from viewer.render.renderer import Renderer
+    from ...grid.open_scene import open_scene
+    from ...render.context import create_context
+    from ...render.renderer import Renderer
 
     context = create_context()
     scene = open_scene(options.scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from model.common.atomic_write import write_atomic
-from viewer.camera import Camera
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.tools.files import out_folder, write_json, write_png
+from ....model.common.atomic_write import write_atomic
+from ...camera import Camera
+from ...errors import InputError
+from ...progress import progress
+from ..files import out_folder, write_json, write_png
 
 RECORD = "film.json"
 QUALITY = 18

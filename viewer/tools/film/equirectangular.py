@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.camera import Camera, from_fov, look_at
+from ...camera import Camera, from_fov, look_at
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

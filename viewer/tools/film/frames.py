@@ -5,16 +5,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.linear_light import TO_LINEAR, TO_SRGB
-from viewer.errors import InputError
-from viewer.settings import Settings
-from viewer.tools.background import composite
-from viewer.tools.film.equirectangular import Panorama
+from ....model.common.linear_light import TO_LINEAR, TO_SRGB
+from ...errors import InputError
+from ...settings import Settings
+from ..background import composite
+from .equirectangular import Panorama
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.render.renderer import Renderer
-    from viewer.tools.altered_pictures import AlteredPictures
+    from ...camera import Camera
+    from ...render.renderer import Renderer
+    from ..altered_pictures import AlteredPictures
 
 LARGEST_SUPERSAMPLE = 4
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
-from viewer.camera import Camera
-from viewer.tools.document import CameraPath, Keyframe
+from ...camera import Camera
+from ..document import CameraPath, Keyframe
 
 MOST_PREVIEWED = 3000
 """Frames that a preview is sampled at, at most."""
@@ -13,7 +13,7 @@ MOST_PREVIEWED = 3000
 
 def cameras_along(keys: Sequence[Keyframe], count: int, size: tuple[int, int], *, closed: bool = False) -> list[Camera]:
     """``count`` cameras of ``size`` pixels along the path through keyframes, at constant speed."""
-    from viewer.tools.film.path import interpolate
+    from .path import interpolate
 
     cameras = [key.view.camera(*size) for key in keys]
     if closed and len(cameras) > 1:
@@ -31,7 +31,7 @@ def preview_cameras(path: CameraPath) -> list[Camera]:
 @lru_cache(8)
 def passing_seconds(path: CameraPath) -> tuple[float, ...]:
     """Seconds after which the film passes each keyframe: the camera moves at constant speed."""
-    from viewer.tools.film.path import passing_shares
+    from .path import passing_shares
 
     cameras = [key.view.camera(160, 90) for key in path.keyframes]
     if path.closed and len(cameras) > 1:

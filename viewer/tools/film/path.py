@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from viewer.camera import Camera
-from viewer.errors import InputError
+from ...camera import Camera
+from ...errors import InputError
 
 DENSE = 256
 """Samples of the curve between two keyframes, from which its length is summed."""

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.text import counted
+from ...errors import InputError
+from ...progress import progress
+from ...text import counted
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from model.evaluation.heldout import Viewpoint, Withheld
+    from ....model.evaluation.heldout import Viewpoint, Withheld
 
 FILLED = "filled"
 """Name in tables of the networks' input: pull-push with our filter and view-dependent blending."""
@@ -33,17 +33,17 @@ def is_scan(path: Path) -> bool:
 
     A missing path counts as a file if its name has a suffix.
     """
-    from viewer.grid.cache import is_grid
+    from ...grid.cache import is_grid
 
     return is_grid(path) if path.is_dir() else path.exists() or bool(path.suffix)
 
 
 def run(options: argparse.Namespace) -> int:
     """Evaluates, prints a table and writes the requested files.  Returns 0.  Raises InputError, DataError and WeightsError."""
-    from model.common.signals import importing
-    from model.evaluation.command import names_of
-    from model.evaluation.report import check_output, save, save_picture
-    from model.weights import weights_dir
+    from ....model.common.signals import importing
+    from ....model.evaluation.command import names_of
+    from ....model.evaluation.report import check_output, save, save_picture
+    from ....model.weights import weights_dir
 
     if len(options.data) > 1:
         raise InputError(f"{options.data[1]}: one scan at a time can be evaluated; evaluate the others separately")
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> int:
         print(f"pointglass: the evaluation of a scan ignores {', '.join(ignored)}", file=sys.stderr)
     files = options.weights or [weights_dir() / "balanced-filtered.safetensors"]
     with importing():
-        from model.evaluation.heldout_report import format_withheld
+        from ....model.evaluation.heldout_report import format_withheld
 
     result, rows = judge_scan(options.data[0], names_of(files), densities=tuple(dict.fromkeys(options.densities)),
                               views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None)
@@ -79,11 +79,11 @@ def judge_scan(path: Path, weights: dict[str, Path], *, densities: tuple[float, 
     filled picture, the neural one, and a map of which is closer to the withheld points.  Raises InputError if no withheld point
     is visible.
     """
-    from model.evaluation.heldout import Withheld
-    from model.evaluation.methods import WEIGHTED, network_method, plain_methods
-    from viewer.grid.open_scene import open_scene
-    from viewer.tools.heldout.judged_viewpoints import judged_viewpoints, station_viewpoints
-    from viewer.tools.heldout.scan_points import points_of
+    from ....model.evaluation.heldout import Withheld
+    from ....model.evaluation.methods import WEIGHTED, network_method, plain_methods
+    from ...grid.open_scene import open_scene
+    from .judged_viewpoints import judged_viewpoints, station_viewpoints
+    from .scan_points import points_of
 
     names = {"raw": "raw", WEIGHTED: FILLED}
     methods = [replace(method, name=names[method.name]) for method in plain_methods() if method.name in names]
@@ -113,8 +113,8 @@ def _judged(work: "Withheld", viewpoint: "Viewpoint", sheet: bool) -> np.ndarray
     wanted, shown = work.judge(viewpoint)
     if not sheet or not len(wanted.index):
         return None
-    from model.evaluation.heldout import nearer
-    from model.evaluation.labelled import labelled_row
+    from ....model.evaluation.heldout import nearer
+    from ....model.evaluation.labelled import labelled_row
 
     neural = next((name for name in shown if name.startswith("network ")), FILLED)
     pictures = [_halved(shown[FILLED]), _halved(shown[neural]), nearer(shown[FILLED], shown[neural], wanted)[::2, ::2]]
@@ -126,6 +126,6 @@ def _halved(picture: "Tensor") -> np.ndarray:
     """(3, H, W) in 0..1 -> (H / 2, W / 2, 3) uint8, by averaging."""
     import torch.nn.functional as F
 
-    from model.evaluation.labelled import picture_bytes
+    from ....model.evaluation.labelled import picture_bytes
 
     return picture_bytes(F.avg_pool2d(picture[None], 2, ceil_mode=True)[0])

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.scanner_positions import stations_differ
-from model.data.dataset import MemoryPicture, Scan
-from model.evaluation.heldout import Viewpoint
-from viewer.camera import Camera, from_fov, look_at
+from ....model.common.scanner_positions import stations_differ
+from ....model.data.dataset import MemoryPicture, Scan
+from ....model.evaluation.heldout import Viewpoint
+from ...camera import Camera, from_fov, look_at
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ...grid.scene import Scene
 
 STATIONS = 4
 """Number of stations that are withheld, one at a time: those with the most points.  Chosen by hand."""
@@ -33,7 +33,7 @@ def picture_of(camera: Camera) -> MemoryPicture:
 
 def judged_viewpoints(scene: "Scene", size: tuple[int, int], count: int) -> list[Viewpoint]:
     """``count`` evenly spaced cameras: the benches' eight named views, and for more than eight also cameras of their path."""
-    from viewer.tools.viewpoints import camera_path, named_views
+    from ..viewpoints import camera_path, named_views
 
     cameras = named_views(scene, size)
     if count > len(cameras):

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.data.dataset import Scan
-from viewer.errors import InputError
+from ....model.data.dataset import Scan
+from ...errors import InputError
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ...grid.scene import Scene
 
 MOST_POINTS = 20_000_000
 """Largest number of points used, chosen at random from more.  Each takes 27 bytes, and again as many in a view that contains
@@ -26,7 +26,7 @@ def points_of(scene: "Scene", path: Path, *, most: int = MOST_POINTS, seed: int 
 
     Raises InputError if there are too few points, or if they have no colours of their own.
     """
-    from viewer.grid.scene import CHUNK, unpack
+    from ...grid.scene import CHUNK, unpack
 
     source = (scene.meta.get("colour") or {}).get("source", "rgb")
     if source != "rgb":

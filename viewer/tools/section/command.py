@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.text import counted
-from viewer.tools.section.cut import Cut, along_line, elevation, plan
-from viewer.tools.section.sheet import Paper, check_out, write_sheet
+from ...errors import InputError
+from ...text import counted
+from .cut import Cut, along_line, elevation, plan
+from .sheet import Paper, check_out, write_sheet
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
-    from viewer.tools.document import Document
+    from ...grid.scene import Scene
+    from ..document import Document
 
 THICKNESS = 0.2
 """Metres of a plan or section, unless given."""
@@ -78,10 +78,10 @@ def cut_of(options: argparse.Namespace, scene: "Scene", document: "Document") ->
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
-    from viewer.tools.altered_pictures import edits_of
-    from viewer.tools.exporting.selection import Selection
-    from viewer.tools.open_project import opened
-    from viewer.tools.section.orthographic import draw
+    from ..altered_pictures import edits_of
+    from ..exporting.selection import Selection
+    from ..open_project import opened
+    from .orthographic import draw
 
     check_out(options.out)
     scale = parse_scale(options.scale)

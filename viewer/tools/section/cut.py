@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.tools.clip import Vector, vector
-from viewer.tools.up_axis import upright_axes
+from ...errors import InputError
+from ..clip import Vector, vector
+from ..up_axis import upright_axes
 
 KINDS = {"plan": "plan", "elevation": "elevation", "line": "section"}
 """Kind -> its name in titles."""

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.camera import MAX_SIDE
-from viewer.errors import InputError
-from viewer.tools.clip import Slab, vector
-from viewer.tools.exporting.selection import Block, Selection
-from viewer.tools.section.cut import Cut
+from ...camera import MAX_SIDE
+from ...errors import InputError
+from ..clip import Slab, vector
+from ..exporting.selection import Block, Selection
+from .cut import Cut
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ...grid.scene import Scene
 
 CLOSES = 1.2
 """Radius of a disc in point spacings: discs at random places, one per spacing squared, leave exp(-pi * 1.2**2) = 1 % open."""
@@ -55,7 +55,7 @@ class Drawing:
 def draw(selection: Selection, cut: Cut, pixel: float) -> Drawing:
     """The points of a selection that lie in a cut.  pixel: file units.  Raises InputError where there is none, or the drawing
     would be larger than MAX_SIDE or MOST_PIXELS."""
-    from viewer.tools.section import splat_kernels
+    from . import splat_kernels
 
     points = _Points(selection, cut)
     low, high, count = points.extent()

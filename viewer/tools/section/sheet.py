@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from model.common.atomic_write import passes_through, write_atomic
-from viewer import __version__
-from viewer.errors import InputError
-from viewer.text import counted
-from viewer.tools.measure import unit_name
-from viewer.tools.section.cut import KINDS
+from ....model.common.atomic_write import passes_through, write_atomic
+from ... import __version__
+from ...errors import InputError
+from ...text import counted
+from ..measure import unit_name
+from .cut import KINDS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from viewer.grid.scene import Scene
-    from viewer.tools.section.orthographic import Drawing
+    from ...grid.scene import Scene
+    from .orthographic import Drawing
 
 SUFFIXES = (".png", ".pdf")
 INCH = 0.0254

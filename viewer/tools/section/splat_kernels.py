@@ -4,7 +4,7 @@ Frame: pixels of the drawing, float64, the top left corner at (0, 0); depth alon
 Sums are whole numbers, so that the order of points decides nothing.
 """
 
-from model.common.jit import compiled
+from ....model.common.jit import compiled
 
 WEIGHTS = 255
 """Weight of a point in the middle of its disc; at the rim it is 1."""

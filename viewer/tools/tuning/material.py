@@ -7,7 +7,7 @@ from typing import Protocol
 
 import torch
 
-from viewer.errors import InputError
+from ...errors import InputError
 
 HELD_OUT_EVERY = 5
 """Every fifth photograph or viewpoint is held out from training for the evaluation.  Chosen by hand."""
@@ -55,7 +55,7 @@ class Material(Protocol):
 
 def check_room(work: Path, pixels: int) -> None:
     """Raises InputError if the disk of the folder ``work`` has no space for pairs of ``pixels`` pixels in total."""
-    from model.unet import INPUT_CHANNELS
+    from ....model.unet import INPUT_CHANNELS
 
     needed, free = (2 * INPUT_CHANNELS + 15) * pixels, shutil.disk_usage(work).free  # bytes: half floats, and the truth
     if needed > 0.9 * free:

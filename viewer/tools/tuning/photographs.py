@@ -12,23 +12,23 @@ import numpy as np
 import torch
 from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, gaussian_filter
 
-from model.common.linear_light import TO_LINEAR, TO_SRGB
-from model.common.scanner_positions import station_positions_of
-from model.data.dataset import MemoryPicture, Scan
-from model.data.pairs import build
-from model.data.photo_place import PhotoPlace
-from model.data.projected import Projected, project_scan, raster_of, scan_spacing
-from model.depth_filter import keep_mask
-from model.noise import NoiseModel, estimate_noise
-from model.noise_level import seen_noise
-from model.projection import network_input
-from viewer.errors import InputError
-from viewer.preprocess.point_colour import Colours
-from viewer.preprocess.valid_positions import is_position
-from viewer.progress import progress
-from viewer.readers.e57_images import Photo, read_photographs
-from viewer.readers.formats import open_source
-from viewer.tools.tuning.material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
+from ....model.common.linear_light import TO_LINEAR, TO_SRGB
+from ....model.common.scanner_positions import station_positions_of
+from ....model.data.dataset import MemoryPicture, Scan
+from ....model.data.pairs import build
+from ....model.data.photo_place import PhotoPlace
+from ....model.data.projected import Projected, project_scan, raster_of, scan_spacing
+from ....model.depth_filter import keep_mask
+from ....model.noise import NoiseModel, estimate_noise
+from ....model.noise_level import seen_noise
+from ....model.projection import network_input
+from ...errors import InputError
+from ...preprocess.point_colour import Colours
+from ...preprocess.valid_positions import is_position
+from ...progress import progress
+from ...readers.e57_images import Photo, read_photographs
+from ...readers.formats import open_source
+from .material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
 
 MOST_POINTS = 20_000_000
 """Largest number of points used, chosen at random from more: a limit of memory."""

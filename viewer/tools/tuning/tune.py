@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from model.common.folders import made_folder
-from model.evaluation.metrics import masked_psnr
-from model.train.trainer import TrainConfig, train
-from model.weights import load_weights, save_weights, weights_dir, weights_name
-from viewer.errors import InputError
-from viewer.paths import weights_home
-from viewer.tools.tuning.material import HeldOutPicture, Material
+from ....model.common.folders import made_folder
+from ....model.evaluation.metrics import masked_psnr
+from ....model.train.trainer import TrainConfig, train
+from ....model.weights import load_weights, save_weights, weights_dir, weights_name
+from ...errors import InputError
+from ...paths import weights_home
+from .material import HeldOutPicture, Material
 
 RATE = 1e-4
 """Learning rate.  Chosen by hand."""
@@ -31,8 +31,8 @@ def material_of(path: Path, seed: int) -> Material:
 
     Raises InputError if the photographs do not fit the points, or if the points have no colours.
     """
-    from viewer.tools.tuning.photographs import photographs_in, registered_photographs
-    from viewer.tools.tuning.withheld import withheld_points
+    from .photographs import photographs_in, registered_photographs
+    from .withheld import withheld_points
 
     photos, why = photographs_in(path)
     if photos:

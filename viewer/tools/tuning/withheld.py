@@ -15,17 +15,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from model.data.dataset import Scan
-from model.data.heldout import HELD_OUT, Targets, targets
-from model.data.projected import Projected, project_scan
-from model.evaluation.heldout import Viewpoint
-from model.evaluation.methods import OURS, ViewPoints, soft_z, view_points
-from model.noise import NoiseModel
-from model.noise_level import seen_noise
-from model.projection import measured_input, rasterise
-from viewer.errors import InputError
-from viewer.progress import progress
-from viewer.tools.tuning.material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
+from ....model.data.dataset import Scan
+from ....model.data.heldout import HELD_OUT, Targets, targets
+from ....model.data.projected import Projected, project_scan
+from ....model.evaluation.heldout import Viewpoint
+from ....model.evaluation.methods import OURS, ViewPoints, soft_z, view_points
+from ....model.noise import NoiseModel
+from ....model.noise_level import seen_noise
+from ....model.projection import measured_input, rasterise
+from ...errors import InputError
+from ...progress import progress
+from .material import DENSITIES, HELD_OUT_EVERY, HeldOutPicture, check_room
 
 VIEWPOINTS = 30
 """Number of cameras, for training and held out: the benches' eight views, the others along their path.  Chosen by hand."""
@@ -149,9 +149,9 @@ def truth_bytes(colour: Tensor, known: Tensor) -> np.ndarray:
 
 def withheld_points(path: Path, seed: int) -> WithheldPoints:
     """Opens a scan for tuning.  Raises InputError if its points have no colours or are too few."""
-    from viewer.grid.open_scene import open_scene
-    from viewer.tools.heldout.judged_viewpoints import judged_viewpoints
-    from viewer.tools.heldout.scan_points import points_of
+    from ...grid.open_scene import open_scene
+    from ..heldout.judged_viewpoints import judged_viewpoints
+    from ..heldout.scan_points import points_of
 
     scene = open_scene(path)
     scan, spacing = points_of(scene, path, most=MOST_POINTS, seed=seed)

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.tools.approach import approach
-from viewer.tools.pick import nearest_pixel
-from viewer.window.interaction.editing import metres_per_unit
-from viewer.window.navigation import view_along
-from viewer.window.orbit import orbited, panned, zoomed
+from ...tools.approach import approach
+from ...tools.pick import nearest_pixel
+from ..navigation import view_along
+from ..orbit import orbited, panned, zoomed
+from .editing import metres_per_unit
 
 if TYPE_CHECKING:
-    from viewer.window.interaction.tool import PointerEvent, ToolContext
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
+    from .tool import PointerEvent, ToolContext
 
 RADIUS = 24.0
 """Logical pixels around the pointer within which a measured point is taken; for measuring, where a wrong one harms, fewer."""

@@ -8,17 +8,17 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from viewer.errors import PointglassError
-from viewer.tools.document import Keyframe, Viewpoint, replaced, unique_name, without
-from viewer.tools.film.keyframes import passing_seconds, path_seconds, preview_cameras
-from viewer.window.interaction.editing import edit
-from viewer.window.interaction.timeline import Timeline
-from viewer.window.interaction.tool import ToolContext
-from viewer.window.navigation import view_along
-from viewer.window.widgets import compact_button
+from ...errors import PointglassError
+from ...tools.document import Keyframe, Viewpoint, replaced, unique_name, without
+from ...tools.film.keyframes import passing_seconds, path_seconds, preview_cameras
+from ..navigation import view_along
+from ..widgets import compact_button
+from .editing import edit
+from .timeline import Timeline
+from .tool import ToolContext
 
 if TYPE_CHECKING:
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
 
 STEP = 3.0
 """Seconds from one new keyframe to the next."""
@@ -106,7 +106,7 @@ class CameraPathEditor:
 
     def read_path(self, context: ToolContext) -> None:
         """Replaces the keyframes by the cameras of ``file``."""
-        from viewer.tools.camera_files import read_cameras
+        from ...tools.camera_files import read_cameras
 
         try:
             cameras = read_cameras(Path(self.file))
@@ -120,7 +120,7 @@ class CameraPathEditor:
         """Writes the keyframes to ``file``, with fps and seconds: `pointglass video --path` makes the same film.
 
         size: of its pictures, pixels."""
-        from viewer.tools.camera_files import write_camera_path
+        from ...tools.camera_files import write_camera_path
 
         path = context.document.path
         keys = [*path.keyframes, *(path.keyframes[:1] if path.closed else ())]

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.tools.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
-from viewer.tools.document import replaced, unique_name, without
-from viewer.window.interaction.editing import edit, unit_of
-from viewer.window.interaction.tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
+from ...tools.clip import MOST_CLIPS, Box, Clip, Slab, active, box_around, vector
+from ...tools.document import replaced, unique_name, without
+from .editing import edit, unit_of
+from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
 
 GRIP = 14.0
 """Logical pixels around a handle that take hold of it."""

@@ -9,16 +9,16 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from viewer.grid.scene import unpack
-from viewer.render.edits import ends_of
-from viewer.tools.look import CLASSES, COLOUR_BY, EXPOSURE_RANGE, MOST_POINT_SIZE, RAMPS, Look, category_colours, table_of
-from viewer.tools.pick import station_name
-from viewer.window.interaction.editing import edit, unit_of
-from viewer.window.interaction.tool import Overlay, Tool, ToolContext
+from ...grid.scene import unpack
+from ...render.edits import ends_of
+from ...tools.look import CLASSES, COLOUR_BY, EXPOSURE_RANGE, MOST_POINT_SIZE, RAMPS, Look, category_colours, table_of
+from ...tools.pick import station_name
+from .editing import edit, unit_of
+from .tool import Overlay, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
-    from viewer.window.overlay import OverlayCanvas
+    from ...grid.scene import Scene
+    from ..overlay import OverlayCanvas
 
 POINT_VIEWS = ("raw", "filtered")
 _MOST_ROWS = 12  # of a legend
@@ -52,7 +52,7 @@ class AttributeLegend(Overlay):
             return
         if context.session.work.tint:
             return
-        from viewer.window.legend import draw_legend, draw_ramp
+        from ..legend import draw_legend, draw_ramp
 
         title = COLOUR_BY[look.colour_by]
         if look.colour_by in ("class", "station"):

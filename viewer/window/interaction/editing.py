@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.errors import PointglassError
-from viewer.tools.clip import contains
-from viewer.tools.measure import MeasuredPoint, unit_name
-from viewer.tools.pick import Picked, pick, surface_around
-from viewer.tools.shot_metadata import camera_line, parse_camera_line
-from viewer.window.navigation import view_along
-from viewer.window.worker import Worker
+from ...errors import PointglassError
+from ...tools.clip import contains
+from ...tools.measure import MeasuredPoint, unit_name
+from ...tools.pick import Picked, pick, surface_around
+from ...tools.shot_metadata import camera_line, parse_camera_line
+from ..navigation import view_along
+from ..worker import Worker
 
 if TYPE_CHECKING:
-    from viewer.render.frame import Frame
-    from viewer.window.interaction.tool import KeyEvent, ToolContext
+    from ...render.frame import Frame
+    from .tool import KeyEvent, ToolContext
 
 END_SECONDS = 30.0
 """Seconds that a closing window waits for work in the background, which stops at its next progress report."""

@@ -5,16 +5,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from viewer.errors import InputError
-from viewer.settings import Settings
-from viewer.tools.document import Alterations
-from viewer.tools.film.command import MP4, film
-from viewer.tools.ghosts import prepared
-from viewer.window.worker import Worker
+from ...errors import InputError
+from ...settings import Settings
+from ...tools.document import Alterations
+from ...tools.film.command import MP4, film
+from ...tools.ghosts import prepared
+from ..worker import Worker
 
 if TYPE_CHECKING:
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
+    from ...camera import Camera
+    from ...grid.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,13 @@ class FilmJob:
 
         Raises PointglassError.
         """
-        from viewer.render.context import create_context
-        from viewer.render.renderer import Renderer
+        from ...render.context import create_context
+        from ...render.renderer import Renderer
 
         if self.scene is None or not self.cameras:
             raise InputError("a film needs a scan and a keyframe; add a keyframe first")
         if self.settings.view == "neural":
-            from model.common.torch_process import prepare_inference
+            from ....model.common.torch_process import prepare_inference
 
             prepare_inference()
         context = create_context()

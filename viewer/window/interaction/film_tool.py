@@ -9,22 +9,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from viewer.errors import PointglassError
-from viewer.settings import QUALITIES, VIEWS
-from viewer.tools.document import Viewpoint, replaced, unique_name, without
-from viewer.tools.film.command import MP4, PANORAMA_SIZE
-from viewer.tools.film.keyframes import cameras_along, path_seconds
-from viewer.window.interaction.camera_path_editor import CameraPathEditor, fly_to
-from viewer.window.interaction.editing import edit, end, ended
-from viewer.window.interaction.film_job import FilmJob, film_worker
-from viewer.window.interaction.tool import KeyEvent, Tool, ToolContext
-from viewer.window.look_panel import missing_qualities
-from viewer.window.saved_picture import LARGEST
-from viewer.window.widgets import compact_button, compact_width
-from viewer.window.worker import Worker
+from ...errors import PointglassError
+from ...settings import QUALITIES, VIEWS
+from ...tools.document import Viewpoint, replaced, unique_name, without
+from ...tools.film.command import MP4, PANORAMA_SIZE
+from ...tools.film.keyframes import cameras_along, path_seconds
+from ..look_panel import missing_qualities
+from ..saved_picture import LARGEST
+from ..widgets import compact_button, compact_width
+from ..worker import Worker
+from .camera_path_editor import CameraPathEditor, fly_to
+from .editing import edit, end, ended
+from .film_job import FilmJob, film_worker
+from .tool import KeyEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
 
 SIZES = ((1280, 720), (1920, 1080), (3840, 2160), (1080, 1920))
 PANORAMAS = ((2048, 1024), PANORAMA_SIZE, (8192, 4096))

@@ -5,12 +5,12 @@ The gestures about a point (middle drag, Ctrl+wheel, double click) are in ``arou
 
 from typing import TYPE_CHECKING
 
-from viewer.window.interaction.around_point import AroundPoint
-from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
-from viewer.window.interaction.walk_mode import WalkMode
+from .around_point import AroundPoint
+from .tool import PointerEvent, Tool, ToolContext
+from .walk_mode import WalkMode
 
 if TYPE_CHECKING:
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
 
 DRAG = 3.0
 """Logical pixels that the pointer moves before a press becomes a drag; a click must not turn the camera or hide the pointer."""

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.text import counted
-from viewer.tools.document import GHOSTS
-from viewer.tools.ghosts import with_ghosts
-from viewer.window.interaction.editing import edit, end, ended
-from viewer.window.interaction.tool import ToolContext
-from viewer.window.worker import Worker
+from ...text import counted
+from ...tools.document import GHOSTS
+from ...tools.ghosts import with_ghosts
+from ..worker import Worker
+from .editing import edit, end, ended
+from .tool import ToolContext
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
+    from ...grid.scene import Scene
 
 EXPLAINED = "people and things that one station measured and another one looked through; nothing is deleted"
 

@@ -4,13 +4,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from viewer.tools.look import CLASSES
-from viewer.tools.pick import Picked, surface_around
-from viewer.window.interaction.editing import Pointing, unit_of
-from viewer.window.interaction.tool import Overlay, PointerEvent, Tool, ToolContext
+from ...tools.look import CLASSES
+from ...tools.pick import Picked, surface_around
+from .editing import Pointing, unit_of
+from .tool import Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
 
 
 def lines_of(picked: Picked, context: ToolContext) -> list[str]:

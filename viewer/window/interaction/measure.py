@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.errors import PointglassError
-from viewer.tools.document import replaced, unique_name, without
-from viewer.tools.measure import KINDS, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
-from viewer.window.interaction.editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
-from viewer.window.interaction.tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
+from ...errors import PointglassError
+from ...tools.document import replaced, unique_name, without
+from ...tools.measure import KINDS, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
+from .editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
+from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
 
 NAMES = {"distance": "Distance", "polyline": "Polyline", "height": "Height", "angle": "Angle", "area": "Area"}
 

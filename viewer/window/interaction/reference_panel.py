@@ -7,13 +7,13 @@ that is chosen become one undoable step each.
 from dataclasses import replace
 from typing import Any
 
-from viewer.errors import InputError
-from viewer.readers import crs
-from viewer.tools.reference import UNITS, unit_name_of
-from viewer.window import theme
-from viewer.window.interaction.editing import edit
-from viewer.window.interaction.tool import ToolContext
-from viewer.window.worker import Worker
+from ...errors import InputError
+from ...readers import crs
+from ...tools.reference import UNITS, unit_name_of
+from .. import theme
+from ..worker import Worker
+from .editing import edit
+from .tool import ToolContext
 
 AS_FILE = "as the file says"
 _POPUP = (420.0, 330.0)

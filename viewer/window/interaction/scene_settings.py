@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from viewer.tools.document import UP_AXES
-from viewer.window.interaction.editing import edit, save_project, step
-from viewer.window.interaction.reference_panel import ReferencePanel
-from viewer.window.interaction.tool import Tool, ToolContext
+from ...tools.document import UP_AXES
+from .editing import edit, save_project, step
+from .reference_panel import ReferencePanel
+from .tool import Tool, ToolContext
 
 
 class SceneSettings(Tool):

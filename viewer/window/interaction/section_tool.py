@@ -10,23 +10,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.errors import InputError
-from viewer.tools.clip import Slab, vector
-from viewer.tools.document import unique_name
-from viewer.tools.exporting.selection import Selection
-from viewer.tools.section.command import THICKNESS, paper_of, title_of
-from viewer.tools.section.cut import KINDS, Cut, along_line, elevation, plan
-from viewer.tools.up_axis import upright_axes
-from viewer.window.capture import stamped
-from viewer.window.interaction.editing import Pointing, edit, end, ended, metres_per_unit, unit_of
-from viewer.window.interaction.sheet_preview import SheetPreview, preview_dpi
-from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
-from viewer.window.worker import Worker
+from ...errors import InputError
+from ...tools.clip import Slab, vector
+from ...tools.document import unique_name
+from ...tools.exporting.selection import Selection
+from ...tools.section.command import THICKNESS, paper_of, title_of
+from ...tools.section.cut import KINDS, Cut, along_line, elevation, plan
+from ...tools.up_axis import upright_axes
+from ..capture import stamped
+from ..worker import Worker
+from .editing import Pointing, edit, end, ended, metres_per_unit, unit_of
+from .sheet_preview import SheetPreview, preview_dpi
+from .tool import PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from viewer.window.overlay import OverlayCanvas
+    from ..overlay import OverlayCanvas
 
 SCALES = (10, 20, 50, 100, 200, 500)
 FORMATS = (".pdf", ".png")
@@ -134,8 +134,8 @@ class SectionTool(Tool):
         out = stamped(f"pointglass-{KINDS[cut.kind]}", self.format, context.folder)
 
         def work() -> "Path":
-            from viewer.tools.section.orthographic import draw
-            from viewer.tools.section.sheet import write_sheet
+            from ...tools.section.orthographic import draw
+            from ...tools.section.sheet import write_sheet
 
             paper = paper_of(scene, scale)
             write_sheet(out, draw(selection, cut, paper.pixel), paper, scene, title_of(scene))
@@ -161,8 +161,8 @@ class SectionTool(Tool):
         selection = Selection(scene, document.clips, hidden=context.session.work.edits.hidden_in(scene))
 
         def work() -> np.ndarray:
-            from viewer.tools.section.orthographic import draw
-            from viewer.tools.section.sheet import sheet_picture
+            from ...tools.section.orthographic import draw
+            from ...tools.section.sheet import sheet_picture
 
             usual = paper_of(scene, scale)
             longest = float(np.ptp(scene.bounds, axis=0).max())

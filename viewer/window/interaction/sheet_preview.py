@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.window.interaction.editing import end
-from viewer.window.interaction.tool import ToolContext
-from viewer.window.worker import Worker
+from ..worker import Worker
+from .editing import end
+from .tool import ToolContext
 
 if TYPE_CHECKING:
     import moderngl

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from viewer.readers.e57_photographs import StationPhoto, read_station_photos
-from viewer.tools.pick import station_name
-from viewer.window.interaction.editing import edit, metres_per_unit
-from viewer.window.interaction.ghosts_panel import GhostsPanel
-from viewer.window.interaction.tool import PointerEvent, Tool, ToolContext
-from viewer.window.navigation import view_along
-from viewer.window.photo_layer import ShownPhoto
-from viewer.window.theme import fitted
-from viewer.window.worker import Worker
+from ...readers.e57_photographs import StationPhoto, read_station_photos
+from ...tools.pick import station_name
+from ..navigation import view_along
+from ..photo_layer import ShownPhoto
+from ..theme import fitted
+from ..worker import Worker
+from .editing import edit, metres_per_unit
+from .ghosts_panel import GhostsPanel
+from .tool import PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
-    from viewer.grid.scene import Scene
-    from viewer.window.overlay import OverlayCanvas
+    from ...grid.scene import Scene
+    from ..overlay import OverlayCanvas
 
 GRIP = 16.0
 """Logical pixels around a marker that a click takes."""

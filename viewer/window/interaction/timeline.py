@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from viewer.window import theme
-from viewer.window.theme import Theme, packed
+from .. import theme
+from ..theme import Theme, packed
 
 HEIGHT = 34.0
 """Design units; a marker of MARKER and the line of seconds below it."""

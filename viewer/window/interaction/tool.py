@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from viewer.window.image_texture import texture_of
-from viewer.window.interaction.editing import shared_key
+from ..image_texture import texture_of
+from .editing import shared_key
 
 if TYPE_CHECKING:
     import moderngl
 
-    from viewer.camera import Camera
-    from viewer.grid.scene import Scene
-    from viewer.window.overlay import OverlayCanvas
-    from viewer.window.session import Session
-    from viewer.window.theme import Theme
-    from viewer.window.viewport import Viewport
+    from ...camera import Camera
+    from ...grid.scene import Scene
+    from ..overlay import OverlayCanvas
+    from ..session import Session
+    from ..theme import Theme
+    from ..viewport import Viewport
 
 
 @dataclass(frozen=True)

@@ -3,14 +3,14 @@
 from functools import partial
 from typing import TYPE_CHECKING
 
-from viewer.tools.exporting.selection import Selection
-from viewer.tools.walk_map import WalkMap, build_walk_map
-from viewer.window.interaction.editing import end, ended, metres_per_unit
-from viewer.window.walking import PACE, stand
-from viewer.window.worker import Worker
+from ...tools.exporting.selection import Selection
+from ...tools.walk_map import WalkMap, build_walk_map
+from ..walking import PACE, stand
+from ..worker import Worker
+from .editing import end, ended, metres_per_unit
 
 if TYPE_CHECKING:
-    from viewer.window.interaction.tool import ToolContext
+    from .tool import ToolContext
 
 _FINDING = "Finding the floor"
 

@@ -2,13 +2,13 @@
 
 from typing import TYPE_CHECKING, Any
 
-from viewer.tools.provenance_tint import COLOURS, NAMES, Shares, shares
-from viewer.window.interaction.editing import edit
-from viewer.window.interaction.tool import Tool, ToolContext
+from ...tools.provenance_tint import COLOURS, NAMES, Shares, shares
+from .editing import edit
+from .tool import Tool, ToolContext
 
 if TYPE_CHECKING:
-    from viewer.render.frame import Frame
-    from viewer.window.overlay import OverlayCanvas
+    from ...render.frame import Frame
+    from ..overlay import OverlayCanvas
 
 
 class WhatIsReal(Tool):
@@ -62,7 +62,7 @@ class WhatIsReal(Tool):
         self._count(context)
         rows = self.lines()
         if rows:
-            from viewer.window.legend import draw_legend  # imgui: this module is read without a window, too
+            from ..legend import draw_legend  # imgui: this module is read without a window, too
 
             draw_legend(overlay, [(COLOURS[key], text) for key, text in rows])
 

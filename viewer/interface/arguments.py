@@ -1,0 +1,88 @@
+"""Checks of the arguments of the Python interface: each returns the value in its final type, or raises InputError."""
+
+import os
+from dataclasses import fields
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, TypedDict
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InputError
+from ..settings import Settings
+
+PathLike = str | os.PathLike[str]
+
+
+class RenderSettings(TypedDict, total=False):
+    """Keyword arguments of :meth:`Scan.render`: the fields of viewer.settings.Settings but the view, whose tables say what each
+    choice means (so does ``pointglass render --help``).
+
+    quality: fast, balanced, best or paper: which network.  detail: from 0 (smooth) to 2 (every measured grain); 1: by the
+    scan's noise.  weights: a weights file of your own.  precision: auto, fp32, bf16 or fp16.  device: auto, cuda or cpu; of the
+    network.  filter: auto, paper-code, paper-text, npbg++ or off.  filter_strength: multiplies the depth tolerance.
+    filter_levels: pyramid levels, None: the filter's own.  lod: points drawn per pixel, None: every point.
+    raster: auto, points or compute.  soft_z: auto, paper-code or paper-text.  stations: auto or equal.
+    """
+
+    quality: str
+    detail: float
+    weights: PathLike | None
+    precision: str
+    device: str
+    filter: str
+    filter_strength: float
+    filter_levels: int | None
+    lod: float | None
+    raster: str
+    soft_z: str
+    stations: str
+
+
+def settings_of(view: str, given: RenderSettings) -> Settings:
+    """Raises InputError naming the first setting that does not exist or has a value it cannot have."""
+    known = [field.name for field in fields(Settings) if field.name != "view"]
+    for name in given:
+        if name not in known:
+            meant = get_close_matches(name, known, 1)
+            hint = f"did you mean {meant[0]}?" if meant else f"expected one of {', '.join(known)}"
+            raise InputError(f"render has no setting {name!r}; {hint}")
+    values: dict[str, Any] = dict(given)
+    if values.get("weights") is not None:
+        values["weights"] = str(path_of(values["weights"]))
+    try:
+        return Settings(view=view, **values)
+    except TypeError:  # compared with a number, or looked up in a table
+        shown = ", ".join(f"{name}={value!r}" for name, value in {"view": view, **values}.items())
+        raise InputError(f"render({shown}): a value is of the wrong kind; see pointglass.RenderSettings") from None
+
+
+def path_of(path: PathLike) -> Path:
+    try:
+        return Path(path)
+    except TypeError:
+        raise InputError(f"{path!r}: expected the path of a file or folder; give several as open(a, b)") from None
+
+
+def vector_of(name: str, value: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    try:
+        vector = np.array(value, np.float64)
+    except (TypeError, ValueError):
+        vector = np.empty(0)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InputError(f"{name} {value!r}: expected three finite numbers, x, y and z")
+    return vector
+
+
+def numbers_of(index: object, count: int) -> npt.NDArray[np.int64]:
+    """(n,) running numbers from 0, of one whole number, an array of them, or a mask (count,)."""
+    array = np.atleast_1d(np.asarray(index))
+    if array.ndim == 1 and array.dtype == bool and len(array) == count:
+        return np.flatnonzero(array)
+    if array.ndim != 1 or (array.dtype.kind not in "iu" and array.size):
+        raise InputError(f"points[{index!r}]: expected a slice, whole numbers, or a mask of {count:,} booleans")
+    numbers = array.astype(np.int64)
+    if numbers.size and not (-count <= numbers.min() and numbers.max() < count):
+        raise IndexError(f"points[{index!r}]: there are {count:,} points")
+    return np.where(numbers < 0, numbers + count, numbers)
