@@ -28,21 +28,25 @@ from ..paths import cache_dir
 from ..progress import progress
 from ..readers.formats import KNOWN
 from .checksum import checksum
-from .grid_header import VERSION, DamagedGrid, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
+from .grid_header import VERSION, DamagedGrid, GridHeader, NoiseHeader, OtherGrid, checksum_of, first_line, read_header
 from .grid_threads import processors
+from .point_records import PointRecords, identity_of, sum_of
 from .scene import CHUNK, Scene
 from .scratch_folder import move, reserve, scratch
 
 # Versions of: the decision on colours, the order of points and the measure of their spacing, the estimate of noise, the packing
-# of attributes.  They are part of the cache key: a change rebuilds cached grids.  Folders made by convert stay as they are.
-COLOURS, ORDER, NOISE, ATTRIBUTES = 3, 5, 1, 1
+# of attributes, the running numbers of points.  They are part of the cache key: a change rebuilds cached grids.  Folders made
+# by convert stay as they are.
+COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS = 3, 5, 1, 1, 1
 _ARRAYS = {"points": np.dtype("<u4"), "cell_coords": np.dtype("<i4"), "offsets": np.dtype("<i8"), "checksums": np.dtype("<u4"),
-           "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4")}
+           "faces": np.dtype("u1"), "boxes": np.dtype("u1"), "noise": np.dtype("<f4"),
+           "records": np.dtype("<u4"), "records_high": np.dtype("u1"), "record_sums": np.dtype("<u4")}
+_COLUMNS = ("points", "records", "records_high")  # with a row for each point: memory-mapped, and checked when they are read
 _log = logging.getLogger(__name__)
 _CLUTTER = {".DS_Store", "Thumbs.db", "desktop.ini"}
 """Files that file managers leave in folders, which may be deleted with the folder."""
 _LATER = {"faces": 3, "boxes": 6}  # columns of arrays with a row per cell, which folders of earlier versions do not have
-_OPTIONAL = {*_LATER, "noise"}
+_OPTIONAL = {*_LATER, "noise", "records", "records_high", "record_sums"}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _NPY_ERRORS = (OSError, ValueError, TypeError, SyntaxError, EOFError, OverflowError, MemoryError, RecursionError, KeyError,
@@ -58,17 +62,13 @@ class CacheError(InputError):
 def folder_of(files: list[Path], match: bool = True, columns: str | None = None) -> Path:
     """The cache folder for the grid of these files; another folder once a file has changed.  match, columns: as for
     viewer.grid.open_scene."""
-    versions = [VERSION, COLOURS, ORDER, NOISE, ATTRIBUTES]
+    versions = [VERSION, COLOURS, ORDER, NOISE, ATTRIBUTES, RECORDS]
     key = json.dumps([*versions, _identity(files), match, *([columns] if columns else [])]).encode()
     return cache_dir() / hashlib.sha256(key).hexdigest()[:32]
 
 
 def _identity(files: list[Path]) -> list:
-    facts = []
-    for file in files:
-        stat = file.stat()
-        facts.append([str(file.absolute()), stat.st_size, stat.st_mtime_ns])
-    return facts
+    return [identity_of(file) for file in files]
 
 
 def load_or_build(files: list[Path], build: Callable[..., Scene], *, match: bool, columns: str | None) -> Scene:
@@ -119,7 +119,7 @@ def _read(folder: Path, identity: list | None) -> Scene:
         array = _mapped(folder / f"{name}.npy")
         if array.dtype != dtype or array.shape != header.shapes.get(name):
             raise DamagedGrid(f"{name}.npy is not what meta.json says")
-        if name != "points":
+        if name not in _COLUMNS:
             array = np.array(array)  # a copy, so that what was checked is used even if the file changes
             if header.sums is not None and zlib.crc32(array.data) != header.sums.get(name):
                 raise DamagedGrid(f"{name}.npy does not match its checksum")
@@ -134,8 +134,20 @@ def _read(folder: Path, identity: list | None) -> Scene:
         raise DamagedGrid("its arrays do not fit together")
     return Scene(
         points, cells, offsets, header.origin, header.cell_size, layers, count, header.spacing, header.bounds, header.meta,
-        arrays["checksums"], header.parts, noise=_noise(header.noise, arrays.get("noise")), **later,
+        arrays["checksums"], header.parts, noise=_noise(header.noise, arrays.get("noise")),
+        records=_records(folder, header, arrays), **later,
     )  # fmt: skip
+
+
+def _records(folder: Path, header: GridHeader, arrays: dict[str, np.ndarray]) -> PointRecords | None:
+    """The running numbers of the points; None where an earlier version stored none.  Raises DamagedGrid."""
+    if "records" not in arrays and "record_sums" not in arrays:
+        return None
+    low, high, sums = (arrays.get(name) for name in ("records", "records_high", "record_sums"))
+    fits = low is not None and low.shape == (header.count,) and (high is None or high.shape == low.shape)
+    if low is None or sums is None or not fits or sums.shape != arrays["checksums"].shape or header.first is None:
+        raise DamagedGrid("its record numbers do not fit its points")
+    return PointRecords(low, high, header.first, sums, str(folder))
 
 
 def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel | None:
@@ -185,11 +197,11 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
     identity = _identity(files)
     with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY) as work:
         # the points are written to their file directly: the system writes the pages back, and memory stays bounded
-        scene = build(files, lambda count: _points_file(work, count))
+        scene = build(files, lambda name, shape, dtype: _column_file(work, name, shape))
         _write(work, scene, identity)
         if identity != _identity(files):
             raise InputError(f"{files[0]}: changed while it was read; try again")
-        _release(scene.points)
+        _release(scene)
         del scene
         if keep_old and folder.exists() and (name := stranger(folder)):
             raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
@@ -197,19 +209,31 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
     return _read(folder, identity)
 
 
-def _points_file(work: Path, count: int) -> np.ndarray:
-    file = work / "points.npy"
-    points = np.lib.format.open_memmap(file, "w+", _ARRAYS["points"], (count, 3))
+def _column_file(work: Path, name: str, shape: tuple[int, ...]) -> np.ndarray:
+    file = work / f"{name}.npy"
+    column = np.lib.format.open_memmap(file, "w+", _ARRAYS[name], shape)
     with file.open("r+b") as opened:
         reserve(opened.fileno(), file.stat().st_size, work)
-    return points
+    return column
+
+
+def _columns_of(scene: Scene) -> dict[str, np.ndarray]:
+    """The columns of a scene that have a row for each point, by name."""
+    found = {"points": scene.points}
+    if scene.records is not None:
+        found["records"] = scene.records.low
+        if scene.records.high is not None:
+            found["records_high"] = scene.records.high
+    return found
 
 
 def _write(work: Path, scene: Scene, identity: list) -> None:
     known = {name: getattr(scene, name) for name in _LATER if getattr(scene, name) is not None}
     if scene.noise is not None:
         known["noise"] = scene.noise.sigma
-    known |= {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": checksums(scene.points)}
+    sums, record_sums = checksums(scene.points, scene.records)
+    known |= {"cell_coords": scene.cell_coords, "offsets": scene.offsets, "checksums": sums}
+    known |= {} if record_sums is None else {"record_sums": record_sums}
     arrays = {name: np.ascontiguousarray(array, _ARRAYS[name]) for name, array in known.items()}
     for name, array in arrays.items():
         np.save(work / f"{name}.npy", array, allow_pickle=False)
@@ -217,7 +241,7 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
         "magic": MAGIC,
         "version": VERSION,
         "identity": identity,
-        "shapes": {name: list(array.shape) for name, array in {"points": scene.points, **arrays}.items()},
+        "shapes": {name: list(array.shape) for name, array in {**_columns_of(scene), **arrays}.items()},
         "sums": {name: zlib.crc32(array.data) for name, array in arrays.items()},
         "origin": scene.origin.tolist(),
         "cell_size": float(scene.cell_size),
@@ -237,14 +261,18 @@ def _write(work: Path, scene: Scene, identity: list) -> None:
     (work / _META).write_text(json.dumps(head, indent=1, allow_nan=False), "utf-8")
 
 
-def checksums(points: np.ndarray) -> np.ndarray:
-    """(ceil(N / CHUNK),) uint32: the checksum of each chunk of points (N, 3) uint32, computed on all processors."""
+def checksums(points: np.ndarray, records: PointRecords | None = None) -> tuple[np.ndarray, np.ndarray | None]:
+    """(ceil(N / CHUNK),) uint32: the checksum of each chunk of points (N, 3) uint32, and of their running numbers, computed on
+    all processors."""
     sums = np.zeros(-(-len(points) // CHUNK), np.uint32)
+    of_records = None if records is None else np.zeros_like(sums)
 
     def run(start: int) -> int:
         stop = min(start + _JOB, len(sums))
         for chunk in range(start, stop):
             sums[chunk] = checksum(points[chunk * CHUNK : (chunk + 1) * CHUNK])
+            if records is not None and of_records is not None:
+                of_records[chunk] = sum_of(records.low, records.high, chunk)
         return stop - start
 
     pool = ThreadPoolExecutor(processors(), "checksum")
@@ -254,12 +282,13 @@ def checksums(points: np.ndarray) -> np.ndarray:
                 meter.update(done)
     finally:
         pool.shutdown(cancel_futures=True)
-    return sums
+    return sums, of_records
 
 
-def _release(points: np.ndarray) -> None:
-    if isinstance(points, np.memmap):
-        points.flush()
+def _release(scene: Scene) -> None:
+    for column in _columns_of(scene).values():
+        if isinstance(column, np.memmap):
+            column.flush()
 
 
 @contextmanager

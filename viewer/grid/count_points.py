@@ -41,6 +41,11 @@ class CellCounts:
         """Points that are kept."""
         return int(self.counts.sum())
 
+    @property
+    def running(self) -> int:
+        """Points that the sources yield: those that are kept, those that are not finite, and those out of reach."""
+        return self.count + self.dropped[0] + self.dropped[1]
+
 
 class Observer(Protocol):
     """Is given every chunk of pass 1."""

@@ -45,7 +45,8 @@ class NoiseHeader:
 class GridHeader:
     """shapes: of each array.  sums: CRC-32 of each array except the points; None in folders of earlier versions, which have
     none.
-    noise: None where none was stored.  Others as in Scene."""
+    noise: None where none was stored.  first: as in viewer.grid.point_records, None where it is not stored.  Others as in
+    Scene."""
 
     shapes: dict[str, tuple[int, ...]]
     sums: dict[str, int] | None
@@ -58,6 +59,7 @@ class GridHeader:
     parts: int
     meta: dict[str, Any]
     noise: NoiseHeader | None
+    first: np.ndarray | None
 
 
 def read_header(folder: Path, identity: list | None) -> GridHeader:
@@ -82,6 +84,8 @@ def read_header(folder: Path, identity: list | None) -> GridHeader:
         raise DamagedGrid("its numbers are not usable")
     if header.parts not in (1, EARLIER_PARTS, PARTS):
         raise DamagedGrid(f"its points lie in {header.parts} parts")
+    if (first := header.first) is not None and (first.ndim != 1 or len(first) < 2 or first[0] or (np.diff(first) < 0).any()):
+        raise DamagedGrid("the first record numbers of its files are not usable")
     if (noise := header.noise) is not None:
         numbers = np.concatenate([noise.origin.reshape(-1), noise.curve.reshape(-1), [noise.voxel, noise.overall]])
         fits = noise.origin.shape == (3,) and noise.curve.shape == (KNOTS,) and np.isfinite(numbers).all()
@@ -133,4 +137,5 @@ def _parsed(head: dict[str, Any]) -> GridHeader:
             np.array(noise["origin"], np.float64), float(noise["voxel"]), np.array(noise["curve"], np.float32),
             float(noise["overall"]), int(noise["neighbourhoods"]),
         ),
+        first=None if "records" not in head["meta"] else np.array(head["meta"]["records"]["first"], np.int64),
     )  # fmt: skip

@@ -149,8 +149,9 @@ def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, 
     rgb: (n, 3) uint8.  attributes: (n,) uint16 (viewer.preprocess.point_attributes).  scan: (n,) uint8.  base: of the
     cells.  dense: (X, Y, Z) int32 cell numbers; where it is empty, they are looked up in ``table``.  Others as in count_points.
     marks: (C,) int64, one bit set for each sixteenth of a cell that holds a point (viewer.grid.cell_boxes).
-    Writes buckets (n,) int32 and words (n, 3) uint32: points of one half of the buckets from the front in order, those of the
-    other half from the back in reverse, so that two threads can place them.
+    Writes buckets (n,) int32 and words (n, 4) uint32, the packed point and the lower 32 bits of its running number: points of
+    one half of the buckets from the front in order, those of the other half from the back in reverse, so that two threads can
+    place them.
     Returns (points at the front, points at the back); points out of reach are left out.
     """
     n, direct = xyz.shape[0], dense.size > 0
@@ -201,16 +202,20 @@ def pack_points(xyz, rgb, attributes, scan, first, inverse, base, reach, dense, 
             words[place, 1] = qz | np.uint32(attributes[i]) << np.uint32(16)
             colour = np.uint32(rgb[i, 0]) | np.uint32(rgb[i, 1]) << np.uint32(8) | np.uint32(rgb[i, 2]) << np.uint32(16)
             words[place, 2] = colour | np.uint32(scan[i]) << np.uint32(24)
+            words[place, 3] = np.uint32(first + i)
     return front, n - 1 - back
 
 
 @compiled(nogil=True)
-def place_points(buckets, words, start, stop, stride, runs, points):
+def place_points(buckets, words, start, stop, stride, runs, points, numbered, records, high):
     """Moves packed points start, start + stride, ... before ``stop`` to their places in the runs of their buckets.
 
     runs: (buckets + 1, 2) int64, where each begins and how many of its points are placed, updated; side by side, since both
-    are looked up at random.
+    are looked up at random.  numbered: running number of the block's first point.
+    records, high: (N,) uint32 and uint8, receive bits 0 to 31 and 32 to 39 of each point's running number; ``high`` is empty
+    where 32 bits suffice.
     """
+    wide, upper, lower = high.size > 0, np.uint8(numbered >> 32), np.uint32(numbered & 0xFFFFFFFF)
     for i in range(start, stop, stride):
         bucket = buckets[i]
         first, number = runs[bucket, 0], runs[bucket, 1]
@@ -220,6 +225,9 @@ def place_points(buckets, words, start, stop, stride, runs, points):
             part = PART_OF[number & _PART_MASK]
             place = first + (size >> _PART_BITS) * part + PART_EXTRA[size & _PART_MASK, part] + (number >> _PART_BITS)
             points[place, 0], points[place, 1], points[place, 2] = words[i, 0], words[i, 1], words[i, 2]
+            records[place] = words[i, 3]
+            if wide:
+                high[place] = upper + np.uint8(words[i, 3] < lower)  # a block is far shorter than 2**32 points
 
 
 @compiled(nogil=True)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
+from .point_records import identity_of
 from .scene import Scene
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str
 
     sources = open_sources(files, columns)
     facts = facts_of(files, sources) | {"match": match, "warnings": _differences(sources)}
+    facts["records"] = {"files": [identity_of(file) for file in files], "columns": columns}
     return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, facts=facts)
 
 
@@ -111,21 +113,22 @@ def scene_from_arrays(
     return build_grid([source], colours=None, allocate=in_memory, facts=known, stages=stages, noise=noise)
 
 
-def in_memory(count: int) -> np.ndarray:
-    """An array for packed points that is freed with the scene: memory, or for large scans a file without a name."""
-    if count <= _IN_MEMORY:
-        return np.empty((count, 3), np.uint32)
+def in_memory(name: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
+    """An array for a column of the points that is freed with the scene: memory, or for large scans a file without a name."""
+    if shape[0] <= _IN_MEMORY:
+        return np.empty(shape, dtype)
     import tempfile
 
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
     from .scratch_folder import reserve
 
     try:
         with tempfile.TemporaryFile(prefix="pointglass-") as file:
-            reserve(file.fileno(), count * 12, Path(tempfile.gettempdir()))
-            return np.memmap(file, np.uint32, "r+", shape=(count, 3))
+            reserve(file.fileno(), size, Path(tempfile.gettempdir()))
+            return np.memmap(file, dtype, "r+", shape=shape)
     except OSError as error:
         raise InputError(
-            f"{tempfile.gettempdir()}: no room for {count * 12 / 1e9:.1f} GB of points ({error.strerror}); "
+            f"{tempfile.gettempdir()}: no room for {size / 1e9:.1f} GB of points ({error.strerror}); "
             "set TMPDIR to a folder with more space"
         ) from None
 

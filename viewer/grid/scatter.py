@@ -22,24 +22,27 @@ from .cell_layout import Layout
 from .count_points import CellCounts, numbered_chunks
 from .histogram import dense_table_of, table_of
 from .noise_sample import NoiseSample
+from .point_records import PointRecords
 
 BLOCK = 1 << 18
-"""Points packed before they are placed; chosen so that the packed words and bucket numbers of two blocks (8 MB) stay in the
+"""Points packed before they are placed; chosen so that the packed words and bucket numbers of two blocks (10 MB) stay in the
 processor's last-level cache."""
 
 
 def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable, counts: CellCounts, layout: Layout,
-            points: np.ndarray, pool: Executor, processors: int, attributes: AttributeLayout,
+            points: np.ndarray, records: PointRecords, pool: Executor, processors: int, attributes: AttributeLayout,
             sample: NoiseSample | None = None) -> np.ndarray:  # fmt: skip
     """Reads the sources again and fills ``points`` (N, 3) uint32 as in Scene.  Returns the cells' boxes, (C, 6) uint8.
+
+    records: receives the running number of each point, and of the first point of each source.
 
     colours: as in build_grid, after pass 1.  scans: which scan each point is of.  counts, layout: the cells.
     processors: pieces of a block that are packed at the same time.  attributes: how class and intensity are packed.
     sample: is given all points, to estimate their noise.
     Raises InputError where a file is no longer as pass 1 read it.
     """
-    blocks = _Blocks(counts, layout, points, pool, processors)
-    first = 0
+    blocks = _Blocks(counts, layout, points, records, pool, processors)
+    first, of_source = 0, np.zeros(len(sources), np.int64)
     if sample is not None:
         sample.reset()
     for number, chunk in numbered_chunks(sources, "building the grid"):
@@ -53,6 +56,8 @@ def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable
             rows = slice(start, start + BLOCK)
             blocks.add(xyz[rows], rgb[rows], bits[rows], scan[rows], first + start)
         first += len(xyz)
+        of_source[number] += len(xyz)
+    records.first[1:] = of_source.cumsum()
     runs, boxes = blocks.finish()
     if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
         raise InputError(f"{sources[0].path}: changed while it was read; try again")
@@ -62,17 +67,19 @@ def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable
 class _Blocks:
     """Two blocks in turn: one being packed, the one before it being placed."""
 
-    def __init__(self, counts: CellCounts, layout: Layout, points: np.ndarray, pool: Executor, processors: int):
+    def __init__(self, counts: CellCounts, layout: Layout, points: np.ndarray, records: PointRecords, pool: Executor,
+                 processors: int):  # fmt: skip
         cells = layout.cells
         self._pool, self._points, self._parts = pool, points, processors
+        self._records = records.low, np.empty(0, np.uint8) if records.high is None else records.high
         self._runs = np.stack([layout.offsets, np.zeros_like(layout.offsets)], axis=1)
         dense = dense_table_of(cells)
         table = table_of(cells[:1] if dense.size else cells)
         self._grid = 1 / layout.cell_size, layout.base, counts.reach, dense, table, len(cells), layout.layers
         # two blocks are in flight at a time: each has its own arrays
-        self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 3), np.uint32), np.zeros((processors, len(cells)), np.int64))
+        self._room = [(np.empty(BLOCK, np.int32), np.empty((BLOCK, 4), np.uint32), np.zeros((processors, len(cells)), np.int64))
                       for _ in range(2)]
-        self._packing: tuple[list[Future], list[int], np.ndarray, np.ndarray] | None = None
+        self._packing: tuple[list[Future], list[int], np.ndarray, np.ndarray, int] | None = None
         self._placing: list[Future] = []
 
     def add(self, xyz: np.ndarray, rgb: np.ndarray, bits: np.ndarray, scan: np.ndarray, first: int) -> None:
@@ -88,7 +95,7 @@ class _Blocks:
             for marked, (a, b) in zip(marks, itertools.pairwise(edges), strict=True)
         ]
         self._place_packed()
-        self._packing = jobs, edges, buckets, words
+        self._packing = jobs, edges, buckets, words, first
 
     def finish(self) -> tuple[np.ndarray, np.ndarray]:
         """Returns (buckets + 1, 2) int64, where each run begins and how many points it was given, and the cells' boxes."""
@@ -100,16 +107,16 @@ class _Blocks:
     def _place_packed(self) -> None:
         if self._packing is None:
             return
-        jobs, edges, *block = self._packing
+        jobs, edges, buckets, words, numbered = self._packing
         filled = [job.result() for job in jobs]
         fronts = [(a, a + front, 1) for a, (front, _) in zip(edges, filled, strict=False)]
         backs = [(b - 1, b - 1 - back, -1) for b, (_, back) in zip(edges[1:], filled, strict=True)]
-        self._placing = [self._pool.submit(self._place, pieces, *block) for pieces in (fronts, backs)]
+        self._placing = [self._pool.submit(self._place, pieces, buckets, words, numbered) for pieces in (fronts, backs)]
         self._packing = None
 
-    def _place(self, pieces: list[tuple[int, int, int]], buckets: np.ndarray, words: np.ndarray) -> None:
+    def _place(self, pieces: list[tuple[int, int, int]], buckets: np.ndarray, words: np.ndarray, first: int) -> None:
         for start, stop, stride in pieces:
-            kernels.place_points(buckets, words, start, stop, stride, self._runs, self._points)
+            kernels.place_points(buckets, words, start, stop, stride, self._runs, self._points, first, *self._records)
 
     def _wait(self) -> None:
         for job in self._placing:

@@ -27,6 +27,7 @@ from .density_layers import PARTS
 from .grid_threads import processors
 from .histogram import power_of_two
 from .noise_sample import NoiseSample
+from .point_records import PointRecords, allocated
 from .projected_coverage import projected_coverage
 from .scatter import scatter
 from .scene import STEPS, Scene
@@ -41,8 +42,8 @@ _ATTEMPTS = 4  # at finer cells; chosen by hand: each divides the cell size by u
 _FINEST_STEPS = 1 / 16  # steps taken for a spacing that is too small to measure; chosen by hand
 _DEFAULT_SPACING = 1 / 64  # of a cell, for scans in which no two positions differ; chosen by hand
 
-Allocate = Callable[[int], np.ndarray]
-"""Gives a writable (n, 3) uint32 array for the packed points."""
+Allocate = Callable[[str, tuple[int, ...], type], np.ndarray]
+"""Gives a writable array for a column of the points: its name in the grid's folder, shape and type."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,14 +96,15 @@ def build_grid(
     with ThreadPoolExecutor(processors(), "grid") as pool:
         first = _count(sources, colours)
         clock.lap("count")
-        points = allocate(first.counts.count)
+        points = allocate("points", (first.counts.count, 3), np.uint32)
+        records = allocated(allocate, first.counts.count, first.counts.running, len(sources))
         sample = NoiseSample(sources, first.counts) if noise else None
-        placed = _place(sources, colours, first, points, pool, sample, clock)
+        placed = _place(sources, colours, first, points, records, pool, sample, clock)
         coverage = projected_coverage(points, placed.layout.offsets, placed.layout.layers, pool)
         clock.lap("faces")
         model = sample.solve() if sample else None
         clock.lap("noise")
-    return _scene(sources, first, placed, points, facts, coverage, model)
+    return _scene(sources, first, placed, points, records, facts, coverage, model)
 
 
 def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
@@ -118,14 +120,16 @@ def _count(sources: Sequence[Source], colours: Colours | None) -> FirstPass:
     return FirstPass(counts, scans, attributes.layout(), facts, warnings + clusters.warnings())
 
 
-def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass, points: np.ndarray, pool: Executor,
-           sample: NoiseSample | None, clock: _Clock) -> _Placed:  # fmt: skip
-    """Pass 2, repeated with finer cells where points lie too close together for the packed positions.  Fills ``points``."""
+def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass, points: np.ndarray, records: PointRecords,
+           pool: Executor, sample: NoiseSample | None, clock: _Clock) -> _Placed:  # fmt: skip
+    """Pass 2, repeated with finer cells where points lie too close together for the packed positions.  Fills ``points`` and
+    ``records``."""
 
     def place(counts: CellCounts, layout: Layout, sample: NoiseSample | None) -> tuple[_Placed, float]:
         """The points in these cells, and the share of coinciding points."""
         clock.lap("cells")
-        boxes = scatter(sources, colours, first.scans, counts, layout, points, pool, processors(), first.attributes, sample)
+        boxes = scatter(sources, colours, first.scans, counts, layout, points, records, pool, processors(), first.attributes,
+                        sample)  # fmt: skip
         clock.lap("place")
         steps, coinciding = measure_spacing(points, layout.cells, layout.offsets, layout.layers, pool)
         clock.lap("spacing")
@@ -153,7 +157,7 @@ def _place(sources: Sequence[Source], colours: Colours | None, first: FirstPass,
     return found
 
 
-def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points: np.ndarray, facts: dict,
+def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points: np.ndarray, records: PointRecords, facts: dict,
            coverage: np.ndarray, noise: NoiseModel | None) -> Scene:  # fmt: skip
     counts, layout, steps = placed.counts, placed.layout, placed.steps
     spacing = (steps or STEPS * _DEFAULT_SPACING) * layout.cell_size / STEPS
@@ -170,11 +174,20 @@ def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points:
         "attributes": first.attributes.to_meta(),
         "dropped": {"nan": counts.dropped[0], "invalid": counts.dropped[2], "stray": counts.dropped[1]},
         "scans": scans,
+        "records": _origin(first.scans, records) | facts.get("records", {}),
     }  # fmt: skip
     return Scene(
         points, layout.cells, layout.offsets, np.asarray(layout.base * layout.cell_size), layout.cell_size, layout.layers,
         counts.count, spacing, counts.bounds, meta, parts=PARTS, faces=coverage, boxes=placed.boxes, noise=noise,
+        records=records, live=tuple(sources),
     )  # fmt: skip
+
+
+def _origin(scans: ScanTable, records: PointRecords) -> dict:
+    """Facts for ``Scene.meta`` that lead from running numbers to records and scans.  first: as in PointRecords.  scans: of each
+    source.  turns: as in ScanTable, by source."""
+    return {"first": records.first.tolist(), "scans": [len(scans) for scans in scans.scans],
+            "turns": {str(source): turns.tolist() for source, turns in scans.turns.items()}}  # fmt: skip
 
 
 def _height_range(counts: CellCounts) -> tuple[float, float]:
