@@ -20,7 +20,8 @@ from .engines import fold_normalisation
 from .interruption import check
 from .network_layout import BACKGROUND, CLOSED, PACKED_OUT
 from .unet import INPUT_CHANNELS, MEAN_BLOCK, CompactUNet
-from .weights import MIRRORED, WeightsError, digest, load_weights, weights_dir, weights_name
+from .weights import WeightsError, digest, load_weights
+from .weights_folder import MIRRORED, weights_file
 
 FLIPS: tuple[tuple[int, ...], ...] = ((), (1,), (0,), (0, 1))
 """Axes (rows 0, columns 1) along which mirrored pictures are flipped; the first is the picture itself."""
@@ -85,7 +86,7 @@ def fitting_weights(quality: str, *, filtered: bool, weights: Path | None = None
     filtered: whether a depth filter runs in front of the network.  Raises WeightsError where the file is missing or was trained
     for the other kind of input.
     """
-    path = weights or weights_dir() / f"{weights_name(quality, filtered=filtered)}.safetensors"
+    path = weights or weights_file(quality, filtered=filtered)
     expected = "filtered" if filtered else "unfiltered"
     if weights is None and not path.is_file():
         raise WeightsError(

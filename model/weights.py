@@ -14,37 +14,16 @@ from torch import nn
 from .common.atomic_write import write_atomic
 from .common.errors import PointglassError
 from .unet import INPUT_CHANNELS, SIZES, make_network
+from .weights_folder import shipped
 
 FORMAT = "pointglass-weights-3"
 """Format in the header; its number is raised when the meaning of the tensors changes."""
 _NUMBERS = ("F16", "BF16", "F32", "F64")
 """safetensors' types that are accepted; files written here have F16."""
-_PACKAGE = Path(__file__).resolve().parent
 
 
 class WeightsError(PointglassError):
     """Weights that are missing or do not fit; the message names the file and the remedy."""
-
-
-def weights_dir() -> Path:
-    """Folder of the shipped weights, in a checkout or an installed wheel."""
-    bundled = _PACKAGE / "_data" / "weights"
-    return bundled if bundled.is_dir() else _PACKAGE.parent / "assets" / "weights"
-
-
-MIRRORED = {"best": "balanced"}
-"""Qualities that average another quality's network over mirrored pictures (model/reconstruct.py)."""
-
-
-def weights_name(quality: str, *, filtered: bool) -> str:
-    """Name of a shipped weights file, without its folder and suffix."""
-    quality = MIRRORED.get(quality, quality)
-    return f"{quality}-{'filtered' if filtered else 'unfiltered'}"
-
-
-def shipped() -> list[str]:
-    """Names of the shipped weights."""
-    return sorted(p.stem for p in weights_dir().glob("*.safetensors"))
 
 
 def save_weights(path: Path, network: nn.Module, quality: str, *, filtered: bool, notes: dict | None = None) -> None:

@@ -136,7 +136,7 @@ def _probe_network() -> list[dict]:
     import torch
 
     from ..model.reconstruct import cuda_problem, fast_precision
-    from ..model.weights import shipped, weights_dir
+    from ..model.weights_folder import shipped, weights_dir
 
     problem = cuda_problem()
     precision = fast_precision("cpu")

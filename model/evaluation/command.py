@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
     """
     with importing():
         from ..data.dataset import DataError
-        from ..weights import weights_dir
+        from ..weights_folder import weights_dir
         from .outside import parse_outside
         from .precision import precision_of_scene
         from .report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture

@@ -22,7 +22,7 @@ from ..common.processors import usable_processors, use_threads
 from ..data.crops import PairFolder
 from ..data.dataset import MIN_CROP, DataError
 from ..data.procedural import procedural_place
-from ..weights import weights_name
+from ..weights_folder import weights_name
 from .manifest import Facts, read_manifest, refuse_other, whereabouts
 from .trainer import TrainConfig, train
 

@@ -27,7 +27,8 @@ from ..data.crops import Crops, Prefetcher
 from ..data.dataset import DataError
 from ..reconstruct import fast_precision
 from ..unet import make_network
-from ..weights import WeightsError, load_weights, save_weights, weights_name
+from ..weights import WeightsError, load_weights, save_weights
+from ..weights_folder import weights_name
 from .manifest import EARLIER, Facts, pairs_facts, refuse_other, start_fact
 from .net2net import started_from
 from .objective import Objective

@@ -106,7 +106,7 @@ def _networks(plan: Plan) -> list[dict]:
     from pointglass.model.network_layout import PACKED_IN
     from pointglass.model.reconstruct import Reconstructor
     from pointglass.model.unet import mac_per_pixel, make_network
-    from pointglass.model.weights import shipped, weights_name
+    from pointglass.model.weights_folder import shipped, weights_name
 
     prepare_inference()
     on_gpu, begun = plan.device == "cuda", time.perf_counter()

@@ -20,7 +20,8 @@ from pointglass.model.evaluation.methods import WEIGHTED, thinned, view_points
 from pointglass.model.evaluation.open3d_points import Open3DError, Open3DPoints
 from pointglass.model.evaluation.report import plot
 from pointglass.model.unet import PaperUNet, mac_per_pixel
-from pointglass.model.weights import load_weights, weights_dir
+from pointglass.model.weights import load_weights
+from pointglass.model.weights_folder import weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

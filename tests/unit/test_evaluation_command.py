@@ -17,7 +17,7 @@ from pointglass.model.evaluation import evaluate
 from pointglass.model.evaluation.command import add_arguments, names_of, run
 from pointglass.model.evaluation.open3d_points import Open3DError
 from pointglass.model.evaluation.outside import open_outside, parse_outside
-from pointglass.model.weights import weights_dir
+from pointglass.model.weights_folder import weights_dir
 
 ROOT = Path(__file__).resolve().parents[2]
 

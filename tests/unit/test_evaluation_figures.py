@@ -22,7 +22,8 @@ from pointglass.model.evaluation.room_scores import matched_colours
 from pointglass.model.exposure import exposures_of, match_exposures
 from pointglass.model.perceptual import SQUEEZE_FILES, SqueezeDistance
 from pointglass.model.unet import CompactUNet, Size
-from pointglass.model.weights import WeightsError, weights_dir
+from pointglass.model.weights import WeightsError
+from pointglass.model.weights_folder import weights_dir
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 

@@ -28,7 +28,8 @@ from pointglass.model.unet import (
     make_network,
     without_mesh,
 )
-from pointglass.model.weights import FORMAT, WeightsError, load_weights, save_weights, shipped, weights_dir
+from pointglass.model.weights import FORMAT, WeightsError, load_weights, save_weights
+from pointglass.model.weights_folder import shipped, weights_dir
 
 
 @pytest.mark.parametrize("size", [(1, 1), (31, 17), (64, 48)])

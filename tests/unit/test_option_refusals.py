@@ -72,7 +72,7 @@ def test_training_in_one_process_is_refused_under_torchrun(way, tmp_path, capsys
 def test_training_names_the_options_it_ignores(options, said, tmp_path, capsys, monkeypatch):
     from pointglass.model.train import command as train_command
     from pointglass.model.train import recipes
-    from pointglass.model.weights import weights_dir
+    from pointglass.model.weights_folder import weights_dir
     from pointglass.viewer.tools.tuning import tune
 
     done = []

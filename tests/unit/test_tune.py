@@ -10,7 +10,8 @@ from cloud_files import write_ply
 from test_e57_images import AWAY, panorama, pinhole, room_points, write_photos
 
 from pointglass.model.data.projected import scan_spacing
-from pointglass.model.weights import load_weights, weights_dir
+from pointglass.model.weights import load_weights
+from pointglass.model.weights_folder import weights_dir
 from pointglass.viewer.errors import InputError
 from pointglass.viewer.preprocess.point_colour import Colours
 from pointglass.viewer.readers.e57_images import read_photographs

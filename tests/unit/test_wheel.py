@@ -15,7 +15,7 @@ import pointglass
 assert pointglass.demo_scan().is_file() and not {"torch", "moderngl"} & set(sys.modules)
 from pointglass import model, viewer
 from pointglass.viewer.paths import assets_dir, shaders_dir
-from pointglass.model.weights import shipped
+from pointglass.model.weights_folder import shipped
 assert all(module.__file__.startswith(os.environ["PYTHONPATH"]) for module in (pointglass, viewer, model))
 assert (shaders_dir() / "resolve.comp").is_file() and (assets_dir() / "demo.laz").is_file()
 assert (assets_dir() / "demo_cameras.json").is_file() and "balanced-filtered" in shipped()

@@ -15,7 +15,7 @@ from pointglass.model.data.stations import load_scene
 from pointglass.model.evaluation.figures import Figures, Truth
 from pointglass.model.evaluation.flip import flip_metric
 from pointglass.model.evaluation.worse import Case, Worst, error_ratio, format_summary, ratio_of_room, summary
-from pointglass.model.weights import weights_dir
+from pointglass.model.weights_folder import weights_dir
 from pointglass.viewer.cli import main
 
 pytestmark = pytest.mark.usefixtures("one_thread")

@@ -129,7 +129,7 @@ def _check_group(only: str, table: list[Approximation]) -> None:
 def run_errors(subject: Subject, size: tuple[int, int], repeats: int, only: str | None = None) -> dict:
     """All approximations over the eight named views of a scan.  only: one group.  Raises InputError for an unknown group."""
     from ...model.reconstruct import fast_precision
-    from ...model.weights import shipped, weights_name
+    from ...model.weights_folder import shipped, weights_name
     from ..render.context import create_context
     from ..render.neural import load_network
     from .int8 import Int8Error, quantised

@@ -81,10 +81,9 @@ def describe_shot(scene: "Scene", camera: Camera, settings: Settings, *, backgro
 
 
 def _weights_digest(settings: Settings) -> str:
-    from ...model.weights import weights_dir, weights_name
+    from ...model.weights_folder import weights_file
 
-    shipped = f"{weights_name(settings.quality, filtered=settings.filter != 'off')}.safetensors"
-    path = Path(settings.weights) if settings.weights else weights_dir() / shipped
+    path = Path(settings.weights) if settings.weights else weights_file(settings.quality, filtered=settings.filter != "off")
     return _digest(path, path.stat().st_mtime_ns)
 
 

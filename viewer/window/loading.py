@@ -87,13 +87,12 @@ def preview_scene(paths: list[Path], *, cache: bool = True, match: bool = True, 
 def smaller_networks(settings: Settings) -> tuple[str, ...]:
     """Qualities whose networks may stand in for that of ``settings`` while the camera moves, the largest first: those shipped
     for the same input; none for a person's own weights."""
-    from ..paths import assets_dir
+    from ...model.weights_folder import weights_file
 
     if settings.weights is not None:
         return ()
-    form = "filtered" if settings.filter != "off" else "unfiltered"
-    shipped = assets_dir() / "weights"
-    return tuple(name for name in _SMALLER[settings.quality] if (shipped / f"{name}-{form}.safetensors").is_file())
+    filtered = settings.filter != "off"
+    return tuple(name for name in _SMALLER[settings.quality] if weights_file(name, filtered=filtered).is_file())
 
 
 def load_network(settings: Settings) -> None:

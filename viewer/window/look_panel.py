@@ -162,14 +162,12 @@ def missing_qualities(settings: Settings) -> dict[str, str]:
     """Qualities without weights -> the reason."""
     if settings.weights is not None:
         return {}
-    from ..paths import assets_dir
+    from ...model.weights_folder import weights_file
 
-    form = "unfiltered" if settings.filter == "off" else "filtered"
-    shipped = assets_dir() / "weights"
-    files = {"fast": "fast", "balanced": "balanced", "best": "balanced", "paper": "paper"}
+    files = {quality: weights_file(quality, filtered=settings.filter != "off") for quality in QUALITIES}
     return {
-        quality: f"No weights of this network are shipped ({name}-{form}.safetensors)."
-        for quality, name in files.items() if not (shipped / f"{name}-{form}.safetensors").is_file()
+        quality: f"No weights of this network are shipped ({path.name})."
+        for quality, path in files.items() if not path.is_file()
     }  # fmt: skip
 
 

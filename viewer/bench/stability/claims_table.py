@@ -43,7 +43,7 @@ def run_stability(size: tuple[int, int] = (320, 240), seed: int = 1, plot: Path 
 
     Returns rows, failed (their names), curves, network (table), opengl, size, seed.
     """
-    from ....model.weights import shipped, weights_name
+    from ....model.weights_folder import shipped, weights_name
     from ...render.context import create_context, describe_device
 
     context, other = create_context(), create_context()

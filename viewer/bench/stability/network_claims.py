@@ -15,7 +15,7 @@ from ....model.network_layout import CLOSED, PACKED_IN
 from ....model.projection import SoftZ, frame, network_input, pixels
 from ....model.reconstruct import PRECISIONS, Reconstructor, fitting_weights
 from ....model.unet import INPUT_CHANNELS
-from ....model.weights import weights_name
+from ....model.weights_folder import weights_name
 from .exact_claims import exact_view
 from .frame_claims import SCALES, row
 from .scenes import view_inside, walls

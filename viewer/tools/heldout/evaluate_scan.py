@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> int:
     from ....model.common.signals import importing
     from ....model.evaluation.command import names_of
     from ....model.evaluation.report import check_output, save, save_picture
-    from ....model.weights import weights_dir
+    from ....model.weights_folder import weights_file
 
     if len(options.data) > 1:
         raise InputError(f"{options.data[1]}: one scan at a time can be evaluated; evaluate the others separately")
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         check_output(options.plot, (".png",))
     if ignored := [f"--{name.replace('_', '-')}" for name, default in _IGNORED.items() if getattr(options, name) != default]:
         print(f"pointglass: the evaluation of a scan ignores {', '.join(ignored)}", file=sys.stderr)
-    files = options.weights or [weights_dir() / "balanced-filtered.safetensors"]
+    files = options.weights or [weights_file("balanced", filtered=True)]
     with importing():
         from ....model.evaluation.heldout_report import format_withheld
 

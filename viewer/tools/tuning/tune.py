@@ -10,7 +10,8 @@ import torch
 from ....model.common.folders import made_folder
 from ....model.evaluation.metrics import masked_psnr
 from ....model.train.trainer import TrainConfig, train
-from ....model.weights import load_weights, save_weights, weights_dir, weights_name
+from ....model.weights import load_weights, save_weights
+from ....model.weights_folder import weights_file, weights_name
 from ...errors import InputError
 from ...paths import weights_home
 from .material import HeldOutPicture, Material
@@ -49,7 +50,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     Prints the held-out PSNR before and after.  Returns the path of the new weights, or of the shipped ones if they are not
     worse.  Raises InputError if the scan has no usable data.
     """
-    shipped = weights_dir() / f"{weights_name(quality, filtered=True)}.safetensors"
+    shipped = weights_file(quality, filtered=True)
     if not shipped.is_file():
         raise InputError(f"no weights are shipped for quality {quality!r}; choose fast or balanced")
     if not (np.isfinite(minutes) and minutes > 0):
