@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from io import TextIOWrapper
 from pathlib import Path
 
+from ..model.common.loop_cache import NOTICE
 from ..model.common.signals import importing
 from .command_log import logging_to
 from .commands import COMMANDS, make_parser
@@ -145,7 +146,6 @@ def _check_weights(settings: Settings) -> None:
             from ..model.reconstruct import fitting_weights
 
         prepare_inference()
-
         own = Path(settings.weights) if settings.weights else None
         fitting_weights(settings.quality, filtered=settings.filter != "off", weights=own)
 
@@ -230,7 +230,6 @@ def _doctor(options: argparse.Namespace) -> int:
 
 
 _LONGEST = 1500  # characters of a message
-
 _RUN = {
     "view": _view, "demo": _demo, "render": _render, "video": _video, "export": _export, "section": _section,
     "info": _info, "convert": _convert, "bench": _bench, "simulate": _simulate, "train": _train, "evaluate": _evaluate,
@@ -252,6 +251,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             # Threads of the network sleep while they wait: software OpenGL needs the processors (2 to 5 % of a neural frame).
             # Training needs them for itself and took 5 to 60 % longer.  torch reads this when it is imported.
             os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+        NOTICE.tell = lambda line: print(f"pointglass: {line}", file=sys.stderr)
         with logging_to(verbose=options.verbose, file=options.log_file, arguments=given):
             return _run_logged(options)
     except (KeyboardInterrupt, Cancelled):

@@ -28,6 +28,8 @@ LIBRARIES = (
 )  # fmt: skip
 """Dependencies in pyproject.toml, for a checkout that is run without being installed."""
 OPTIONAL = ("cuda-core", "cuda-bindings")
+_LOOP = "raster_loops.*.nbi"
+"""Of the loops that a first picture compiles, those that take longest."""
 _SECONDS = 120
 """Seconds after which a probe counts as hanging.  How it was chosen is not recorded."""
 
@@ -35,7 +37,7 @@ _SECONDS = 120
 def examine() -> dict:
     """{"version", "pictures": bool, "items": [{"name", "status", "value", "remedy"}]}; status as in doctor_probes.STATUSES."""
     running = {name: _start(name) for name in PROBES}  # in parallel: each waits for libraries to load
-    items = [_memory(), _processor(), _cache(), _libraries()]
+    items = [_memory(), _processor(), _cache(), _loops(), _file_dialog(), _libraries()]
     found = [item for name, process in running.items() for item in _finish(name, process)]
     items = found + items
     able = any(item["name"] in ("OpenGL", "window") and item["status"] in ("ok", "warn") for item in items)
@@ -69,7 +71,7 @@ def format_text(report: dict, width: int = 110) -> str:
 def _start(name: str) -> subprocess.Popen:
     path = os.pathsep.join(filter(None, [str(import_root()), os.environ.get("PYTHONPATH")]))
     return subprocess.Popen(
-        [sys.executable, "-m", f"{__package__}.doctor_probes", name], env=os.environ | {"PYTHONPATH": path},
+        [sys.executable, "-P", "-m", f"{__package__}.doctor_probes", name], env=os.environ | {"PYTHONPATH": path},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace",
     )  # fmt: skip
 
@@ -127,6 +129,36 @@ def _cache() -> dict:
     free = shutil.disk_usage(there).free
     value = f"{folder}: writable, {free / GB:.1f} GB free"
     return item("cache", "ok", value) if free > 2 * GB else item("cache", "warn", value, remedy)
+
+
+def _loops() -> dict:
+    """Where compiled loops are kept, and whether those of rendering are there: numba's index of one of them."""
+    from ..model.common.loop_cache import kept_in
+
+    package = Path(__file__).resolve().parent / "render"
+    configured = os.environ.get("NUMBA_CACHE_DIR")
+    folder = Path(configured) if configured else kept_in(package)
+    if folder is None:
+        return item("compiled loops", "warn", "no folder to keep them in can be written: every process compiles them, which "
+                    "takes half a minute", "set POINTGLASS_CACHE to a folder that you own and can write")
+    where = "beside the modules" if package in folder.parents else str(folder)
+    if any(folder.glob(_LOOP) if package in folder.parents else folder.glob(f"*/{_LOOP}")):
+        return item("compiled loops", "ok", f"kept {where}; compiled")
+    return item("compiled loops", "ok", f"kept {where}; compiled once, when they are first used, which takes half a minute; "
+                f"beforehand: {sys.executable} -m {__package__}.compile_kernels")
+
+
+def _file_dialog() -> dict:
+    """The program that shows the desktop's own dialog for files."""
+    from .window.open_dialog import PROGRAMS
+
+    if not sys.platform.startswith("linux"):
+        return item("file dialog", "ok", "the system's own")
+    found = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if found is not None:
+        return item("file dialog", "ok", found)
+    return item("file dialog", "warn", f"none of {', '.join(PROGRAMS)} is installed: the window cannot show the desktop's own "
+                "dialog", "drop files on the window or give them on the command line, or: apt install zenity")
 
 
 def _required() -> tuple[str, ...]:

@@ -1,13 +1,19 @@
 """Compiled loops: numba's njit with its cache on disk."""
 
 import contextlib
+import inspect
 import signal
 import sys
 import threading
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 from numba import njit
+from numba.core import config as _numba_config
+from numba.core import event
 
+from .loop_cache import NOTICE, kept_in
 from .signals import STOPS, handled
 
 _BLAS = "scipy.linalg.cython_blas"
@@ -32,20 +38,60 @@ def _skip_blas_check() -> None:
 _skip_blas_check()
 
 
+class _CompilingListener(event.Listener):
+    """Tells NOTICE of this package's loops; numba reports those that it compiles, not those that it loads."""
+
+    def on_start(self, event) -> None:
+        if _is_ours(event.data["dispatcher"]):
+            NOTICE.started()
+
+    def on_end(self, event) -> None:
+        if _is_ours(event.data["dispatcher"]):
+            NOTICE.ended()
+
+
+def _is_ours(dispatcher) -> bool:
+    return dispatcher.py_func.__module__.partition(".")[0] == __name__.partition(".")[0]
+
+
+config: Any = _numba_config  # its settings are set from the environment, which a type checker does not see
+event.register("numba:compile", _CompilingListener())
+_CONFIG = threading.Lock()
+
+
 def compiled(**options):
-    """njit, cached on disk where numba finds a writable folder; an installation may be read-only.
+    """njit, cached on disk in a folder that can be written (model/common/loop_cache.py); NUMBA_CACHE_DIR goes before it.
 
     Division follows IEEE: Python's, which raises an error, would prevent vectorisation.
     """
     options = {"error_model": "numpy", **options}
 
     def decorate(function):
+        if not config.CACHE_DIR:
+            package = Path(inspect.getfile(function)).parent
+            folder = kept_in(package)
+            if folder is None:
+                NOTICE.kept = False
+                return njit(**options)(function)
+            if package not in folder.parents:
+                return _kept_in(folder, function, options)
         try:
             return njit(cache=True, **options)(function)
-        except RuntimeError:  # no writable folder for the cache
+        except RuntimeError:  # NUMBA_CACHE_DIR cannot be written
+            NOTICE.kept = False
             return njit(**options)(function)
 
     return decorate
+
+
+def _kept_in(folder: Path, function, options: dict):
+    """numba reads its setting where a loop is decorated; the loops of other code keep to their own folders."""
+    with _CONFIG:
+        before, config.CACHE_DIR = config.CACHE_DIR, str(folder)
+        try:
+            return njit(cache=True, **options)(function)
+        finally:
+            config.CACHE_DIR = before
 
 
 @contextlib.contextmanager

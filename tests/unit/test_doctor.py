@@ -9,6 +9,7 @@ from importlib import metadata
 
 import pytest
 
+from pointglass.model.common import loop_cache
 from pointglass.viewer import doctor, doctor_probes
 from pointglass.viewer.paths import assets_dir
 
@@ -20,7 +21,7 @@ def test_examination_is_complete_and_readable(monkeypatch):
     report = json.loads(json.dumps(doctor.examine()))
     items = {item["name"]: item for item in report["items"]}
     assert {"OpenGL", "limits", "GPU memory", "window", "torch", "CUDA", "weights", "interop", "memory", "processor",
-            "cache", "libraries"} == set(items)  # fmt: skip
+            "cache", "compiled loops", "file dialog", "libraries"} == set(items)  # fmt: skip
     assert re.search(r"[\d.]+ GB.* free \(.*for points at most [\d.]+ GB", items["GPU memory"]["value"])
     assert all(item["status"] in doctor_probes.STATUSES and item["value"] for item in items.values())
     assert all(item["remedy"] for item in items.values() if item["status"] in ("warn", "fail"))
@@ -60,6 +61,28 @@ def test_unwritable_cache_is_found(tmp_path, monkeypatch):
     assert found["status"] == "fail" and "POINTGLASS_CACHE" in found["remedy"]
     monkeypatch.setenv("POINTGLASS_CACHE", str(tmp_path / "not" / "yet" / "there"))
     assert doctor._cache()["status"] in ("ok", "warn") and not (tmp_path / "not").exists()
+
+
+def test_what_is_missing_is_named(tmp_path, monkeypatch):
+    """A file dialog, and a folder in which compiled loops can be kept."""
+    (tmp_path / "kdialog").write_text("#!/bin/sh\n")
+    (tmp_path / "kdialog").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert doctor._file_dialog() == doctor_probes.item("file dialog", "ok", str(tmp_path / "kdialog"))
+    (tmp_path / "kdialog").unlink()
+    found = doctor._file_dialog()
+    assert found["status"] == "warn" and "zenity" in found["value"] and "zenity" in found["remedy"]
+
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "loops"))
+    assert "compile_kernels" in doctor._loops()["value"]  # an empty folder
+    loops = tmp_path / "loops" / "render_1"
+    loops.mkdir(parents=True)
+    (loops / "raster_loops.draw-1.py311.nbi").touch()
+    assert doctor._loops()["value"] == f"kept {tmp_path / 'loops'}; compiled"
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setattr(loop_cache, "kept_in", lambda package: None)
+    found = doctor._loops()
+    assert found["status"] == "warn" and "POINTGLASS_CACHE" in found["remedy"]
 
 
 @pytest.fixture

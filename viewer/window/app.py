@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...model.common.interrupts import finish_before_interrupt
+from ...model.common.loop_cache import NOTICE
 from ..settings import MEMORY, Memory, Settings
 from .actions import actions
 from .clipboard import SystemClipboard
@@ -48,6 +49,7 @@ _BREATH = 0.06  # seconds between interface frames while only the interface chan
 _LONG = 50.0  # milliseconds per picture above which the interface is laid out twice: its next frame is far off
 _WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record"}
 """Actions that work, or say why they do not, on the start page."""
+_COMPILING_SECONDS = 12.0
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
 
 
@@ -65,6 +67,7 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     first = replace(settings, view="filled") if neural_later else settings
     app = App(first, size=(kept.width, kept.height), cache=cache, match=match, memory=memory, start=start, columns=columns)
     take_preferences(app.session, kept)
+    NOTICE.tell = app.say_compiling
     try:
         if paths:
             app.session.open(paths)
@@ -135,6 +138,12 @@ class App:
             self.wake()
             session.flight.stop_glide()
             self.act(action)
+
+    def say_compiling(self, line: str) -> None:
+        """Shows that loops are being compiled.  From any thread."""
+        self.session.notices.toast(f"{line[0].upper()}{line[1:]}", seconds=_COMPILING_SECONDS)
+        self.wake()
+        self.glfw.post_empty_event()
 
     def _set_captured(self, captured: bool) -> None:
         self.input.set_captured(captured)

@@ -5,13 +5,13 @@ import sys
 from pathlib import Path
 from typing import Any, Literal
 
-_PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
+PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 """What shows the dialog on Linux."""
 
 
 def dialog_problem() -> str:
     """Why no dialog can be shown here, "" where it can."""
-    if sys.platform in ("darwin", "win32") or any(map(shutil.which, _PROGRAMS)):
+    if sys.platform in ("darwin", "win32") or any(map(shutil.which, PROGRAMS)):
         return ""
     return "The file dialog needs zenity or kdialog, and neither is installed. Drop files on the window instead."
 
