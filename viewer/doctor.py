@@ -150,15 +150,13 @@ def _loops() -> dict:
 
 def _file_dialog() -> dict:
     """The program that shows the desktop's own dialog for files."""
-    from .window.open_dialog import PROGRAMS
+    from .window.file_dialog.file_dialogs import PROGRAMS
 
     if not sys.platform.startswith("linux"):
         return item("file dialog", "ok", "the system's own")
     found = next(filter(None, map(shutil.which, PROGRAMS)), None)
-    if found is not None:
-        return item("file dialog", "ok", found)
-    return item("file dialog", "warn", f"none of {', '.join(PROGRAMS)} is installed: the window cannot show the desktop's own "
-                "dialog", "drop files on the window or give them on the command line, or: apt install zenity")
+    return item("file dialog", "ok", found or f"pointglass's own, inside the window: none of {', '.join(PROGRAMS)} is installed; "
+                "for the desktop's own: apt install zenity")
 
 
 def _required() -> tuple[str, ...]:

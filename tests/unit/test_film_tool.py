@@ -69,16 +69,16 @@ def test_bookmarks_and_keyframes_are_steps_that_can_be_undone(context):
 
 def test_a_camera_path_goes_to_a_file_and_back_and_is_the_film_of_the_command(context, tmp_path):
     film = Film()
-    film.path.file, film.size = str(tmp_path / "path.json"), (320, 180)
+    film.size = (320, 180)
     with_path(context, film, 4)
     film.path.set_length(context, 2.0)
     path = context.document.path
-    film.path.write_path(context, film.size)
+    film.path.write_path(context, film.size, tmp_path / "path.json")
     cameras, rate = read_path(tmp_path / "path.json")
     assert rate == path.fps and len(cameras) == 60
-    for made, own in zip(cameras, film.job(context).cameras, strict=True):
+    for made, own in zip(cameras, film.job(context, tmp_path / "film.mp4").cameras, strict=True):
         assert np.allclose(made.camera_to_world, own.camera_to_world, atol=1e-9) and made.fx == pytest.approx(own.fx)
-    film.path.read_path(context)
+    film.path.read_path(context, tmp_path / "path.json")
     for key, before in zip(context.document.path.keyframes, path.keyframes, strict=True):
         assert np.allclose(key.view.camera_to_world, before.view.camera_to_world, atol=1e-12)
     assert len(read_cameras(tmp_path / "path.json")) == 4
@@ -180,13 +180,12 @@ def finish(tool, context):
 
 def test_a_sheet_is_saved_beside_the_window(context, tmp_path):
     tool = SectionTool()
-    tool.scale, tool.format = 100, ".png"
-    tool.start(context)
+    tool.scale, made = 100, tmp_path / "plan.png"
+    tool.start(context, made)
     finish(tool, context)
-    (made,) = tmp_path.iterdir()
-    assert made.name.startswith("pointglass-plan-") and made.suffix == ".png"
+    assert list(tmp_path.iterdir()) == [made]
     tool.kind = "line"
-    tool.start(context)  # no ends yet
+    tool.ask(context)  # no ends yet
     assert tool.worker is None and any("two ends" in toast.text for toast in context.session.notices.toasts)
     tool.ends = [np.array([0.5, 3.0, 1.0]), np.array([7.5, 3.0, 2.0])]
     cut = tool.cut(context)
@@ -196,7 +195,7 @@ def test_a_sheet_is_saved_beside_the_window(context, tmp_path):
     (clip,) = context.document.clips
     assert clip.name == "Section" and clip.thickness == pytest.approx(cut.far - cut.near)
     tool.height, tool.kind = 1e9, "plan"
-    tool.start(context)
+    tool.start(context, made)
     finish(tool, context)
     assert "holds no point" in context.session.notices.message.text and len(list(tmp_path.iterdir())) == 1
 

@@ -117,8 +117,7 @@ def test_csv_export_says_where_it_went(context, tmp_path):
     tool = Measure()
     click(tool, context, (1.0, 5.0, 1.0))
     click(tool, context, (3.0, 5.0, 1.0))
-    tool.path = str(tmp_path / "m.csv")
-    tool.export(context)
+    tool.export(context, tmp_path / "m.csv")
     assert str(tmp_path / "m.csv") in context.toasts[-1] and "Distance,distance" in (tmp_path / "m.csv").read_text()
 
 

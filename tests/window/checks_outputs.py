@@ -112,20 +112,19 @@ def check_the_film_panel_makes_a_film_cancels_it_and_goes_on(d: Driver) -> None:
     d.until(lambda: film.path.at > 1.6)
     items.click("Pause")
     film.path.set_length(context, 0.4)
-    film.size, film.view, film.supersample, film.out = (160, 90), "filled", 2, "panel frames"
-    film.start(context)
+    film.size, film.view, film.supersample = (160, 90), "filled", 2
+    frames = d.folder / "panel frames"
+    film.start(context, frames)
     d.until(lambda: film.worker is None or film.worker.done >= 2)
     if film.worker is not None:
         film.worker.cancel()
     d.until(lambda: film.worker is None)
-    frames = d.folder / "panel frames"
     before = {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in frames.glob("*.png")}
-    film.start(context)
+    film.start(context, frames)
     d.until(lambda: film.worker is None, 60.0)
     assert d.session.notices.message is None and len(list(frames.glob("*.png"))) == 12
     assert all((frames / name).stat().st_mtime_ns == made for name, (_, made) in before.items()), "frames are kept"
-    film.out = "panel again"
-    film.start(context)
+    film.start(context, d.folder / "panel again")
     d.until(lambda: film.worker is None, 60.0)
     for path in frames.glob("*.png"):
         assert (d.folder / "panel again" / path.name).read_bytes() == path.read_bytes()

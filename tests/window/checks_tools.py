@@ -137,8 +137,7 @@ def check_a_film_is_made_beside_the_window_and_a_cancelled_one_leaves_nothing(d:
     film.path.set_length(context, 0.2)
     film.size, film.view = (96, 64), "filled"
     for out in ("film.mp4", "frames"):
-        film.out = out
-        film.start(context)
+        film.start(context, d.folder / out)
         turns = 0
         while film.worker is not None:
             d.session.flight.look(2, 0)
@@ -148,8 +147,7 @@ def check_a_film_is_made_beside_the_window_and_a_cancelled_one_leaves_nothing(d:
         assert d.session.notices.message is None and turns > 1
     assert (d.folder / "film.mp4").stat().st_size > 500
     assert len(list((d.folder / "frames").glob("*.png"))) == 6
-    film.out = "cancelled.mp4"
-    film.start(context)
+    film.start(context, d.folder / "cancelled.mp4")
     film.worker.cancel()
     d.until(lambda: film.worker is None)
     assert not list(d.folder.glob("*cancelled*"))

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ..tools.project import SUFFIX
 from .gamepad import SPEED_NOTCHES
 from .interaction.fly import Fly
 
@@ -27,8 +28,8 @@ def actions(app: "App") -> "dict[str, Callable[[], object]]":
         "split": lambda: views.compare(not views.split),
         "screenshot": app.save_actions.screenshot,
         "record": app.save_actions.record,
-        "open": lambda: app.open_dialog.show("files"),
-        "open_folder": lambda: app.open_dialog.show("folder"),
+        "open": partial(_open_scans, app),
+        "open_folder": partial(_open_folder, app),
         "demo": partial(_open_demo, app),
         "close_scan": app.close_scan,
         "profiler": lambda: setattr(session, "profiler", not session.profiler),
@@ -46,6 +47,18 @@ def _walk(app: "App") -> None:
     fly = app.toolbox.fly
     assert isinstance(fly, Fly)
     fly.walk_mode.toggle(app.tools)
+
+
+def _open_scans(app: "App") -> None:
+    from ..readers.formats import FORMATS
+
+    scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
+    app.files.open("scans", "Open scans or a project", {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,)},
+                   app.session.open, many=True)
+
+
+def _open_folder(app: "App") -> None:
+    app.files.open_folder("scans", "Open a folder of scans", lambda folder: app.session.open([folder]))
 
 
 def _open_demo(app: "App") -> None:

@@ -21,6 +21,8 @@ from ...model.common.loop_cache import NOTICE
 from ..settings import MEMORY, Memory, Settings
 from .actions import actions
 from .clipboard import SystemClipboard
+from .file_dialog.choice_window import ChoiceWindow
+from .file_dialog.file_dialogs import FileDialogs
 from .gamepad import POLL, STILL, Gamepad
 from .glfw_window import make_window
 from .input import Input
@@ -28,7 +30,6 @@ from .interaction.table import toolbox
 from .interaction.tool import ToolContext
 from .interface import draw_interface
 from .loading import Loaded, open_scene, preview_scene
-from .open_dialog import OpenDialog
 from .preferences import preferences_of, read_preferences, take_preferences, with_preferences, write_preferences
 from .recent import RecentScan, remember
 from .save_actions import SaveActions
@@ -89,7 +90,8 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
 class App:
     """Owns the window, the interface and the viewport.  toolbox: the tools.  tools: their context.
 
-    size: of the window, logical pixels.  folder: where captures go.  scale: of the interface; None: the screen's own.
+    size: of the window, logical pixels.  folder: where captures go until a person chooses.
+    scale: of the interface; None: the screen's own.
     """
 
     def __init__(self, settings: Settings, *, size: tuple[int, int] = SIZE, folder: Path | None = None,
@@ -113,14 +115,16 @@ class App:
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
             preview_scene=partial(preview_scene, cache=cache, match=match, columns=columns),
         )  # fmt: skip
-        self.open_dialog = OpenDialog()
+        self.files = FileDialogs(glfw.post_empty_event, self._scan_folder)
+        self.choice_window = ChoiceWindow()
         self.start_page = StartPage(self.context)
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
         self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
-        self.tools.folder, self.tools.clipboard = folder or Path.cwd(), SystemClipboard(glfw, self.window)
-        self.save_actions = SaveActions(self.session, self.viewport, folder or Path.cwd())
-        self.tools.save_panorama = self.save_actions.panorama
+        self.tools.clipboard = SystemClipboard(glfw, self.window)
+        self.tools.files = self.files
+        self.save_actions = SaveActions(self.session, self.viewport, self.files, folder)
+        self.tools.saves = self.save_actions
         self._settle = _SETTLE
         self._awake_until = 0.0
         self._actions = actions(self)
@@ -128,11 +132,16 @@ class App:
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
         self._measure_density()
 
+    def _scan_folder(self) -> Path | None:
+        """Where the first file of the scan lies; None without one."""
+        paths = self.session.visit.paths
+        return paths[0].absolute().parent if paths else None
+
     def _follow_gamepad(self) -> None:
         """Gives what the gamepad asks for to the camera, and does what its buttons stand for."""
         push, actions = self.gamepad.read()
         session = self.session
-        free = session.scene is not None and session.notices.message is None
+        free = session.scene is not None and session.notices.message is None and self.files.choice is None
         session.flight.push = push if free else STILL
         for action in actions:
             self.wake()
@@ -234,7 +243,7 @@ class App:
             self.wake()
         change = session.next_change()
         loading = session.loads.current is not None or session.view_settings.network_load is not None
-        stirring = loading or self.open_dialog.shown or perf_counter() < self._awake_until
+        stirring = loading or self.files.polls or perf_counter() < self._awake_until
         busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.area.window_size) == 0):
@@ -245,8 +254,8 @@ class App:
         if self.gamepad.connected:
             self._follow_gamepad()
         message = session.notices.message
-        if chosen := self.open_dialog.poll():
-            session.open(chosen)
+        if self.files.poll():
+            self.wake()
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
         if session.notices.message is not message:

@@ -13,6 +13,7 @@ from .interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolCo
 from .session import Session
 
 if TYPE_CHECKING:
+    from .file_dialog.file_dialogs import FileDialogs
     from .theme import Theme
 
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
@@ -31,6 +32,7 @@ class Host(Protocol):
     theme: "Theme"
     toolbox: Toolbox
     tools: ToolContext
+    files: "FileDialogs"
 
     def wake(self) -> None: ...
     def linger(self) -> None: ...
@@ -86,7 +88,8 @@ class Input:
             host.session.flight.stop_glide()
         self._note_modifiers(mods, key, action)
         imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
-        typing = imgui.get_io().want_text_input
+        choosing = host.files.choice is not None and host.session.notices.message is None  # whose keys are its own
+        typing = imgui.get_io().want_text_input or choosing
         control = self._by_key.get(key)
         if control is not None and control.kind in ("hold", "modifier"):
             if action == glfw.RELEASE:

@@ -50,6 +50,7 @@ def draw_interface(app: "App", *, shown: bool = True) -> None:
     hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
     dialogs.draw_help(session, look, app.input.key_name)
     dialogs.draw_load(session, look)
+    app.choice_window.draw(app.files, look, covered=session.notices.message is not None)
     dialogs.draw_message(session, look)
     imgui.render()
     if shown:

@@ -3,12 +3,14 @@
 A picture of the window's size is read from the screen; larger ones and panoramas are rendered beside the window.
 """
 
+import os
 from pathlib import Path
 
 from ..errors import PointglassError
 from ..text import counted
 from ..tools.shot_metadata import KEY
 from . import capture
+from .file_dialog.file_dialogs import FileDialogs
 from .saved_picture import saved_picture, shot_of
 from .session import Session
 from .still_job import StillJob, still_worker
@@ -17,15 +19,31 @@ from .worker import Worker
 
 _LAST_WAIT = 5.0
 """Seconds that a closing window waits for a picture that is being rendered; a network cannot be interrupted there."""
+PURPOSE = "pictures"
+"""Of the remembered folder (viewer.window.file_dialog)."""
 _RECORDING = "Recording frame times; F9 stops"
 
 
 class SaveActions:
-    """Saves what a session shows into ``folder``.  still: the picture that is being rendered beside the window, else None."""
+    """Saves what a session shows under new names in the folder of pictures, which a person chooses and which is remembered.
 
-    def __init__(self, session: Session, viewport: Viewport, folder: Path):
-        self._session, self._painter, self._folder = session, viewport, folder
+    folder: where pictures go until then.  still: the picture that is being rendered beside the window, else None."""
+
+    def __init__(self, session: Session, viewport: Viewport, files: FileDialogs, folder: Path | None = None):
+        self._session, self._painter, self._files, self._usual = session, viewport, files, folder
         self.still: Worker | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Where pictures go: as chosen, else the working folder, or the home folder where that cannot be written to."""
+        usual = self._usual or (Path.cwd() if os.access(Path.cwd(), os.W_OK) else Path.home())
+        chosen = self._files.folders.folder_of(PURPOSE)
+        return chosen if chosen is not None and chosen.is_dir() else usual
+
+    def choose_folder(self) -> None:
+        """Asks where pictures and recordings go."""
+        self._files.open_folder(PURPOSE, "Folder of pictures and recordings",
+                                lambda folder: self._session.notices.toast(f"Pictures are saved in {folder}"))
 
     def screenshot(self) -> Path | None:
         """Saves the picture as PNG and says where; a larger one is begun.  Returns its path, None where there is none."""
@@ -33,7 +51,7 @@ class SaveActions:
             self._session.notices.toast("Nothing to save yet: drop a scan here first", instead_of="Nothing to ")
             return None
         try:
-            path = capture.stamped("pointglass", ".png", self._folder)
+            path = capture.stamped("pointglass", ".png", self.folder)
             shot = shot_of(self._session, path.stem)
             if shot is not None and self._session.work.shot_scale > 1:
                 return self._begin(StillJob(self._session.scene, shot, path))
@@ -53,7 +71,7 @@ class SaveActions:
 
     def panorama(self, size: tuple[int, int]) -> Path | None:
         """Begins a 360-degree picture around the camera, ``size`` pixels.  Returns its path, None where there is none."""
-        path = capture.stamped("pointglass-panorama", ".png", self._folder)
+        path = capture.stamped("pointglass-panorama", ".png", self.folder)
         shot = shot_of(self._session, path.stem)
         if shot is None or self._session.scene is None:
             self._session.notices.toast("A panorama shows no tint and no photograph: put them away first")
@@ -100,7 +118,7 @@ class SaveActions:
         if not len(times):
             session.notices.toast("No frame was drawn meanwhile: nothing saved")
             return None
-        path = capture.stamped("pointglass-frames", ".csv", self._folder)
+        path = capture.stamped("pointglass-frames", ".csv", self.folder)
         try:
             times.save(path)
             times.plot(path.with_suffix(".png"))

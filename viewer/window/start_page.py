@@ -7,7 +7,6 @@ from imgui_bundle import ImVec2, imgui
 from ..readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from . import theme
 from .image_texture import texture_of
-from .open_dialog import dialog_problem
 from .recent import RecentScan, load_thumbnail, recent_scans
 from .status_bar import count_text
 from .theme import Theme, fitted, packed, text_in
@@ -28,7 +27,6 @@ class StartPage:
         self._context = context
         self._recent: list[RecentScan] | None = None
         self._textures: list[moderngl.Texture | None] = []
-        self._problem = dialog_problem()
 
     def renew(self) -> None:
         """Reads the recent scans again when the page is shown next."""
@@ -76,17 +74,17 @@ class StartPage:
         narrow = imgui.get_content_region_avail().x < look.px(460)
         gap = 0 if narrow else look.px(8)
         width = -1.0 if narrow else look.px(140)
-        if button("Open scans…", look, width=width, primary=not self._problem, disabled=self._problem,
+        if button("Open scans…", look, width=width, primary=True,
                   explained="Choose one file or several, which make one scene"):
             app.act("open")
         if not narrow:
             imgui.same_line(0, gap)
-        if button("Open a folder…", look, width=width, disabled=self._problem,
+        if button("Open a folder…", look, width=width,
                   explained=f"A folder of scans, or a {KNOWN_FOLDERS} folder"):
             app.act("open_folder")
         if not narrow:
             imgui.same_line(0, gap)
-        if button("Try the demo", look, width=width, primary=bool(self._problem),
+        if button("Try the demo", look, width=width,
                   explained="A small scan that came with pointglass"):
             app.act("demo")
 

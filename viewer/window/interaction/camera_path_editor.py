@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 STEP = 3.0
 """Seconds from one new keyframe to the next."""
+WRITTEN = {"Camera path": (".json",)}
+READ = {"Cameras": (".json", ".txt", ".bin", ".png")}
+"""Files of cameras that are written and read: kind -> endings."""
 _CURVE = 96
 """Places of the path that are drawn over the picture."""
 
@@ -35,13 +38,12 @@ def fly_to(context: ToolContext, view: Viewpoint) -> None:
 
 
 class CameraPathEditor:
-    """at: seconds along the path, of the preview.  playing: whether the preview runs.  file: where the path is kept.
+    """at: seconds along the path, of the preview.  playing: whether the preview runs.
     timeline: with the selected keyframe."""
 
     def __init__(self) -> None:
         self.timeline = Timeline()
         self.at, self.playing = 0.0, False
-        self.file = "camera_path.json"
         self._clock = perf_counter
         self._before = 0.0
 
@@ -104,19 +106,19 @@ class CameraPathEditor:
             name = path.keyframes[number].view.name
             edit(context, f"Delete {name}", path=replace(path, keyframes=without(path.keyframes, number)))
 
-    def read_path(self, context: ToolContext) -> None:
+    def read_path(self, context: ToolContext, file: Path) -> None:
         """Replaces the keyframes by the cameras of ``file``."""
         from ...tools.camera_files import read_cameras
 
         try:
-            cameras = read_cameras(Path(self.file))
+            cameras = read_cameras(file)
         except PointglassError as error:
             context.session.notices.say("The camera path cannot be read", str(error))
             return
         keys = tuple(Keyframe(STEP * number, Viewpoint.of(camera, camera.name)) for number, camera in enumerate(cameras))
-        edit(context, f"Read {Path(self.file).name}", path=replace(context.document.path, keyframes=keys))
+        edit(context, f"Read {file.name}", path=replace(context.document.path, keyframes=keys))
 
-    def write_path(self, context: ToolContext, size: tuple[int, int]) -> None:
+    def write_path(self, context: ToolContext, size: tuple[int, int], file: Path) -> None:
         """Writes the keyframes to ``file``, with fps and seconds: `pointglass video --path` makes the same film.
 
         size: of its pictures, pixels."""
@@ -126,11 +128,11 @@ class CameraPathEditor:
         keys = [*path.keyframes, *(path.keyframes[:1] if path.closed else ())]
         cameras = [replace(key.view.camera(*size), name=f"key_{number:03d}") for number, key in enumerate(keys)]
         try:
-            write_camera_path(Path(self.file), cameras, fps=path.fps, seconds=path_seconds(path) or None)
+            write_camera_path(file, cameras, fps=path.fps, seconds=path_seconds(path) or None)
         except (PointglassError, OSError) as error:
             context.session.notices.say("The camera path cannot be written", str(error))
         else:
-            context.toast(f"Saved {Path(self.file).resolve()}")
+            context.toast(f"Saved {file}")
 
     def show_at(self, context: ToolContext, seconds: float) -> None:
         """Puts the camera where the path is after so many seconds."""
@@ -168,14 +170,13 @@ class CameraPathEditor:
             self.add_keyframe(context)
         if path.keyframes:
             self._timeline(ui, context)
-        ui.set_next_item_width(-1)
-        _, self.file = ui.input_text("##path file", self.file)
-        if ui.button("Open path"):
-            self.read_path(context)
+        if ui.button("Open path…"):
+            context.files.open("camera paths", "Open a camera path", READ, lambda files: self.read_path(context, files[0]))
         ui.same_line()
         ui.begin_disabled(not path.keyframes)
-        if ui.button("Save path"):
-            self.write_path(context, size)
+        if ui.button("Save path…"):
+            context.files.save("camera paths", "Save the camera path", "camera_path.json", WRITTEN,
+                               lambda file: self.write_path(context, size, file))
         ui.end_disabled()
 
     def _timeline(self, ui: Any, context: ToolContext) -> None:

@@ -34,6 +34,7 @@ SAMPLES = (1, 2, 3, 4)
 LENSES = (15.0, 120.0)
 """Least and greatest vertical field of view that a person chooses, degrees."""
 SHOTS = tuple(range(1, LARGEST + 1))
+KINDS = {"MP4 video": MP4, "Folder of PNG pictures, one a frame": ("",)}
 RATES = (24.0, 25.0, 30.0, 60.0)
 
 
@@ -45,7 +46,7 @@ class Film(Tool):
 
     def __init__(self) -> None:
         self.path = CameraPathEditor()
-        self.out = "film.mp4"
+        self.out: Path | None = None  # of the film that is rendered, or was rendered last
         self.size, self.view, self.quality, self.supersample = SIZES[1], "neural", "", 1
         self.panorama, self.panorama_size = False, PANORAMA_SIZE
         self.worker: Worker | None = None
@@ -72,12 +73,11 @@ class Film(Tool):
 
     # -- the video ---------------------------------------------------------------------------------------------------
 
-    def job(self, context: ToolContext) -> FilmJob:
-        """The film that the panel describes.  Raises InputError where the path has no keyframe."""
+    def job(self, context: ToolContext, out: Path) -> FilmJob:
+        """The film that the panel describes, saved as ``out``.  Raises InputError where the path has no keyframe."""
         path = context.document.path
         size = self.panorama_size if self.panorama else self.size
         count = max(1, round(path_seconds(path) * path.fps))
-        out = context.folder / self.out
         shown = context.session.view_settings.shown_settings
         settings = replace(shown, view=self.view, quality=self.quality or shown.quality)
         return FilmJob(
@@ -86,10 +86,16 @@ class Film(Tool):
             background=context.session.view_settings.background, alterations=context.document.alterations,
         )  # fmt: skip
 
-    def start(self, context: ToolContext) -> None:
+    def ask(self, context: ToolContext) -> None:
+        """Asks where the video is saved, and begins it."""
+        name = context.session.visit.title.split(".")[0] or "film"
+        context.files.save("films", "Save the film", f"{name}.mp4", KINDS, lambda out: self.start(context, out))
+
+    def start(self, context: ToolContext, out: Path) -> None:
         """Renders the video beside the window."""
+        self.out = out
         try:
-            self.worker = film_worker(self.job(context), context.session.loads.wake)
+            self.worker = film_worker(self.job(context, out), context.session.loads.wake)
         except PointglassError as error:
             context.session.notices.say("This film cannot be made", str(error))
 
@@ -99,7 +105,8 @@ class Film(Tool):
             return
         self.worker = None
         if done.cancelled:
-            kept = "" if Path(self.out).suffix.lower() in MP4 else "; the frames made so far stay, and are kept the next time"
+            whole = self.out is None or self.out.suffix.lower() in MP4
+            kept = "" if whole else "; the frames made so far stay, and are kept the next time"
             context.toast(f"Film cancelled{kept}")
         elif done.error is None:
             context.toast(str(done.result))
@@ -112,6 +119,10 @@ class Film(Tool):
             return
         work = context.session.work
         work.shot_scale = _chosen(ui, "##shot", [f"F12 saves {n} x size" for n in SHOTS], SHOTS, work.shot_scale)
+        if ui.button("Folder of pictures…"):
+            context.saves.choose_folder()
+        if ui.is_item_hovered():
+            ui.set_tooltip(f"F12 and F9 save under new names in {context.saves.folder}")
         ui.set_next_item_width(-1)
         lens = context.session.flight.field_of_view
         changed, degrees = ui.slider_float("##lens", lens, *LENSES, "field of view %.0f°", ui.SliderFlags_.always_clamp)
@@ -164,7 +175,7 @@ class Film(Tool):
             names = [f"{w} x {h}" for w, h in PANORAMAS]
             self.panorama_size = _chosen(ui, "##panorama size", names, PANORAMAS, self.panorama_size)
             if ui.button("Save a still from here"):
-                context.save_panorama(self.panorama_size)
+                context.saves.panorama(self.panorama_size)
         else:
             self.size = _chosen(ui, "##size", [f"{w} x {h}" for w, h in SIZES], SIZES, self.size)
             ui.set_next_item_width(-1)
@@ -184,13 +195,11 @@ class Film(Tool):
             self.quality = _chosen(ui, "##quality", [f"quality {name}" for name in there], there, self.quality or shown.quality)
         samples = ["no supersampling", *(f"{n} x {n} samples a pixel" for n in SAMPLES[1:])]
         self.supersample = _chosen(ui, "##supersample", samples, SAMPLES, self.supersample)
-        ui.set_next_item_width(-1)
-        _, self.out = ui.input_text("##out", self.out)
+        ui.begin_disabled(not path.keyframes)
+        if ui.button("Render video…"):
+            self.ask(context)
         if ui.is_item_hovered():
-            ui.set_tooltip("a name ending in .mp4, or a folder for one PNG a frame, which can be continued")
-        ui.begin_disabled(not path.keyframes or not self.out)
-        if ui.button("Render video"):
-            self.start(context)
+            ui.set_tooltip("as one MP4, or as a folder with one PNG a frame, which can be continued")
         ui.end_disabled()
 
 

@@ -77,7 +77,6 @@ class Measure(Tool):
         self._pointing = Pointing()
         self.kind = "distance"
         self.points: list[MeasuredPoint] = []
-        self.path = "measurements.csv"
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.clicks == 0:
@@ -199,16 +198,15 @@ class Measure(Tool):
                 edit(context, f"Delete {item.name}", measurements=without(found, number))
                 return
         ui.separator()
-        ui.set_next_item_width(-1)
-        _, self.path = ui.input_text("##path", self.path)
-        if ui.button("Export as CSV"):
-            self.export(context)
+        if ui.button("Export as CSV…"):
+            context.files.save("measurements", "Export the measurements", "measurements.csv", {"CSV table": (".csv",)},
+                               lambda path: self.export(context, path))
 
-    def export(self, context: ToolContext) -> None:
+    def export(self, context: ToolContext, path: Path) -> None:
         """Writes all measurements to ``path``, in the file's units; says where, or why not."""
         try:
-            write_csv(Path(self.path), context.document.measurements, metres_per_unit(context))
+            write_csv(path, context.document.measurements, metres_per_unit(context))
         except PointglassError as error:
             context.session.notices.say("The measurements cannot be exported", str(error))
         else:
-            context.toast(f"Exported to {Path(self.path).resolve()}")
+            context.toast(f"Exported to {path}")

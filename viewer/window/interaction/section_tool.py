@@ -17,7 +17,6 @@ from ...tools.exporting.selection import Selection
 from ...tools.section.command import THICKNESS, paper_of, title_of
 from ...tools.section.cut import KINDS, Cut, along_line, elevation, plan
 from ...tools.up_axis import upright_axes
-from ..capture import stamped
 from ..worker import Worker
 from .editing import Pointing, edit, end, ended, metres_per_unit, unit_of
 from .sheet_preview import SheetPreview, preview_dpi
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from ..overlay import OverlayCanvas
 
 SCALES = (10, 20, 50, 100, 200, 500)
-FORMATS = (".pdf", ".png")
+FORMATS = {"PDF sheet": (".pdf",), "PNG sheet": (".png",)}
 _HINTS = ("Click the left end of the line.", "Click the right end of the line.", "A further click begins another line.")
 """By the number of ends that are set."""
 
@@ -49,7 +48,7 @@ class SectionTool(Tool):
         self.azimuth = 0.0
         self.ends: list[np.ndarray] = []
         self.thickness: float | None = None
-        self.scale, self.format = 50, ".pdf"
+        self.scale = 50
         self.worker: Worker | None = None
         self.preview = SheetPreview()
 
@@ -123,7 +122,15 @@ class SectionTool(Tool):
         name = unique_name(KINDS[cut.kind].capitalize(), (clip.name for clip in clips))
         edit(context, f"Clip {name.lower()}", clips=(*clips, Slab(vector(centre), cut.forward, cut.far - cut.near, name=name)))
 
-    def start(self, context: ToolContext) -> None:
+    def ask(self, context: ToolContext) -> None:
+        """Asks where the sheet is saved, and draws it."""
+        if self.cut(context) is None:
+            context.toast("Click the two ends of the section line first")
+            return
+        name = f"{context.session.visit.title.split('.')[0]} {KINDS[self.kind]} 1-{self.scale}.pdf"
+        context.files.save("sheets", f"Save the {KINDS[self.kind]}", name, FORMATS, lambda out: self.start(context, out))
+
+    def start(self, context: ToolContext, out: "Path") -> None:
         """Draws and saves the sheet, on a thread."""
         cut, scene, document = self.cut(context), context.scene, context.document
         if cut is None or scene is None:
@@ -131,7 +138,6 @@ class SectionTool(Tool):
             return
         scene, scale = replace(scene, meta=context.session.facts), float(self.scale)
         selection = Selection(scene, document.clips, hidden=context.session.work.edits.hidden_in(scene))
-        out = stamped(f"pointglass-{KINDS[cut.kind]}", self.format, context.folder)
 
         def work() -> "Path":
             from ...tools.section.orthographic import draw
@@ -223,22 +229,17 @@ class SectionTool(Tool):
             if ui.button("Cancel"):
                 self.worker.cancel()
             return
-        width = ui.get_content_region_avail().x / 2 - 4
-        scales = [f"1:{scale}" for scale in SCALES]
-        for label, texts, values in (("scale", scales, SCALES), ("format", ["PDF", "PNG"], FORMATS)):
-            ui.set_next_item_width(width)
-            if ui.begin_combo(f"##{label}", texts[values.index(getattr(self, label))]):
-                for text, value in zip(texts, values, strict=True):
-                    if ui.selectable(text, value == getattr(self, label))[0]:
-                        setattr(self, label, value)
-                ui.end_combo()
-            ui.same_line()
-        ui.new_line()
+        ui.set_next_item_width(-1)
+        if ui.begin_combo("##scale", f"scale 1:{self.scale}"):
+            for scale in SCALES:
+                if ui.selectable(f"1:{scale}", scale == self.scale)[0]:
+                    self.scale = scale
+            ui.end_combo()
         if ui.button("Preview"):
             self.preview.shown = not self.preview.shown
         ui.same_line()
-        if ui.button("Save sheet"):
+        if ui.button("Save sheet…"):
             try:
-                self.start(context)
+                self.ask(context)
             except InputError as error:
                 context.toast(str(error))

@@ -7,9 +7,7 @@ they may lie outside the picture while a button is held.  Distances dragged are 
 the same size on every screen.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -22,7 +20,9 @@ if TYPE_CHECKING:
 
     from ...camera import Camera
     from ...grid.scene import Scene
+    from ..file_dialog.file_dialogs import FileDialogs
     from ..overlay import OverlayCanvas
+    from ..save_actions import SaveActions
     from ..session import Session
     from ..theme import Theme
     from ..viewport import Viewport
@@ -83,15 +83,15 @@ class ToolContext:
     """What a tool may use.  One object a window; its properties are always those of the present moment.
 
     session: notices, flight, view settings.  viewport: the renderer and the last Frame (depth, mask), for picking.
-    theme: sizes and colours.  clipboard: text copied and pasted.  folder: where tools save what a person asks for.
-    save_panorama: begins a 360-degree picture of so many pixels around the camera.
+    theme: sizes and colours.  clipboard: text copied and pasted.  files: dialogs that ask for a file.
+    saves: pictures saved in the folder of pictures.
     """
 
     def __init__(self, session: "Session", viewport: "Viewport", theme: "Theme", *, set_captured: Any = None):
         self.session, self.viewport, self.theme = session, viewport, theme
         self.clipboard = Clipboard()
-        self.folder = Path.cwd()
-        self.save_panorama: Callable[[tuple[int, int]], object] = lambda size: None
+        self.files: FileDialogs
+        self.saves: SaveActions
         self._set_captured = set_captured or (lambda captured: None)
 
     @property

@@ -1,0 +1,228 @@
+"""The file dialog without a window: names, paths, endings, questions, folders that cannot be listed, what is remembered."""
+
+import json
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from pointglass.viewer.window.file_dialog.chosen_path import pasted
+from pointglass.viewer.window.file_dialog.file_choice import FileChoice, Request
+from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
+from pointglass.viewer.window.file_dialog.folder_list import natural, size_text
+
+SCANS = {"Scans": (".laz", ".e57"), "All files": ()}
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path_factory, monkeypatch):
+    """No remembered folders, and no dialog of the system."""
+    folder = tmp_path_factory.mktemp("state")
+    monkeypatch.setenv("POINTGLASS_STATE", str(folder))
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    return folder
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("scan 10.laz", "scan 9.laz", "Scan 2.E57", "notes.txt", ".hidden.laz"):
+        (tmp_path / name).write_bytes(b"x" * len(name))
+    (tmp_path / "deeper").mkdir()
+    (tmp_path / "deeper" / "inside.laz").write_bytes(b"y")
+    return tmp_path
+
+
+def made(folder, kind="open", **how):
+    how.setdefault("endings", SCANS)
+    choice = FileChoice(Request("test", "Test", kind, how.pop("done", print), **how), [Path(folder)])
+    wait(choice)
+    return choice
+
+
+def wait(choice):
+    choice.listing.join(10.0)
+    end = time.monotonic() + 10
+    choice.follow()
+    while choice.waiting and time.monotonic() < end:
+        time.sleep(0.002)
+        choice.follow()
+    assert not choice.waiting
+    choice.listing.join(10.0)
+
+
+def names(choice):
+    return [entry.name for entry in choice.rows]
+
+
+def test_folders_come_first_and_numbers_count(folder):
+    choice = made(folder)
+    assert names(choice) == ["deeper", "Scan 2.E57", "scan 9.laz", "scan 10.laz"]
+    choice.kind = 1
+    assert "notes.txt" in names(choice) and ".hidden.laz" not in names(choice)
+    choice.hidden = True
+    assert ".hidden.laz" in names(choice)
+    choice.hidden, choice.order, choice.descending = False, "size", True
+    assert names(choice)[:2] == ["deeper", "scan 10.laz"]
+
+
+def test_typing_searches_completes_and_enters_folders(folder):
+    choice = made(folder)
+    choice.type("sc")
+    assert names(choice) == ["Scan 2.E57", "scan 9.laz", "scan 10.laz"]
+    choice.type("scan 9")
+    choice.complete()
+    assert choice.text == "scan 9.laz"
+    choice.type("dee")
+    choice.complete()
+    assert choice.text == "deeper/"
+    choice.listing.join(10.0)
+    assert names(choice) == ["inside.laz"]
+    choice.move(1)
+    choice.enter()
+    wait(choice)
+    assert choice.result == [folder / "deeper" / "inside.laz"]
+
+
+def test_a_pasted_path_is_understood(folder):
+    there = folder / "scan 9.laz"
+    for text in (str(there), f"'{there}'", f' "{there}" ', there.as_uri(), str(folder / "deeper" / ".." / "scan 9.laz")):
+        choice = made("/")
+        choice.type(text)
+        choice.enter()
+        wait(choice)
+        assert choice.result == [there], text
+    assert pasted("~") == "~"
+
+
+def test_what_cannot_be_opened_is_said_in_words(folder):
+    choice = made(folder)
+    choice.enter()
+    assert "Select a file" in choice.problem
+    choice.type("gone.laz")
+    choice.enter()
+    wait(choice)
+    assert choice.problem.endswith("gone.laz: it does not exist") and choice.result is None
+    choice.type("/no such folder/a")
+    choice.listing.join(10.0)
+    assert choice.listing.problem == "/no such folder: it does not exist"
+    choice.type("deeper")
+    choice.enter()
+    wait(choice)
+    assert choice.result is None and choice.folder == folder / "deeper"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read every folder")
+def test_a_folder_without_permission_is_said_in_words(folder):
+    (folder / "deeper").chmod(0)
+    try:
+        choice = made(folder / "deeper")
+        assert "permission" in choice.listing.problem
+    finally:
+        (folder / "deeper").chmod(0o700)
+
+
+def test_several_files_are_chosen(folder):
+    choice = made(folder, many=True)
+    choice.select(1)
+    choice.select(3, span=True)
+    choice.select(2, toggle=True)
+    choice.accept()
+    wait(choice)
+    assert choice.result == [folder / "Scan 2.E57", folder / "scan 10.laz"]
+
+
+def test_saving_adds_the_ending_and_asks_before_it_replaces(folder):
+    csv = {"CSV table": (".csv",), "Text": (".txt",)}
+    choice = made(folder, "save", name="new.csv", endings=csv)
+    choice.type("notes")
+    choice.enter()
+    wait(choice)
+    assert choice.result == [folder / "notes.csv"]
+    choice = made(folder, "save", name="new.csv", endings=csv)
+    choice.type("notes.txt")
+    choice.enter()
+    wait(choice)
+    assert choice.result is None and choice.question == folder / "notes.txt"
+    choice.answer(False)
+    assert choice.result is None and choice.question is None
+    choice.enter()
+    wait(choice)
+    choice.answer(True)
+    assert choice.result == [folder / "notes.txt"] and (folder / "notes.txt").read_bytes() == b"x" * 9
+
+
+@pytest.mark.parametrize("text, said", [
+    ("no such/a.csv", "there is no such folder"), ("a" * 300 + ".csv", "longer than 255 bytes"), ("", "Type a name"),
+    ("a\0b.csv", "null"),
+])  # fmt: skip
+def test_names_that_cannot_be_saved_are_said_in_words(folder, text, said):
+    choice = made(folder, "save", endings={"CSV table": (".csv",)})
+    choice.type(text)
+    choice.accept()
+    wait(choice)
+    assert choice.result is None and said in choice.problem
+
+
+def test_a_folder_of_pictures_may_be_there_already(folder):
+    kinds = {"MP4 video": (".mp4",), "Folder": ("",)}
+    choice = made(folder, "save", name="film.mp4", endings=kinds)
+    choice.kind = 1
+    choice.type("deeper")
+    choice.enter()
+    wait(choice)
+    assert choice.result == [folder / "deeper"]
+    choice = made(folder, "save", name="film.mp4", endings=kinds)
+    choice.type("deeper")  # as a video: a folder of this name is in the way only with the ending
+    choice.enter()
+    wait(choice)
+    assert choice.result == [folder / "deeper.mp4"]
+
+
+def test_a_new_folder_is_made_and_entered_or_refused_in_words(folder):
+    choice = made(folder, "folder", endings={"All files": ()})
+    choice.make_folder("deeper")
+    assert "one of this name" in choice.problem
+    choice.make_folder("fresh")
+    wait(choice)
+    choice.accept()
+    wait(choice)
+    assert choice.result == [folder / "fresh"] and (folder / "fresh").is_dir()
+
+
+def test_each_purpose_remembers_its_folder_and_a_folder_that_is_gone_is_not_used(folder, state, monkeypatch):
+    monkeypatch.chdir(folder)
+    chosen = []
+    files = FileDialogs()
+    files.save("films", "Film", "a.mp4", {"MP4": (".mp4",)}, chosen.append)
+    files.choice.type("deeper/a")
+    files.choice.enter()
+    wait(files.choice)
+    files.poll()
+    assert chosen == [folder / "deeper" / "a.mp4"] and files.choice is None
+    later = FileDialogs()
+    later.open("films", "Film", {"MP4": (".mp4",)}, chosen.append)
+    wait(later.choice)
+    assert later.choice.folder == folder / "deeper"
+    later.choice.cancel()
+    later.poll()
+    assert later.choice is None and len(chosen) == 1
+    assert json.loads((state / "folders.json").read_text())["last"] == {"films": str(folder / "deeper")}
+    (folder / "deeper" / "inside.laz").unlink()
+    (folder / "deeper").rmdir()
+    later.open("films", "Film", {"MP4": (".mp4",)}, chosen.append)
+    wait(later.choice)
+    assert later.choice.folder == folder and not later.choice.listing.problem
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "[]", '{"last": 3}', '{"last": {"a": 3}, "recent": [1]}', "\xff"])
+def test_damaged_memory_counts_as_empty(state, text):
+    (state / "folders.json").write_bytes(text.encode("latin-1"))
+    folders = FileDialogs().folders
+    assert folders.folder_of("a") is None and folders.recent == []
+
+
+def test_sizes_and_order():
+    assert [size_text(size) for size in (None, 5, 1500, 7.9e7, 1.23e10)] == ["", "5 B", "1.5 kB", "79 MB", "12 GB"]
+    assert natural("A10b") > natural("a9z") and natural("10") > natural("9")

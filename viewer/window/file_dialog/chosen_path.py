@@ -1,0 +1,55 @@
+"""The path that a person typed or pasted: what it means, what it is, and why it cannot be read or written."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+from .folder_list import words
+
+LONGEST_NAME = 255
+"""Bytes of a file's name on the usual file systems."""
+
+
+@dataclass(frozen=True)
+class Examined:
+    """What a chosen path is.  problem: why it cannot be chosen, in words, "" where it can."""
+
+    path: Path
+    folder: bool = False
+    exists: bool = False
+    problem: str = ""
+
+
+def examine(path: Path, saving: bool) -> Examined:
+    """Looks at a path on the disk; on a thread, because a disk may not answer."""
+    if "\0" in path.name:
+        return Examined(path, problem="a name cannot hold a null character")
+    try:
+        if len(os.fsencode(path.name)) > LONGEST_NAME:
+            return Examined(path, problem=f"the name is longer than {LONGEST_NAME} bytes; choose a shorter one")
+        if path.is_dir():
+            return Examined(path, folder=True, exists=True)
+        if path.exists() or path.is_symlink():
+            may = os.access(path, os.W_OK if saving else os.R_OK)
+            why = "" if may else f"{path}: you do not have permission to {'replace' if saving else 'read'} it"
+            return Examined(path, exists=True, problem=why)
+        if not saving:
+            return Examined(path, problem=f"{path}: it does not exist")
+        if not path.parent.is_dir():
+            return Examined(path, problem=f"{path.parent}: there is no such folder")
+        if not os.access(path.parent, os.W_OK):
+            return Examined(path, problem=f"{path.parent}: you do not have permission to write into it")
+        return Examined(path)
+    except (OSError, ValueError) as error:
+        return Examined(path, problem=f"{path}: {words(error) if isinstance(error, OSError) else error}")
+
+
+def pasted(text: str) -> str:
+    """A path as people paste it: quotation marks and ``file://`` are taken off, spaces around it as well."""
+    text = text.strip()
+    if len(text) > 1 and text[0] == text[-1] and text[0] in "'\"":
+        text = text[1:-1]
+    if text.startswith("file://"):
+        text = unquote(urlparse(text).path)
+    return text
