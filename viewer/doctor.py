@@ -155,7 +155,7 @@ def _file_dialog() -> dict:
     if not sys.platform.startswith("linux"):
         return item("file dialog", "ok", "the system's own")
     found = next(filter(None, map(shutil.which, PROGRAMS)), None)
-    return item("file dialog", "ok", found or f"pointglass's own, inside the window: none of {', '.join(PROGRAMS)} is installed; "
+    return item("file dialog", "ok", found or f"pointglass's own, inside the window: none of {', '.join(PROGRAMS)} is there; "
                 "for the desktop's own: apt install zenity")
 
 
