@@ -98,7 +98,7 @@ main() {
     if nvidia_driver; then
         extras=dev,cuda  # OpenGL's buffers are mapped into CUDA there, and that is tested
     fi
-    wanted=$(cat pyproject.toml .ci/constraints.txt .ci/setup.sh viewer/__init__.py <(pwd) <(echo "$extras") | sha256sum |
+    wanted=$(cat pyproject.toml .ci/constraints.txt .ci/setup.sh viewer/__init__.py .ci/package.py <(pwd) <(echo "$extras") | sha256sum |
         cut -d' ' -f1)
     if [[ $(cat .venv/.stamp 2>/dev/null) == "$wanted" ]] && .venv/bin/python -c '' 2>/dev/null; then
         return

@@ -1,0 +1,1 @@
+../../../pointglass.py
