@@ -32,8 +32,9 @@ def shared_data() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(tmp_path_factory):
-    """No test reads or writes the user's cache."""
+    """No test reads or writes the user's cache or state."""
     patch = pytest.MonkeyPatch()
+    patch.setenv("POINTGLASS_STATE", str(tmp_path_factory.mktemp("state")))
     patch.setenv("POINTGLASS_CACHE", str(tmp_path_factory.mktemp("cache")))
     yield
     patch.undo()

@@ -1,29 +1,20 @@
-"""``python -m pointglass.viewer`` is ``pointglass``: starts the command line; handles Ctrl-C and SIGTERM during its import."""
+"""``python -m pointglass.viewer`` is ``pointglass``: takes charge of Ctrl-C and SIGTERM, then starts the command line."""
 
 import gc
-import signal
-import sys
+from typing import NoReturn
+
+from ..model.common.signals import stop_at_once
 
 
-def main() -> int:
-    """Runs the command line and returns its exit code."""
+def main() -> NoReturn:
+    """Runs the command line and ends the process with its exit code."""
+    stop_at_once()  # before anything slow is imported
     gc.disable()  # a tenth of a start would go into collecting what imports make; viewer.cli turns it on again
-    if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:  # a scheduler, `timeout`, a container that is stopped
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        from ..model.common.signals import importing
-
-        with importing():
-            from .cli import main as run
-
-        code = run()
-    except KeyboardInterrupt:
-        print("pointglass: stopped", file=sys.stderr)
-        code = 130
     from ..model.common.background_threads import leave
+    from .cli import main as run
 
-    return leave(code)
+    leave(run())
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

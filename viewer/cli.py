@@ -17,7 +17,7 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from ..model.common.loop_cache import NOTICE
-from ..model.common.signals import importing
+from ..model.common.temporary import sweep_recorded
 from .command_log import logging_to
 from .commands import COMMANDS, make_parser
 from .errors import Cancelled, InputError, PointglassError, is_opengl_error
@@ -141,9 +141,8 @@ def _section(options: argparse.Namespace) -> int:
 def _check_weights(settings: Settings) -> None:
     """For the neural view: refuses weights that do not fit before the scan is read, and sets the process up for the network."""
     if settings.view == "neural":
-        with importing():
-            from ..model.common.torch_process import prepare_inference
-            from ..model.reconstruct import fitting_weights
+        from ..model.common.torch_process import prepare_inference
+        from ..model.reconstruct import fitting_weights
 
         prepare_inference()
         own = Path(settings.weights) if settings.weights else None
@@ -268,6 +267,7 @@ def _run_logged(options: argparse.Namespace) -> int:
     try:
         if options.command != "render":  # which does without garbage collection until its first picture
             _end_of_start()
+        sweep_recorded()
         return _RUN[options.command](options)
     except (KeyboardInterrupt, Cancelled, BrokenPipeError):
         raise

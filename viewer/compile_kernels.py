@@ -8,11 +8,13 @@ every view, and opens it once more from the cache.  Without it the first scan th
 """
 
 import os
+import shutil
 import sys
 import tempfile
 from pathlib import Path
 from time import perf_counter
 
+from ..model.common.signals import cleaned
 from .errors import DeviceError
 
 
@@ -22,7 +24,8 @@ def compile_kernels() -> str | None:
     POINTGLASS_CACHE is replaced during the call: no grid is kept.
     """
     before = os.environ.get("POINTGLASS_CACHE")
-    with tempfile.TemporaryDirectory(prefix="pointglass-compile-") as folder:
+    folder = tempfile.mkdtemp(prefix="pointglass-compile-")
+    with cleaned(lambda: shutil.rmtree(folder, ignore_errors=True)):
         os.environ["POINTGLASS_CACHE"] = str(Path(folder) / "cache")
         try:
             _open_scans(Path(folder))

@@ -5,24 +5,27 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from .atomic_write import write_atomic
+from .signals import undone
 
 
 @contextlib.contextmanager
 def made_folder(folder: Path, *, make: bool = True) -> Iterator[Path]:
-    """Creates ``folder`` and its parents.  If the block fails, Ctrl-C included, the created folders that are empty are removed.
+    """Creates ``folder`` and its parents.  If the block fails or is interrupted, the created folders that are empty are
+    removed.
 
     make: False where the block creates the folder itself.  Raises OSError where it cannot be created.
     """
     new = [path for path in (folder, *folder.parents) if not path.exists()]
-    try:
-        if make:
-            folder.mkdir(parents=True, exist_ok=True)
-        yield folder
-    except BaseException:
+
+    def remove() -> None:
         for path in new:  # innermost first; rmdir fails for a folder with contents
             with contextlib.suppress(OSError):
                 path.rmdir()
-        raise
+
+    with undone(remove):
+        if make:
+            folder.mkdir(parents=True, exist_ok=True)
+        yield folder
 
 
 def replace_text(path: Path, text: str) -> None:

@@ -13,42 +13,55 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
-from .signals import STOPS, handled
+from .signals import STOPS, handled, stopped
 
 T = TypeVar("T")
 
 
-@contextlib.contextmanager
-def finish_before_interrupt() -> Iterator[None]:
-    """Delays Ctrl-C or SIGTERM to the end of the block; a second Ctrl-C is not delayed.
+class Interrupt:
+    """What :func:`finish_before_interrupt` gives: whether a signal has come."""
 
-    For training steps: a checkpoint must not be saved in the middle of one.
-    """
-    usual = [stop for stop in STOPS if signal.getsignal(stop) == signal.default_int_handler]
-    if not usual or threading.current_thread() is not threading.main_thread():
-        yield  # another handler is installed, and stays in charge
-        return
-    pressed: list[int] = []
+    def __init__(self) -> None:
+        self.came = False
 
-    def note(number: int, _frame) -> None:
-        if pressed and number == signal.SIGINT:  # SIGTERM may come twice, from a scheduler and a parent process
+    def check(self) -> None:
+        """Raises KeyboardInterrupt if a signal has come: a place where the work may be interrupted."""
+        if self.came:
             raise KeyboardInterrupt
-        pressed.append(number)
+
+
+@contextlib.contextmanager
+def finish_before_interrupt() -> Iterator[Interrupt]:
+    """Delays Ctrl-C or SIGTERM to the end of the block, or to the next ``check()``, and raises KeyboardInterrupt there.
+
+    A second Ctrl-C is not delayed.  For training steps, after which a checkpoint is saved, and for callbacks of native
+    libraries.
+    """
+    interrupt = Interrupt()
+    usual = {stop: handler for stop in STOPS
+             if (handler := signal.getsignal(stop)) in (signal.default_int_handler, stopped)}
+    if not usual or threading.current_thread() is not threading.main_thread():
+        yield interrupt  # another handler is installed, and stays in charge
+        return
+
+    def note(number: int, frame) -> None:
+        if interrupt.came and number == signal.SIGINT:  # SIGTERM may come twice, from a scheduler and a parent process
+            usual.get(signal.SIGINT, signal.default_int_handler)(number, frame)  # type: ignore[operator]
+        interrupt.came = True
 
     try:
         with handled(usual, note):
-            yield
+            yield interrupt
     except Exception as error:
-        if pressed:  # probably a consequence: another process of the training was stopped and no longer answers
+        if interrupt.came:  # probably a consequence: another process of the training was stopped and no longer answers
             raise KeyboardInterrupt from error
         raise
-    if pressed:
-        raise KeyboardInterrupt
+    interrupt.check()
 
 
 @contextlib.contextmanager
 def workers(count: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of worker processes for :func:`run_in_worker`.  If the block fails, Ctrl-C included, they are terminated."""
+    """A pool of worker processes for :func:`run_in_worker`.  If the block fails, they are terminated."""
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(count, initializer=_start)
     try:

@@ -1,11 +1,8 @@
 """Compiled loops: numba's njit with its cache on disk."""
 
-import contextlib
 import inspect
-import signal
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +11,6 @@ from numba.core import config as _numba_config
 from numba.core import event
 
 from .loop_cache import NOTICE, kept_in
-from .signals import STOPS, handled
 
 _BLAS = "scipy.linalg.cython_blas"
 """Module that numba imports to compile np.dot."""
@@ -92,23 +88,3 @@ def _kept_in(folder: Path, function, options: dict):
             return njit(cache=True, **options)(function)
         finally:
             config.CACHE_DIR = before
-
-
-@contextlib.contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Delays Ctrl-C, or SIGTERM where it is handled, to the end of the block.
-
-    For calls of seconds into a compiled loop on the main thread: an interrupt raised while numba converts results to Python
-    objects causes a SystemError, and several of them a crash.
-    """
-    usual = {stop: handler for stop in STOPS if callable(handler := signal.getsignal(stop))}
-    if threading.current_thread() is not threading.main_thread() or not usual:
-        yield
-        return
-    came: list[tuple] = []
-    try:
-        with handled(usual, lambda *call: came.append(call)):
-            yield
-    finally:
-        for call in came:
-            usual[call[0]](*call)

@@ -19,8 +19,6 @@ none.  Photographic textures are painted on about half of the pairs of either ki
 """
 
 import json
-import os
-import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,6 +29,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ..common.temporary import temporary_folder
 from ..depth_filter import keep_mask
 from ..exposure import match_exposures
 from ..noise import NoiseModel
@@ -282,13 +281,12 @@ def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int =
         raise DataError(f"{out}: true pictures of several sizes ({sorted(sizes)}); make the pairs of each size separately")
     ((height, width),) = sizes
     count = sum(len(place.views) for place in places) * scans * variants
-    partial = out.with_name(f"{out.name}.{os.getpid()}.partial")
-    partial.mkdir(parents=True)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with temporary_folder(out) as partial:
 
-    def allocate(name: str, kind: type, channels: int) -> np.ndarray:
-        return np.lib.format.open_memmap(partial / f"{name}.npy", "w+", kind, (count, channels, height, width))
+        def allocate(name: str, kind: type, channels: int) -> np.ndarray:
+            return np.lib.format.open_memmap(partial / f"{name}.npy", "w+", kind, (count, channels, height, width))
 
-    try:
         arrays = {"measured": allocate("measured", np.float16, MEASURED_CHANNELS), "truth": allocate("truth", np.uint8, 5)}
         if neighbours:
             arrays |= {"neighbour": allocate("neighbours", np.float16, MEASURED_CHANNELS),
@@ -309,6 +307,4 @@ def build(places: Sequence[TruePlace], out: Path, *, seed: int = 1, scans: int =
         facts = {"preset": preset, "seed": seed, "reduce": reduce, "pairs": table}
         (partial / "pairs.json").write_text(json.dumps(facts))
         partial.rename(out)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
     return count

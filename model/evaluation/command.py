@@ -5,8 +5,6 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..common.signals import importing
-
 CHOICES = {"both": ("scanned", "matched"), "scanned": ("scanned",), "matched": ("matched",)}
 """Value of ``--exposures`` -> exposures that are evaluated."""
 
@@ -67,14 +65,13 @@ def run(options: argparse.Namespace) -> int:
 
     JSON of one scene: the result of :func:`model.evaluation.evaluate`; of several: ``scenes``, a list of results, worst first.
     """
-    with importing():
-        from ..data.dataset import DataError
-        from ..weights_folder import weights_dir
-        from .outside import parse_outside
-        from .precision import precision_of_scene
-        from .report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
-        from .room_scores import evaluate
-        from .worse import Worst, ratio_of_room
+    from ..data.dataset import DataError
+    from ..weights_folder import weights_dir
+    from .outside import parse_outside
+    from .precision import precision_of_scene
+    from .report import PLOT_SUFFIXES, check_output, format_table, plot, save, save_picture
+    from .room_scores import evaluate
+    from .worse import Worst, ratio_of_room
 
     for path, suffixes in ((options.json, ()), (options.plot, PLOT_SUFFIXES), (options.worst, (".png",))):
         if path:

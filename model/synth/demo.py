@@ -6,7 +6,6 @@
 """
 
 import json
-import os
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -14,8 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..common.atomic_write import write_atomic
 from ..common.folders import made_folder
 from ..common.seeds import MAX_SEED
+from ..common.temporary import temporary_file
 from ..data.dataset import DataError
 from .place import Place
 from .scanner import Scan, ScannerModel, VirtualScanner
@@ -88,12 +89,7 @@ def write_laz(scan: Scan, path: Path) -> None:
     las.intensity = scan.intensity
     las.point_source_id = scan.station.astype(np.uint16)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.stem}-{os.getpid()}{path.suffix}")
-    try:
-        las.write(str(part))
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    write_atomic(path, lambda beside: las.write(str(beside)))
 
 
 def camera_towards(position, target) -> np.ndarray:
@@ -149,17 +145,13 @@ def main(out: Path, points: int = 1_200_000, seed: int = 1, *, step: Callable[[i
     out = Path(out)
     check(out, points, seed)
     cameras = cameras_of(out)
-    part = cameras.with_name(f".{cameras.name}-{os.getpid()}")
     try:
-        with made_folder(out.parent):
-            try:
-                # First, so that a folder without write permission is reported before the simulation.
-                part.write_text(json.dumps(camera_path(), indent=1) + "\n")
-                scan = simulate(points, seed, step=step)
-                write_laz(scan, out)
-                os.replace(part, cameras)
-            finally:
-                part.unlink(missing_ok=True)
+        # The cameras first, so that a folder without write permission is reported before the simulation.
+        with made_folder(out.parent), temporary_file(cameras) as part:
+            part.write_text(json.dumps(camera_path(), indent=1) + "\n")
+            scan = simulate(points, seed, step=step)
+            write_laz(scan, out)
+            part.replace(cameras)
     except MemoryError:
         raise DataError(f"--points {points}: more than fit into this machine's memory; choose fewer") from None
     except OSError as error:

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..common.jit import compiled, uninterrupted
+from ..common.jit import compiled
 from ..common.processors import in_slices
+from ..common.signals import uninterrupted
 from .shapes import Shapes, nearest, one_hit
 
 WINDOW, LAMP, SUN = range(3)

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..common.jit import compiled, uninterrupted
+from ..common.jit import compiled
 from ..common.processors import in_slices
+from ..common.signals import uninterrupted
 from .hits import EPSILON, box_span, hit_ellipsoid, hit_quad, hit_round, hit_tube
 
 BOX, ROUND, CYLINDER, CAPSULE, SPHERE, QUAD = range(6)

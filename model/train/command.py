@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..common.seeds import MAX_SEED
-from ..common.signals import importing
 from ..data.dataset import MIN_CROP
 
 if TYPE_CHECKING:
@@ -81,8 +80,7 @@ def run(options: argparse.Namespace) -> int:
         raise DataError("no training data: give folders with scene.json, or --procedural N")
     if any((options.out / name).exists() for name in ("recipe.json", "pairs/filtered", "pairs/unfiltered")):
         raise DataError(f"{options.out}: contains a training with --recipe; choose another --out")
-    with importing():
-        from .trainer import TrainConfig, train
+    from .trainer import TrainConfig, train
 
     facts = _facts(options)
     path = train(TrainConfig(
@@ -230,6 +228,7 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
     while not first and not _folders(listed):
         time.sleep(1.0)
     from ..common.folders import made_folder, replace_text
+    from ..common.signals import undone
     from ..data.dataset import DataError
     from ..data.procedural import procedural_places
     from ..data.sources import open_places
@@ -254,13 +253,14 @@ def _pairs(options: argparse.Namespace, facts: "Facts") -> list[Path]:
     with made_folder(options.out):
         replace_text(manifest, json.dumps(facts, indent=1))
         folders = complete
-        try:
-            folders = folders or _build(places, options.out, name, unfiltered=options.unfiltered, seed=options.seed,
-                                        textures=options.textures)
-        except BaseException:  # Ctrl-C included: a manifest of nothing would refuse the next run
+
+        def remove() -> None:  # a manifest of nothing would refuse the next run
             if not any(path.is_dir() for path in options.out.glob(f"{name}-*-[12]")):
                 manifest.unlink(missing_ok=True)
-            raise
+
+        with undone(remove):
+            folders = folders or _build(places, options.out, name, unfiltered=options.unfiltered, seed=options.seed,
+                                        textures=options.textures)
         replace_text(listed, "\n".join(folder.name for folder in folders) + "\n")
     return folders
 

@@ -260,7 +260,8 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
          save, on_step) -> None:
     start, last_save, limit = time.monotonic() - trainer.spent, time.monotonic(), config.minutes * 60
     loaders = config.loaders if config.loaders >= 0 else (os.cpu_count() or 1) - 1 if process.device.type == "cuda" else 0
-    with Prefetcher(crops, config.batch, config.neighbours, process.rank, loaders) as ahead:
+    ahead = Prefetcher(crops, config.batch, config.neighbours, process.rank, loaders)
+    with ahead, finish_before_interrupt() as interrupt:  # a checkpoint of complete steps is saved
         try:
             while trainer.step < config.steps:
                 trainer.spent = of_the_first(process, trainer.spent)
@@ -269,9 +270,9 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
                 batch = ahead.batch(trainer.step).to(process.device)
                 done = max(trainer.step / config.steps, trainer.spent / limit if limit else 0.0)
                 rate = config.learning_rate(trainer.step, done)
-                with finish_before_interrupt():
-                    terms = trainer.advance(batch, objective, rate)
-                    trainer.spent = time.monotonic() - start
+                terms = trainer.advance(batch, objective, rate)
+                trainer.spent = time.monotonic() - start
+                interrupt.check()
                 log.step(trainer.step, terms, rate, trainer.spent)
                 log.pictures(trainer.step, trainer.averaged, batch)
                 if time.monotonic() - last_save > config.save_every:
@@ -279,6 +280,7 @@ def _run(config: TrainConfig, process: Process, crops: Crops, objective: Objecti
                     last_save = time.monotonic()
                 if on_step is not None:
                     on_step(trainer.step)
+                interrupt.check()
             save()
         except (KeyboardInterrupt, RuntimeError):  # RuntimeError: another process ended, perhaps by the same Ctrl-C
             if trainer.between_steps and trainer.step > trainer.saved:

@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ...model.common.temporary import restrict
 from ...model.noise import MAX_VOXELS, NoiseModel
 from ..errors import InputError
 from ..grid_folder import MAGIC, is_grid
@@ -195,7 +196,7 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
     written.  Nothing is left behind on failure or cancellation.
     """
     identity = _identity(files)
-    with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY) as work:
+    with _written(folder, _OUT_REMEDY if keep_old else _CACHE_REMEDY, files) as work:
         # the points are written to their file directly: the system writes the pages back, and memory stays bounded
         scene = build(files, lambda name, shape, dtype: _column_file(work, name, shape))
         _write(work, scene, identity)
@@ -203,6 +204,7 @@ def build_into(folder: Path, files: list[Path], build: Callable[..., Scene], *, 
             raise InputError(f"{files[0]}: changed while it was read; try again")
         _release(scene)
         del scene
+        restrict(work, files)
         if keep_old and folder.exists() and (name := stranger(folder)):
             raise InputError(f"{folder}: holds other files ({name}); give a new or empty folder")
         move(work, folder)
@@ -292,10 +294,11 @@ def _release(scene: Scene) -> None:
 
 
 @contextmanager
-def _written(folder: Path, remedy: str) -> Iterator[Path]:
-    """A new folder beside ``folder``, removed at the end in any case; failures to write become CacheError."""
+def _written(folder: Path, remedy: str, files: list[Path]) -> Iterator[Path]:
+    """A new folder beside ``folder``, removed at the end in any case; failures to write become CacheError.  files: scans whose
+    rights it has."""
     try:
-        with scratch(folder) as work:
+        with scratch(folder, sources=files, private=remedy is _CACHE_REMEDY) as work:
             yield work
     except OSError as error:
         why = error.strerror or str(error)

@@ -2,8 +2,6 @@
 
 import contextlib
 import json
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -11,6 +9,8 @@ import numpy as np
 
 from ...model.common.atomic_write import write_atomic
 from ...model.common.folders import made_folder
+from ...model.common.signals import uninterrupted
+from ...model.common.temporary import temporary_folder
 from ..errors import InputError
 
 
@@ -29,24 +29,23 @@ def out_folder(out: Path) -> Iterator[None]:
 def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> None:
     """Writes several files, name -> what writes it at a path, so that all appear in ``folder`` or none.
 
-    They are written in a folder of their own beside, which goes again on any failure, Ctrl-C included.  Raises InputError
+    They are written in a folder of their own beside, which goes again on any failure.  Raises InputError
     naming the file, or the folder where nothing can be written there at all.
     """
-    try:  # not by process number: in a container it is the same again, and a run that was killed left its folder
-        beside = Path(tempfile.mkdtemp(".partial", f".{next(iter(files))}.", folder))
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
-                         "there, or choose another --out") from None
-    try:
+    with contextlib.ExitStack() as stack:
+        try:
+            beside = stack.enter_context(temporary_folder(folder / next(iter(files))))
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
+                             "there, or choose another --out") from None
         for name, write in files.items():
             _named(folder / name, lambda write=write, name=name: write(beside / name))
         for name in files:
             if (folder / name).is_dir():
                 raise InputError(f"{folder / name}: is a folder; remove it, or choose another --out")
-        for name in files:
-            _named(folder / name, lambda name=name: (beside / name).replace(folder / name))
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
+        with uninterrupted():
+            for name in files:
+                _named(folder / name, lambda name=name: (beside / name).replace(folder / name))
 
 
 def _named(path: Path, work: Callable[[], object]) -> None:

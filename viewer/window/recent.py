@@ -7,28 +7,19 @@ unreadable list counts as empty: it is a convenience, and the next scan writes i
 import hashlib
 import io
 import json
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ...model.common.atomic_write import write_atomic
+from ...model.common.state_folder import state_dir
 
 MOST = 12
 """Scans that are remembered."""
 THUMBNAIL = (320, 200)
 """Pixels."""
 _FILE = "recent.json"
-
-
-def state_dir() -> Path:
-    """Folder of what the window remembers: POINTGLASS_STATE if set, else the user's state folder.  Not created here."""
-    if configured := os.environ.get("POINTGLASS_STATE"):
-        return Path(configured).expanduser()
-    from platformdirs import user_state_path
-
-    return user_state_path("pointglass", appauthor=False)
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,6 @@ def is_scan(path: Path) -> bool:
 
 def run(options: argparse.Namespace) -> int:
     """Evaluates, prints a table and writes the requested files.  Returns 0.  Raises InputError, DataError and WeightsError."""
-    from ....model.common.signals import importing
     from ....model.evaluation.command import names_of
     from ....model.evaluation.report import check_output, save, save_picture
     from ....model.weights_folder import weights_file
@@ -58,8 +57,7 @@ def run(options: argparse.Namespace) -> int:
     if ignored := [f"--{name.replace('_', '-')}" for name, default in _IGNORED.items() if getattr(options, name) != default]:
         print(f"pointglass: the evaluation of a scan ignores {', '.join(ignored)}", file=sys.stderr)
     files = options.weights or [weights_file("balanced", filtered=True)]
-    with importing():
-        from ....model.evaluation.heldout_report import format_withheld
+    from ....model.evaluation.heldout_report import format_withheld
 
     result, rows = judge_scan(options.data[0], names_of(files), densities=tuple(dict.fromkeys(options.densities)),
                               views=options.views or VIEWS, size=SIZE, sheet=options.plot is not None)

@@ -1,13 +1,13 @@
 """Fine-tunes the shipped weights on a scan, evaluates them on held-out data, and keeps them if they are better."""
 
 import re
-import tempfile
 from pathlib import Path
 
 import numpy as np
 import torch
 
 from ....model.common.folders import made_folder
+from ....model.common.temporary import temporary_folder
 from ....model.evaluation.metrics import masked_psnr
 from ....model.train.trainer import TrainConfig, train
 from ....model.weights import load_weights, save_weights
@@ -62,12 +62,12 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
           flush=True)
     out = weights_home() if out is None else out
     name = re.sub(r"[^\w.-]+", "_", scan.stem) or "scan"
-    with made_folder(out), tempfile.TemporaryDirectory(".partial", f".tuning-{name}.", out) as work:
-        folders = material.pairs(Path(work), name, seed)
+    with made_folder(out), temporary_folder(out / f"tuning-{name}") as work:
+        folders = material.pairs(work, name, seed)
         sides = [min(np.load(folder / "truth.npy", mmap_mode="r").shape[2:]) for folder, _ in folders]
         judge = str(perceptual) if perceptual and material.perceptual else None
         made = train(TrainConfig(
-            pairs=tuple(str(folder) for folder, _ in folders), shares=tuple(float(n) for _, n in folders), out=work,
+            pairs=tuple(str(folder) for folder, _ in folders), shares=tuple(float(n) for _, n in folders), out=str(work),
             quality=quality, steps=steps, minutes=minutes, rate=RATE, warmup=20, average=0.99, neighbours=0, device=device,
             recolour=False, crop=min(192, *(int(side) // 16 * 16 for side in sides)), seed=seed, start_from=str(shipped),
             perceptual_path=judge, perceptual_weight=0.1 if material.perceptual else 0.0,
