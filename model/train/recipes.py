@@ -19,6 +19,7 @@ from pathlib import Path
 from ..common.folders import made_folder, replace_text
 from ..common.interrupts import run_in_worker, workers
 from ..common.processors import usable_processors, use_threads
+from ..common.signals import cleaned
 from ..data.crops import PairFolder
 from ..data.dataset import MIN_CROP, DataError
 from ..data.procedural import procedural_place
@@ -167,15 +168,17 @@ def make_pairs(recipe: Recipe, folders: Sequence[Path], out: Path, facts: Facts,
         with contextlib.ExitStack() as stack:
             for kind in recipe.kinds:
                 stack.enter_context(made_folder(out / "pairs" / kind))
-            try:
-                progress.keep()
-                _make_all(jobs, out, recipe, facts["seed"], progress, seconds, most_places,
-                          None if textures is None else str(textures))
-            finally:
+
+            def keep() -> None:
                 if _made(out, recipe):
                     progress.keep()
                 else:
                     manifest.unlink(missing_ok=True)
+
+            with cleaned(keep):
+                progress.keep()
+                _make_all(jobs, out, recipe, facts["seed"], progress, seconds, most_places,
+                          None if textures is None else str(textures))
             kept["pairs"] = _listed(out, recipe)
     progress.keep()
     return {kind: [out / "pairs" / kind / name for name in names] for kind, names in kept["pairs"].items()}

@@ -40,20 +40,10 @@ def export(selection: Selection, out: Path) -> int:
     if free < needed:
         raise InputError(f"--out {out}: needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}; make room")
     try:
-        write_atomic(out, lambda beside: _with_ending(beside, out, lambda path: writer(path, selection, counts)))
+        write_atomic(out, lambda beside: writer(beside, selection, counts), sources=sources)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
     return total
-
-
-def _with_ending(beside: Path, out: Path, write) -> None:
-    """Writes under a name with the ending of ``out``: libraries decide the compression by it."""
-    named = beside.with_name(beside.name + out.suffix)
-    try:
-        write(named)
-        named.replace(beside)
-    finally:
-        named.unlink(missing_ok=True)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -40,7 +40,7 @@ def write_las(path: Path, selection: Selection, counts: np.ndarray) -> None:
     header.vlrs.extend(_reference_records(scene))
     if any(record.record_id == 2112 for record in header.vlrs):
         header.global_encoding.wkt = True
-    compressed = path.suffix.lower() == ".laz" or path.name.lower().endswith(".laz.partial")
+    compressed = path.suffix.lower() == ".laz"
     with path.open("wb") as file, laspy.open(file, mode="w", header=header, closefd=False, do_compress=compressed) as writer:
         for block in selection.blocks("writing"):
             points = laspy.ScaleAwarePointRecord.zeros(len(block.xyz), header=header)
