@@ -12,6 +12,7 @@ from pointglass.viewer.render import renderer as module
 from pointglass.viewer.render.occlusion import LAG, HiddenCells
 from pointglass.viewer.settings import Memory, Settings
 from pointglass.viewer.tools.background import COLOURS, composite
+from pointglass.viewer.tools.picture_spec import PictureSpec
 from pointglass.viewer.window.picture_plan import Plan
 from pointglass.viewer.window.viewport import Viewport
 from pointglass.viewer.window.work import Work
@@ -36,10 +37,16 @@ class Told:
         )  # fmt: skip
         self.notices = SimpleNamespace(say=lambda *text: pytest.fail(str(text)))
         self.flight, self.work = SimpleNamespace(moving=True), Work()
-        self.picture = SimpleNamespace(contended=False, dirty=False, adaptive_lod=SimpleNamespace(target_ms=None))
+        self.picture = SimpleNamespace(contended=False, dirty=False, spec=None, adaptive_lod=SimpleNamespace(target_ms=None))
         self.eye, self.number, self.heard = scan.room_middle(4) + (-0.8, 0.3, EYE), -1, []
         self.area = SimpleNamespace(size=SIZES[0], window_size=SIZES[0], origin=(0, 0))
         self.screen = SimpleNamespace(exact=False, full_plan=Plan(("filled",), None), plan=None)
+
+    @property
+    def spec(self):
+        chosen = self.view_settings
+        return PictureSpec(self.camera, chosen.settings, chosen.sides, self.work.document.alterations,
+                           background=chosen.background, split_at=chosen.split_at)
 
     def accept(self, _):
         pass
@@ -55,6 +62,7 @@ class Told:
         self.screen.plan = Plan(("filled",), 64.0 + self.number, hides=moving, moving=moving)
 
     def shown(self, plan, *, hides, approximations):
+        self.picture.spec = self.spec
         self.heard.append(("shown", plan.level, hides))
 
     def learn(self, plan, stats):

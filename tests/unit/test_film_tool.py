@@ -14,11 +14,11 @@ from pointglass.viewer.tools.film.command import read_path
 from pointglass.viewer.tools.film.keyframes import cameras_along, passing_seconds, path_seconds
 from pointglass.viewer.tools.shot_metadata import camera_line
 from pointglass.viewer.window.interaction.camera_path_editor import fly_to
-from pointglass.viewer.window.interaction.editing import shared_key
+from pointglass.viewer.window.interaction.editing import copy_camera, paste_camera
 from pointglass.viewer.window.interaction.film_tool import Film
 from pointglass.viewer.window.interaction.section_tool import SectionTool
 from pointglass.viewer.window.interaction.timeline import column, nearest_marker, seconds_at
-from pointglass.viewer.window.interaction.tool import KeyEvent, Modifiers, ToolContext
+from pointglass.viewer.window.interaction.tool import KeyEvent, ToolContext
 from pointglass.viewer.window.navigation import view_along
 
 
@@ -157,15 +157,15 @@ def test_a_camera_is_copied_and_pasted_as_text(context):
     stand(context, (1.0, 2.0, 1.5), (1.0, 0.5, -0.2))
     context.session.flight.field_of_view = 33.0
     before = context.camera
-    assert shared_key(KeyEvent("C", "press", Modifiers(control=True)), context)
+    copy_camera(context)
     assert context.clipboard.read() == camera_line(before)
     stand(context, (5.0, 4.0, 1.0), (-1.0, 0.0, 0.3))
     context.session.flight.field_of_view = 60.0
-    assert shared_key(KeyEvent("V", "press", Modifiers(control=True)), context)
+    paste_camera(context)
     assert np.allclose(context.camera.camera_to_world, before.camera_to_world, atol=1e-12)
     assert context.camera.vertical_fov == pytest.approx(33.0)
     context.clipboard.write("no camera")
-    shared_key(KeyEvent("V", "press", Modifiers(control=True)), context)
+    paste_camera(context)
     assert np.allclose(context.camera.camera_to_world, before.camera_to_world, atol=1e-12)
     assert any("no camera" in toast.text for toast in context.session.notices.toasts)
 

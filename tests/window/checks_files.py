@@ -54,7 +54,7 @@ def check_help_lists_every_control(d: Driver) -> None:
     assert not d.session.help and not d.app.closing
     from pointglass.viewer.window.controls import ALL
 
-    assert {control.action for control in ALL if control.kind == "press"} <= set(d.app._actions)
+    assert {control.action for control in ALL if control.kind in ("press", "chord")} <= set(d.app._actions)
 
 
 def check_interface_hides(d: Driver) -> None:

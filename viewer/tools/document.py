@@ -5,7 +5,7 @@ a new Document; viewer.tools.history keeps the old ones for undo, viewer.tools.p
 Frame: the file's own coordinates, float64, file units, for everything that has a place.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import TypeVar
 
@@ -160,8 +160,8 @@ class Document:
     @property
     def alterations(self) -> Alterations:
         """What changes pictures of the scans."""
-        return Alterations(self.clips, tuple(sorted(self.hidden_stations)), self.up, self.look, self.lock_measured,
-                           self.ghosts)
+        found = {each.name: getattr(self, each.name) for each in fields(Alterations)}
+        return Alterations(**found | {"hidden_stations": tuple(sorted(self.hidden_stations))})
 
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..tools.project import SUFFIX
 from .gamepad import SPEED_NOTCHES
+from .interaction.editing import copy_camera, paste_camera, save_project, step
 from .interaction.fly import Fly
 
 if TYPE_CHECKING:
@@ -36,6 +37,13 @@ def actions(app: "App") -> "dict[str, Callable[[], object]]":
         "help": lambda: setattr(session, "help", not session.help),
         "interface": session.show_or_hide_interface,
         "escape": app.escape,
+        "quit": app.request_close,
+        "undo": partial(step, app.tools, redo=False),
+        "redo": partial(step, app.tools, redo=True),
+        "copy_camera": partial(copy_camera, app.tools),
+        "paste_camera": partial(paste_camera, app.tools),
+        "save": partial(save_project, app.tools),
+        "save_as": partial(save_project, app.tools),
     }
     for tool in app.toolbox.tools:
         if tool.key:

@@ -48,7 +48,7 @@ _SETTLE = 3  # interface frames after an event: what imgui needs to lay out, hov
 _NAP = 0.5  # seconds of sleep at most while idle
 _BREATH = 0.06  # seconds between interface frames while only the interface changes: a progress bar, a tooltip's delay
 _LONG = 50.0  # milliseconds per picture above which the interface is laid out twice: its next frame is far off
-_WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record"}
+_WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot", "record", "quit", "save", "save_as"}
 """Actions that work, or say why they do not, on the start page."""
 _COMPILING_SECONDS = 12.0
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
@@ -228,6 +228,10 @@ class App:
             self.toolbox.select(self.toolbox.fly.name, self.tools)
         else:
             self.session.escape()
+
+    def request_close(self) -> None:
+        """Closes the window."""
+        self.glfw.set_window_should_close(self.window, True)
 
     # -- the loop ----------------------------------------------------------------------------------------------------
 

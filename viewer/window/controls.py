@@ -16,7 +16,8 @@ class Control:
 
     kind: ``hold`` acts while down, ``press`` acts once, ``modifier`` changes what held keys do, ``mouse`` is a gesture,
     ``gamepad`` a part of one (viewer.window.gamepad),
-    ``chord`` a key with Ctrl that all tools share (viewer.window.interaction.editing).
+    ``chord`` a key with Ctrl, which never moves the camera.  A chord's letter is the printed one, not its place: Ctrl+Q on
+    a French keyboard is the key that prints Q.  everywhere: a chord that also acts while text is typed and a dialog is open.
     """
 
     keys: tuple[str, ...]
@@ -24,6 +25,7 @@ class Control:
     action: str
     help: str
     kind: Literal["hold", "press", "modifier", "mouse", "gamepad", "chord"] = "press"
+    everywhere: bool = False
 
 
 CONTROLS: dict[str, tuple[Control, ...]] = {
@@ -60,9 +62,12 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("DROP",), "Drop files", "drop", "open them as one scene", "mouse"),
     ),
     "Work": (
-        Control(("CTRL_Z",), "Ctrl+Z", "undo", "undo; Ctrl+Y or Ctrl+Shift+Z redoes", "chord"),
-        Control(("CTRL_C",), "Ctrl+C", "copy_camera", "copy the camera as text; Ctrl+V flies to a copied one", "chord"),
-        Control(("CTRL_S",), "Ctrl+S", "save", "save the project: clips, measurements, look, viewpoint", "chord"),
+        Control(("CTRL_Z",), "Ctrl+Z", "undo", "undo", "chord"),
+        Control(("CTRL_Y", "CTRL_SHIFT_Z"), "Ctrl+Y", "redo", "redo, as Ctrl+Shift+Z", "chord"),
+        Control(("CTRL_C",), "Ctrl+C", "copy_camera", "copy the camera as text", "chord"),
+        Control(("CTRL_V",), "Ctrl+V", "paste_camera", "fly to a copied camera", "chord"),
+        Control(("CTRL_S",), "Ctrl+S", "save", "save the project: clips, measurements, look, viewpoint", "chord", True),
+        Control(("CTRL_SHIFT_S",), "Ctrl+Shift+S", "save_as", "save it under another name", "chord", True),
     ),
     "Gamepad": (
         Control(("STICKS",), "Sticks", "pad_sticks", "left: move; right: look; triggers: down and up", "gamepad"),
@@ -75,6 +80,7 @@ CONTROLS: dict[str, tuple[Control, ...]] = {
         Control(("F1",), "F1", "help", "show or hide these controls"),
         Control(("F10",), "F10", "interface", "show or hide the interface"),
         Control(("ESCAPE",), "Esc", "escape", "close what is open, cancel a load"),
+        Control(("CTRL_Q",), "Ctrl+Q", "quit", "close the window", "chord", True),
     ),
 }
 
@@ -87,6 +93,11 @@ ALL: tuple[Control, ...] = tuple(control for group in CONTROLS.values() for cont
 def by_key() -> dict[str, Control]:
     """Key name -> control, for the keyboard."""
     return {key: control for control in ALL if control.kind not in ("mouse", "gamepad", "chord") for key in control.keys}
+
+
+def by_chord() -> dict[str, Control]:
+    """Chord ("CTRL_S", "CTRL_SHIFT_S") -> control."""
+    return {key: control for control in ALL if control.kind == "chord" for key in control.keys}
 
 
 def table_markdown() -> str:

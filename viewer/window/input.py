@@ -8,7 +8,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
-from .controls import Control, by_key
+from .controls import Control, by_chord, by_key
 from .interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolContext
 from .session import Session
 
@@ -48,6 +48,7 @@ class Input:
         self.pointer = (0.0, 0.0)
         glfw = host.glfw
         self._by_key = {getattr(glfw, f"KEY_{key}"): control for key, control in by_key().items()}
+        self._chords = by_chord()
         self._key_names = {
             value: name.removeprefix("KEY_") for name, value in vars(glfw).items() if name.startswith("KEY_")
         }  # fmt: skip
@@ -90,6 +91,11 @@ class Input:
         imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
         choosing = host.files.choice is not None and host.session.notices.message is None  # whose keys are its own
         typing = imgui.get_io().want_text_input or choosing
+        name, chord = self._chord(key, scancode, action, mods)
+        if chord is not None and chord.everywhere:
+            if action == glfw.PRESS:
+                host.act(chord.action)
+            return
         control = self._by_key.get(key)
         if control is not None and control.kind in ("hold", "modifier"):
             if action == glfw.RELEASE:
@@ -103,11 +109,28 @@ class Input:
             kinds: dict[int, Literal["press", "release", "repeat"]] = {
                 glfw.PRESS: "press", glfw.RELEASE: "release", glfw.REPEAT: "repeat",
             }  # fmt: skip
-            event = KeyEvent(self._key_names.get(key, ""), kinds[action], self._modifiers)
-            if host.toolbox.key_event(event, host.tools):
+            if host.toolbox.key_event(KeyEvent(name, kinds[action], self._modifiers), host.tools):
+                return
+            if chord is not None:
+                host.act(chord.action)
                 return
         if control is not None and action == glfw.PRESS and not mods & glfw.MOD_CONTROL:
             host.act(control.action)
+
+    def _chord(self, key: int, scancode: int, action: int, mods: int) -> tuple[str, Control | None]:
+        """The name of a key and, where it is pressed or repeated, the chord that it makes with the keys held.
+
+        With Ctrl a letter is named as this keyboard prints it, where it prints a Latin one; else by its place.
+        """
+        glfw, name = self._host.glfw, self._key_names.get(key, "")
+        if not mods & glfw.MOD_CONTROL:
+            return name, None
+        printed = (glfw.get_key_name(key, scancode) or "").upper()
+        if len(printed) == 1 and "A" <= printed <= "Z":
+            name = printed
+        if action == glfw.RELEASE or mods & (glfw.MOD_ALT | glfw.MOD_SUPER):
+            return name, None
+        return name, self._chords.get(f"CTRL_{'SHIFT_' if mods & glfw.MOD_SHIFT else ''}{name}")
 
     def on_char(self, _window, character: int) -> None:
         self._host.imgui.backends.glfw_char_callback(self._host.address, character)

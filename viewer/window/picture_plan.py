@@ -6,6 +6,7 @@ No GL: the viewport asks for a plan and reports what was made.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from ..tools.picture_spec import PictureSpec
 from .adaptive_lod import AdaptiveLod
 
 
@@ -28,8 +29,9 @@ class Plan:
 
 
 class Picture:
-    """dirty: whether it must be made again.  made: how it was made, None where there is none.  pending: the plan whose
-    network is still running, or whose points are still arriving; None otherwise.
+    """dirty: whether it must be made again.  made: how it was made, None where there is none.  spec: the description that was
+    drawn, None before the first.  pending: the plan whose network is still running, or whose points are still arriving; None
+    otherwise.
     approximations: what of the picture is not exact.  stats: its cost, or that of the one before, as ``Frame.stats``.
     adaptive_lod: what a picture may leave out.  contended: whether a network runs on the processors that draw."""
 
@@ -38,6 +40,7 @@ class Picture:
         self.contended = False
         self.dirty = True
         self.made: Plan | None = None
+        self.spec: PictureSpec | None = None
         self.pending: Plan | None = None
         self.stats: dict | None = None
         self.approximations: Sequence[str] = ()
@@ -46,6 +49,7 @@ class Picture:
         """A scene of so many points is shown now, and there is no picture of it yet."""
         self.adaptive_lod.begin(points)
         self.dirty, self.made, self.pending, self.stats, self.approximations = True, None, None, None, ()
+        self.spec = None
 
     def renew(self) -> None:
         """The camera was moved at once, or the settings changed: refinement starts again."""

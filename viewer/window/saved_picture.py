@@ -23,12 +23,12 @@ def shot_of(session: "Session", name: str) -> Shot | None:
     scene, work = session.scene, session.work
     if scene is None or min(session.area.size) == 0 or work.tint or work.photo is not None:
         return None
-    chosen, sides = session.view_settings, session.view_settings.sides
-    camera = replace(scaled(session.camera, work.shot_scale), name=name)
+    spec = session.spec
+    camera = replace(scaled(spec.camera, work.shot_scale), name=name)
     return describe_shot(
-        scene, camera, replace(chosen.settings, view=sides[0]), background=chosen.background,
-        exposures="matched" if scene.matched else "as-scanned", alterations=work.document.alterations,
-        other_view=sides[1] if len(sides) == 2 else "", split_at=chosen.split_at,
+        scene, camera, replace(spec.settings, view=spec.views[0]), background=spec.background,
+        exposures="matched" if scene.matched else "as-scanned", alterations=spec.alterations,
+        other_view=spec.views[1] if len(spec.views) == 2 else "", split_at=spec.split_at,
     )  # fmt: skip
 
 
@@ -41,7 +41,7 @@ def saved_picture(session: "Session", viewport: "Viewport", name: str) -> tuple[
     image = viewport.full_picture()
     if image is None:
         return None
-    sides = session.view_settings.sides
-    if len(sides) == 2:
-        labelled(image, split_column(session.view_settings.split_at, image.shape[1]), (sides[0], sides[1]))
+    spec = session.spec
+    if len(spec.views) == 2:
+        labelled(image, split_column(spec.split_at, image.shape[1]), (spec.views[0], spec.views[1]))
     return image, shot

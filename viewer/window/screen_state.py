@@ -1,5 +1,8 @@
 """What is on the screen against what was asked for: the picture to make next, whether more follows, and what is not exact."""
 
+from collections.abc import Callable
+
+from ..tools.picture_spec import PictureSpec
 from .flight import Flight
 from .picture_plan import Picture, Plan
 from .view_settings import ViewSettings
@@ -8,10 +11,12 @@ from .window_area import WindowArea
 
 
 class ScreenState:
-    """Answers from the parts of a session; it has no state of its own."""
+    """Answers from the parts of a session; it has no state of its own.  spec: the picture that is asked for."""
 
-    def __init__(self, picture: Picture, view_settings: ViewSettings, flight: Flight, visit: Visit, area: WindowArea):
+    def __init__(self, picture: Picture, view_settings: ViewSettings, flight: Flight, visit: Visit, area: WindowArea,
+                 spec: Callable[[], PictureSpec]):
         self._picture, self._view_settings, self._flight, self._visit, self._area = picture, view_settings, flight, visit, area
+        self._spec = spec
 
     @property
     def plan(self) -> Plan:
@@ -30,7 +35,10 @@ class ScreenState:
     @property
     def needs_picture(self) -> bool:
         """Whether the picture on the screen is not the one to be shown."""
-        return self._visit.scene is not None and self._area.visible and (self._picture.dirty or self._picture.lacks(self.plan))
+        if self._visit.scene is None or not self._area.visible:
+            return False
+        picture = self._picture
+        return picture.dirty or picture.lacks(self.plan) or not self._spec().renders_as(picture.spec)
 
     @property
     def exact(self) -> bool:

@@ -23,12 +23,14 @@ import numpy as np
 from ..camera import Camera, from_fov
 from ..settings import Settings
 from ..text import counted
-from ..tools.document import UP_AXES, Document
+from ..tools.document import Document
+from ..tools.picture_spec import PictureSpec
 from . import loading
 from .capture import FrameTimes
 from .flight import Flight
 from .notices import Notices, ScanNotice
 from .picture_plan import Picture, Plan
+from .scan_notice_actions import act_on_notice
 from .screen_state import ScreenState
 from .view_settings import ViewSettings
 from .visit import Visit
@@ -76,8 +78,9 @@ class Session:
         self.visit = Visit(self.flight, start)
         self.picture = Picture()
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
-        self.screen = ScreenState(self.picture, self.view_settings, self.flight, self.visit, self.area)
+        self.screen = ScreenState(self.picture, self.view_settings, self.flight, self.visit, self.area, lambda: self.spec)
         self.work = Work()
+        self._followed: tuple | None = None
         self.pointer: tuple[float, float] | None = None
         self.point: np.ndarray | None = None
         self.lost = False
@@ -109,6 +112,15 @@ class Session:
         """The camera of the picture, at the framebuffer's size."""
         return from_fov(*self.area.size, self.flight.field_of_view, self.flight.state.camera_to_world)
 
+    @property
+    def spec(self) -> PictureSpec:
+        """The description of the picture that is asked for now."""
+        chosen, work = self.view_settings, self.work
+        altered = work.document.alterations
+        if self.scene is None or self.scene.marked is None:  # passers-by are looked for, and shown until then
+            altered = replace(altered, ghosts="shown")
+        return PictureSpec(self.camera, chosen.settings, chosen.sides, altered, work.tint, chosen.background, chosen.split_at)
+
     def drew(self, plan: Plan, stats: dict) -> None:
         """A picture was made as planned; ``stats`` as ``Frame.stats``."""
         self.shown(plan, hides="occlusion" in stats, approximations=stats["approximations"])
@@ -116,9 +128,10 @@ class Session:
 
     def shown(self, plan: Plan, *, hides: bool, approximations: Sequence[str], shown: tuple[str, ...] | None = None,
               pending: bool = False) -> None:
-        """A picture was made as planned; :meth:`learn` is called later, in the order that pictures were made.  hides: hidden
-        cells were left out indeed.  shown: the views on the screen where they are not the planned ones; pending: those
-        follow, when the network has run or more points have arrived."""
+        """The picture that :attr:`spec` describes was made as planned; :meth:`learn` is called later, in the order that
+        pictures were made.  hides: hidden cells were left out indeed.  shown: the views on the screen where they are not the
+        planned ones; pending: those follow, when the network has run or more points have arrived."""
+        self.picture.spec = self.spec
         self.picture.drew(plan, hides=hides, approximations=approximations, shown=shown, pending=pending)
         self.view_settings.worked()
         if self.visit.preview:
@@ -147,14 +160,17 @@ class Session:
         back = self.view_settings.fall_back()
         # with nothing left to try the window shows no picture until something changes
         self.picture.dirty, self.picture.made = back, None if back else self.screen.plan
+        self.picture.spec = self.spec
 
     # -- time and movement -------------------------------------------------------------------------------------------
 
     def advance(self) -> bool:
         """Lets time pass since the last call.  Returns whether anything visible changed."""
         moved, expired = self.flight.advance(), self.notices.expire()
-        if self.flight.set_up(self.document.up):
-            self.picture.renew()
+        turned, altered = self.flight.set_up(self.document.up), (self.document.alterations, self.work.tint)
+        if turned or self._followed not in (None, altered):
+            self.picture.renew()  # refinement starts again
+        self._followed = altered
         self.picture.dirty |= moved
         return moved or expired
 
@@ -232,18 +248,7 @@ class Session:
 
     def act_on_notice(self, action: str) -> None:
         """Does what a ScanNotice offers."""
-        if action == "as_scanned":
-            self.loads.open(self.visit.paths, as_scanned=True)
-        elif action == "open_fully":
-            self.loads.open(self.visit.paths)
-        elif action == "brighten" and (exposure := self.visit.exposure) is not None:
-            self.work.edit("Brighten the dark scan", look=replace(self.document.look, exposure=exposure))
-            self.picture.renew()
-        elif action.startswith("up ") and self.scene is not None:
-            name = action.removeprefix("up ")
-            self.work.edit(f"Up axis {name}", up=UP_AXES[name])
-            self.visit.turn_up(UP_AXES[name], self.area.aspect)
-            self.picture.renew()
+        act_on_notice(self, action)
 
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
@@ -269,6 +274,7 @@ class Session:
         elif loaded.follows_preview:
             visit.mend_start(document, self.area.aspect)
         self.picture.begin(loaded.scene.count)
+        self._followed = document.alterations, self.work.tint
         self.notices.leave_scene()
         if loaded.preview:
             return

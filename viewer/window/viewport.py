@@ -15,6 +15,7 @@ from ..render.develop import DevelopedViews, read_picture
 from ..render.occlusion import Occlusion
 from ..render.points import UPLOAD_SECONDS
 from ..settings import Memory, Settings
+from ..tools.altered_pictures import edits_of
 from ..tools.background import composite
 from .adaptive_lod import TARGET_CPU_MS, TARGET_GPU_MS
 from .frame_rate import FrameRate
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from ..grid.scene import Scene
     from ..render.frame import Frame
     from ..render.renderer import Renderer
+    from ..tools.picture_spec import PictureSpec
     from .picture_plan import Plan
 
 _NO_MEMORY = "not enough memory for its points"
@@ -152,14 +154,14 @@ class Viewport:
         if renderer is None:
             return
         session.picture.contended = self.shares_processors and renderer.network_busy
-        plan = session.screen.plan
+        plan, spec = session.screen.plan, session.spec
         views = tuple(dict.fromkeys((*plan.views, "filled") if plan.deferred else plan.views))
-        self.frame_camera = scaled(session.camera, plan.scale)
+        self.frame_camera = scaled(spec.camera, plan.scale)
         try:
             self.frame = renderer.render(
-                self.frame_camera, self._settings(plan),
-                self._with_measured(views),
-                self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred, edits=session.work.edits,
+                self.frame_camera, self._settings(plan, spec), self._with_measured(views, spec),
+                self._seen if plan.hides else None, streaming=True, defer_network=plan.deferred,
+                edits=edits_of(spec.alterations),
             )  # fmt: skip
         except DeviceLostError:
             raise  # ends the window with its message and exit code 3
@@ -177,15 +179,13 @@ class Viewport:
             if problem:
                 session.notices.say("A part of this scan cannot be read", problem)
 
-    def _settings(self, plan: "Plan") -> Settings:
-        """The settings chosen, with what the plan leaves out."""
-        chosen = self._session.view_settings.settings
-        return replace(chosen, lod=plan.level, quality=plan.network or chosen.quality)
+    def _settings(self, plan: "Plan", spec: "PictureSpec") -> Settings:
+        """The settings described, with what the plan leaves out."""
+        return replace(spec.settings, lod=plan.level, quality=plan.network or spec.settings.quality)
 
-    def _with_measured(self, views: tuple[str, ...]) -> tuple[str, ...]:
+    def _with_measured(self, views: tuple[str, ...], spec: "PictureSpec") -> tuple[str, ...]:
         """The views to render: those shown, each once, and the filtered one where the tint or the lock compares with it."""
-        work = self._session.work
-        more = ("filtered",) if work.tint or (work.document.lock_measured and "neural" in views) else ()
+        more = ("filtered",) if spec.tint or (spec.alterations.lock_measured and "neural" in views) else ()
         return tuple(dict.fromkeys((*views, *more)))
 
     def _empty(self, frame: "Frame", plan: "Plan") -> bool:
@@ -269,13 +269,14 @@ class Viewport:
         return self.canvas
 
     def _developed(self, view: str) -> "moderngl.Texture":
-        """A view of the last picture as the look, the tint and the lock have it."""
-        assert self.frame is not None
-        work = self._session.work
-        made = self._views.texture(self.frame, view, work.document.look, tint=work.tint, lock=work.document.lock_measured)
-        if work.photo is None or self.renderer is None:
+        """A view of the last picture as the look, the tint and the lock of its description have it."""
+        spec, photo = self._session.picture.spec, self._session.work.photo
+        assert self.frame is not None and spec is not None
+        altered = spec.alterations
+        made = self._views.texture(self.frame, view, altered.look, tint=spec.tint, lock=altered.lock_measured)
+        if photo is None or self.renderer is None:
             return made
-        return self._photos.over(self.frame, view, made, self._session.camera, work.photo, self.renderer.scene)
+        return self._photos.over(self.frame, view, made, self._session.camera, photo, self.renderer.scene)
 
     def shown_picture(self) -> np.ndarray | None:
         """(H, W, 3) uint8: the picture on the screen, without the interface; None where there is none."""
@@ -294,18 +295,19 @@ class Viewport:
         session = self._session
         if self.renderer is None or min(session.area.size) == 0:
             return None
-        plan, sides, background = session.screen.full_plan, session.view_settings.sides, session.view_settings.background
+        plan, spec = session.screen.full_plan, session.spec
+        sides, background = spec.views, spec.background
         if self.frame is not None and session.screen.exact:
             frame = self.frame
         else:
-            frame = self.renderer.render(session.camera, session.view_settings.settings, self._with_measured(sides),
-                                         edits=session.work.edits)
-            self.frame, self.frame_camera, self._shown = frame, session.camera, sides
+            frame = self.renderer.render(spec.camera, spec.settings, self._with_measured(sides, spec),
+                                         edits=edits_of(spec.alterations))
+            self.frame, self.frame_camera, self._shown = frame, spec.camera, sides
             self._tell(plan, frame)
         images = [read_picture(self._developed(view)) for view in sides]
         image = composite(images[0], background)
         if len(sides) == 2:
-            column = split_column(session.view_settings.split_at, session.area.size[0])
+            column = split_column(spec.split_at, session.area.size[0])
             image[:, column:] = composite(images[1], background)[:, column:]
         return image
 

@@ -19,9 +19,6 @@ from ..tools.project import SUFFIX, check_projects, is_project, read_project, sc
 from ..tools.reference import with_reference
 from .photo_layer import ShownPhoto
 
-_DRAWN_ANEW = ("hidden_stations", "clips", "look", "ghosts")
-"""Fields of the document that decide what the renderer draws."""
-
 
 class Work:
     """history: of the document.  project: the file it was read from or saved to, else None.
@@ -64,27 +61,18 @@ class Work:
         """What the document does to the points that are drawn."""
         return edits_of(self.document.alterations)
 
-    def edit(self, label: str, gesture: object = None, **changes: object) -> bool:
-        """Changes fields of the document as one step that can be undone.  Returns whether a new picture is needed.
+    def edit(self, label: str, gesture: object = None, **changes: object) -> None:
+        """Changes fields of the document as one step that can be undone.  The session draws a new picture where its
+        description differs (Session.spec).  label, gesture: as in History.do."""
+        self.history.do(label, replace(self.document, **changes), gesture)  # type: ignore[arg-type]
 
-        label, gesture: as in History.do.
-        """
-        before = self.document
-        self.history.do(label, replace(before, **changes), gesture)  # type: ignore[arg-type]
-        return self._drawn_anew(before)
+    def undo(self) -> str | None:
+        """Takes the last step back.  Returns its label, None where there is none."""
+        return self.history.undo()
 
-    def undo(self) -> tuple[str | None, bool]:
-        """Takes the last step back.  Returns its label, None where there is none, and whether a new picture is needed."""
-        before = self.document
-        return self.history.undo(), self._drawn_anew(before)
-
-    def redo(self) -> tuple[str | None, bool]:
+    def redo(self) -> str | None:
         """Does the step again that was undone last; returns as :meth:`undo`."""
-        before = self.document
-        return self.history.redo(), self._drawn_anew(before)
-
-    def _drawn_anew(self, before: Document) -> bool:
-        return any(getattr(before, name) != getattr(self.document, name) for name in _DRAWN_ANEW)
+        return self.history.redo()
 
     @property
     def opens_project(self) -> bool:

@@ -1,6 +1,6 @@
-"""What all tools share to change the document: one step that can be undone, the keys of undo and redo, and picking.
+"""What all tools share to change the document: one step that can be undone, undo and redo, and picking; and the camera as text.
 
-Ctrl+Z undoes; Ctrl+Y and Ctrl+Shift+Z redo; Ctrl+S saves the project; Ctrl+C and Ctrl+V copy and paste the camera.
+Their keys are in viewer.window.controls.
 """
 
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ from ..worker import Worker
 
 if TYPE_CHECKING:
     from ...render.frame import Frame
-    from .tool import KeyEvent, ToolContext
+    from .tool import ToolContext
 
 END_SECONDS = 30.0
 """Seconds that a closing window waits for work in the background, which stops at its next progress report."""
@@ -26,23 +26,8 @@ RADIUS = 10.0
 
 
 def edit(context: "ToolContext", label: str, gesture: object = None, **changes: object) -> None:
-    """Changes the document as one step; see Work.edit.  Asks for a new picture where one is needed."""
-    if context.session.work.edit(label, gesture, **changes):
-        context.renew_picture()
-
-
-def shared_key(event: "KeyEvent", context: "ToolContext") -> bool:
-    """Undoes, redoes or saves where a key asks for it.  Returns whether it did."""
-    if event.kind == "release" or not event.modifiers.control or event.key not in ("Z", "Y", "S", "C", "V"):
-        return False
-    if event.key in ("C", "V"):
-        (copy_camera if event.key == "C" else paste_camera)(context)
-        return True
-    if event.key == "S":
-        save_project(context)
-    else:
-        step(context, redo=event.key == "Y" or event.modifiers.shift)
-    return True
+    """Changes the document as one step; see Work.edit."""
+    context.session.work.edit(label, gesture, **changes)
 
 
 def copy_camera(context: "ToolContext") -> None:
@@ -83,11 +68,9 @@ def save_project(context: "ToolContext") -> None:
 def step(context: "ToolContext", *, redo: bool) -> None:
     """One step forward or back; says which."""
     work = context.session.work
-    label, anew = work.redo() if redo else work.undo()
+    label = work.redo() if redo else work.undo()
     verb = "Redo" if redo else "Undo"
     context.toast(f"{verb}: {label}" if label is not None else f"Nothing to {verb.lower()}")
-    if anew:
-        context.renew_picture()
 
 
 def ended(worker: Worker | None, context: "ToolContext", failure: str) -> Worker | None:

@@ -26,7 +26,6 @@ class SceneSettings(Tool):
             for name, axis in UP_AXES.items():
                 if ui.selectable(name, name == current)[0] and axis != document.up:
                     edit(context, f"Up axis {name}", up=axis)
-                    context.renew_picture()
             ui.end_combo()
         if ui.is_item_hovered():
             ui.set_tooltip("for flying, heights, level slabs and turning clips")

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from ..image_texture import texture_of
-from .editing import shared_key
 
 if TYPE_CHECKING:
     import moderngl
@@ -243,7 +242,7 @@ class Toolbox:
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         """Gives a key to the selected tool.  Returns whether it used it."""
-        return self.active.key_event(event, context) or shared_key(event, context)
+        return self.active.key_event(event, context)
 
     def release(self, context: ToolContext) -> None:
         """Ends a drag that is under way: the window lost the focus, or a dialog opened."""

@@ -24,12 +24,10 @@ class WhatIsReal(Tool):
 
     def selected(self, context: ToolContext) -> None:
         context.session.work.tint = True
-        context.renew_picture()
 
     def left(self, context: ToolContext) -> None:
         context.session.work.tint = False
         self._frame = self.shares = None
-        context.renew_picture()
 
     def _count(self, context: ToolContext) -> None:
         """Counts the pixels of the picture at rest, once per picture; while something moves the last numbers stay."""
@@ -80,6 +78,5 @@ def lock(ui: Any, context: ToolContext) -> None:
     changed, on = ui.checkbox("Keep measured pixels", context.document.lock_measured)
     if changed:
         edit(context, "Lock measured pixels" if on else "Unlock measured pixels", lock_measured=on)
-        context.renew_picture()
     if ui.is_item_hovered():
         ui.set_tooltip("The network then paints only the pixels in which nothing was measured")
