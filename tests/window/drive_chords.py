@@ -39,7 +39,7 @@ def main(folder: Path) -> None:
             found[f"{held or 'rest'} held"] = sorted(d.session.flight.held - {"fast"})
             if held:
                 xdo("keyup", held)
-            d.until(lambda: not d.session.flight.held)
+            d.until(lambda: not d.session.flight.held and not d.session.flight.moving)
             moved = float(np.linalg.norm(d.session.flight.state.position - start.position))
             found[f"{held or 'rest'} moved"] = moved
         d.session.notices.say("A dialog", "is open")

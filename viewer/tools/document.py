@@ -7,7 +7,7 @@ Frame: the file's own coordinates, float64, file units, for everything that has 
 
 from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -160,7 +160,7 @@ class Document:
     @property
     def alterations(self) -> Alterations:
         """What changes pictures of the scans."""
-        found = {each.name: getattr(self, each.name) for each in fields(Alterations)}
+        found: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(Alterations)}
         return Alterations(**found | {"hidden_stations": tuple(sorted(self.hidden_stations))})
 
     def __post_init__(self) -> None:
