@@ -31,7 +31,7 @@ def main(folder: Path) -> None:
             start = d.session.flight.state
             if held:
                 xdo("keydown", held)
-                d.until(lambda: held == "shift" or d.session.flight.held)
+                d.until(lambda: d.session.flight.held)
             xdo("key", keys_of(key))
             d.until(lambda: done)
             d.settle()

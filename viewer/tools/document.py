@@ -161,7 +161,8 @@ class Document:
     def alterations(self) -> Alterations:
         """What changes pictures of the scans."""
         found: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(Alterations)}
-        return Alterations(**found | {"hidden_stations": tuple(sorted(self.hidden_stations))})
+        found["hidden_stations"] = tuple(sorted(self.hidden_stations))
+        return Alterations(**found)
 
     def __post_init__(self) -> None:
         if abs(np.linalg.norm(self.up) - 1.0) > 1e-6:
