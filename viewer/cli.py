@@ -39,7 +39,7 @@ def _view(options: argparse.Namespace) -> int:
         check_projects(options.scans)  # refused before a window opens
     if options.scans:
         _preload()
-    from .window.app import run
+    from .window.run_window import run
 
     return run(options.scans, settings_of(options), cache=not options.no_cache, match=options.exposures == "matched",
                memory=memory_of(options), columns=options.columns)
@@ -64,7 +64,7 @@ def _demo(options: argparse.Namespace) -> int:
 
     settings = settings_of(options)
     if has_display():
-        from .window.app import run
+        from .window.run_window import run
 
         return run([demo_scan()], settings, start=demo_camera())
     from ..model.common.torch_process import prepare_inference

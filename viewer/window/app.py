@@ -7,8 +7,6 @@ framebuffer.
 """
 
 import ctypes
-import sys
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -17,7 +15,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...model.common.interrupts import finish_before_interrupt
-from ...model.common.loop_cache import NOTICE
 from ..settings import MEMORY, Memory, Settings
 from .actions import actions
 from .clipboard import SystemClipboard
@@ -30,13 +27,11 @@ from .interaction.table import toolbox
 from .interaction.tool import ToolContext
 from .interface import draw_interface
 from .loading import Loaded, open_scene, preview_scene
-from .preferences import preferences_of, read_preferences, take_preferences, with_preferences, write_preferences
 from .recent import RecentScan, remember
 from .save_actions import SaveActions
 from .session import Session
 from .start_page import StartPage
 from .viewport import Viewport
-from .warm_up import WarmUp
 
 if TYPE_CHECKING:
     import moderngl
@@ -52,39 +47,6 @@ _WITHOUT_SCENE = {"open", "open_folder", "demo", "help", "escape", "screenshot",
 """Actions that work, or say why they do not, on the start page."""
 _COMPILING_SECONDS = 12.0
 _LINGER = 0.7  # seconds the interface is watched after the pointer moved over it
-
-
-def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: bool = True, memory: Memory = MEMORY,
-        start: "Camera | None" = None, columns: str | None = None) -> int:
-    """Opens the window on ``paths`` (none: the start page) until it is closed.  Returns the exit code, 0.
-
-    cache: whether grids are kept for the next time.  match: give scans the same exposure.  memory: what points may take.
-    columns: of text files.  start: the first camera; None: one is chosen (viewer.window.start_viewpoint).
-    Raises DeviceError where there is no display or no OpenGL 4.3.
-    """
-    kept = read_preferences()
-    settings = with_preferences(settings, kept, sys.argv[1:])
-    neural_later = bool(paths) and settings.view == "neural"  # torch would slow the first picture down: import it after that
-    first = replace(settings, view="filled") if neural_later else settings
-    app = App(first, size=(kept.width, kept.height), cache=cache, match=match, memory=memory, start=start, columns=columns)
-    take_preferences(app.session, kept)
-    NOTICE.tell = app.say_compiling
-    try:
-        if paths:
-            app.session.open(paths)
-        else:
-            WarmUp()  # while the start page is shown
-        while not app.closing:
-            app.step()
-            if neural_later and app.session.picture.made is not None:
-                neural_later = False
-                if app.session.screen.drawn == ("filled",):  # else another view was chosen meanwhile
-                    app.act("view_neural")
-    finally:
-        if (now := preferences_of(app.session)) is not None:
-            write_preferences(now)
-        app.close()
-    return 0
 
 
 class App:
