@@ -249,6 +249,8 @@ class App:
         if self._settle > 0 or not wait:
             self._settle = max(0, self._settle - 1)
             self._draw()
+            if len(self.imgui.get_current_context().input_events_queue):  # imgui takes a key or two a frame
+                self._settle = max(self._settle, 1)
             glfw.swap_buffers(self.window)
             if painted is not None and session.flight.moving and self.viewport.shares_processors:
                 session.picture.adaptive_lod.spent_outside((perf_counter() - painted) * 1e3)

@@ -138,7 +138,10 @@ class ChoiceWindow:
         text, colour = choice.problem, theme.BAD
         if not text:
             number, colour = len(choice.rows), theme.DIM
-            text = f"{number:,} shown" + (", listing…" if not choice.listing.finished else "")
+            text = f"{number:,} shown"
+            if choice.request.kind == "folder":
+                text = f"{number:,} folders, {sum(not entry.folder for entry in choice.listing.entries):,} files here"
+            text += ", listing…" if not choice.listing.finished else ""
             if len(choice.chosen) > 1:
                 text = f"{len(choice.chosen)} files selected"
             elif choice.waiting:
