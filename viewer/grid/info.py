@@ -48,6 +48,7 @@ def facts(scene: Scene, full: bool = False) -> dict:
         "noise": _noise_facts(scene),
         "attributes": meta.get("attributes", {}),
         "scans": meta.get("scans", []),
+        "photographs": _photographs(meta.get("sources", [])),
         "dropped": meta.get("dropped", {}),
         "warnings": meta.get("warnings", []),
     }
@@ -93,6 +94,8 @@ def format_text(info: dict) -> str:
         place = f"scanner at {_vector(scan['position'])}" if scan["position"] else "no pose"
         how = ", inferred from the order of the points" if scan.get("inferred") else ""
         rows.append(("scan", f"{scan['name']}: {counted(scan['count'], 'point')}, {place}{how}"))
+    if photographs := info.get("photographs"):
+        rows.append(("photos", _photographs_text(photographs)))
     if info["stations"] == "weighed":
         rows.append(("stations", "view-dependent blending by the angle to each scanner's ray (--stations equal averages them)"))
     if grid := info.get("grid"):
@@ -100,6 +103,26 @@ def format_text(info: dict) -> str:
         rows.append(("packed", f"{grid['bytes'] / 1e6:,.1f} MB, positions {grid['step']:.2g} apart"))
     rows += [("warning", text) for text in info["warnings"]]
     return "\n".join(f"{name:<8} {value}" for name, value in rows)
+
+
+def _photographs(sources: list[str]) -> list[dict]:
+    """Name, size and geometry of the photographs inside the files, and whether a file says where each was taken."""
+    from ..readers.e57_pictures import pictures_in
+
+    return [{"file": str(one.file), "name": one.name, "width": one.width, "height": one.height, "geometry": one.kind,
+             "pose": one.placed} for one in pictures_in(sources)]  # fmt: skip
+
+
+_NAMED = 8
+"""Photographs whose names ``info`` lists."""
+
+
+def _photographs_text(found: list[dict]) -> str:
+    without = sum(not one["pose"] for one in found)
+    names = [f"{one['name']} ({one['width']} x {one['height']}{'' if one['pose'] else ', without a pose'})" for one in found]
+    more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    poses = f", {without} without a pose" if 0 < without < len(found) else ""
+    return f"{counted(len(found), 'photograph')}{poses}: {', '.join(names[:_NAMED])}{more}"
 
 
 def _noise_facts(scene: Scene) -> dict | None:

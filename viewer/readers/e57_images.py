@@ -93,8 +93,8 @@ class _Entry:
 def listed_photographs(path: Path, root, read: tuple[str, ...] = ("pinhole", "spherical")) -> tuple[list[_Entry], list[str]]:
     """The images of images2D with one of the geometries ``read``, and a warning for every other image."""
     entries, warnings = [], []
-    scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(_structures(root, "data3D"))}
-    for number, image in enumerate(_structures(root, "images2D")):
+    scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(structures(root, "data3D"))}
+    for number, image in enumerate(structures(root, "images2D")):
         name = text_of(image, "name") or f"image {number + 1}"
         label = f"{path}: photograph {name!r}"
         kinds = ("pinhole", "spherical", "cylindrical", "visualReference")
@@ -120,7 +120,7 @@ def listed_photographs(path: Path, root, read: tuple[str, ...] = ("pinhole", "sp
     return entries, warnings
 
 
-def _structures(root, name: str) -> list:
+def structures(root, name: str) -> list:
     """The structures of a vector, in its order; other nodes, which damage may cause, are left out."""
     vector = child(root, name, "Vector")
     nodes = [vector[i] for i in range(len(vector))] if vector is not None else []

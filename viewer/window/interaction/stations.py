@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...readers.e57_photographs import StationPhoto, read_station_photos
+from ...readers.e57_pictures import StoredPicture, stored_pictures
 from ...tools.pick import station_name
 from ..navigation import view_along
 from ..photo_layer import ShownPhoto
@@ -17,7 +18,8 @@ from ..theme import fitted
 from ..worker import Worker
 from .editing import edit, metres_per_unit
 from .ghosts_panel import GhostsPanel
-from .tool import PointerEvent, Tool, ToolContext
+from .picture_viewer import PictureViewer
+from .tool import KeyEvent, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -62,34 +64,47 @@ class Stations(Tool):
         self.ghosts = GhostsPanel()
         self.photos: list[StationPhoto] = []
         self.warnings: list[str] = []
+        self.pictures: list[StoredPicture] = []  # all of the scan, also those without a pose
+        self.viewer = PictureViewer()
 
     def selected(self, context: ToolContext) -> None:
         self._follow(context)
 
     def left(self, context: ToolContext) -> None:
         context.session.work.photo = None
+        self.viewer.close_picture()
 
     def follow(self, context: ToolContext) -> None:
         self.ghosts.follow(context)
+        self.viewer.follow()
 
     def close(self) -> None:
         self.ghosts.close()
+        self.viewer.close()
+
+    def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
+        if event.kind != "press" or event.key != "ESCAPE" or self.viewer.stored is None:
+            return False
+        self.viewer.close_picture()
+        return True
 
     def _follow(self, context: ToolContext) -> None:
         """Reads the photographs of the scan shown, once, on a thread of its own."""
         visit = context.session.visit
         if self._of != (visit.paths, visit.preview):
             self._of, self.photos, self.warnings, self._read = (visit.paths, visit.preview), [], [], None
-            context.session.work.photo = None
+            self.pictures, context.session.work.photo = [], None
+            self.viewer.close_picture()
             files = [Path(path) for path in context.session.visit.paths if Path(path).suffix.lower() == ".e57"]
             if files and not context.session.visit.preview:
-                self._read = Worker(lambda: [read_station_photos(file) for file in files], "Reading photographs",
-                                    context.session.loads.wake)  # fmt: skip
+                self._read = Worker(lambda: [(stored_pictures(file), *read_station_photos(file)) for file in files],
+                                    "Reading photographs", context.session.loads.wake)
         if self._read is not None and self._read.finished:
             done, self._read = self._read, None
             if done.error is not None:
                 self.warnings = [done.error]
-            for photos, warnings in done.result or []:
+            for pictures, photos, warnings in done.result or []:
+                self.pictures += pictures
                 self.photos += photos
                 self.warnings += warnings
 
@@ -172,21 +187,26 @@ class Stations(Tool):
                                + ("unknown" if place is None else "inferred from the order of the points" if inferred
                                   else "as the file says"))
             ui.pop_id()
-        self.ghosts.draw(ui, context)
         self._photographs(ui, context)
+        ui.separator()
+        self.ghosts.draw(ui, context)
 
     def _photographs(self, ui: Any, context: ToolContext) -> None:
         ui.separator()
         if self._read is not None:
             ui.text_wrapped("Reading photographs…")
-        elif not self.photos:
-            ui.text_wrapped("This scan holds no photographs with a place." if not self.warnings else self.warnings[0])
+        elif not self.photos and not self.pictures:
+            ui.text_wrapped("This scan holds no photographs." if not self.warnings else self.warnings[0])
         shown = context.session.work.photo
+        if self.photos:
+            ui.text_unformatted("Photographs in place")
         for number, photo in enumerate(self.photos):
             ui.push_id(1000 + number)
             if ui.selectable(f"{photo.name} ({photo.kind})", shown is not None and shown.photo is photo)[0]:
+                self.viewer.close_picture()
                 self.show(context, photo)
             ui.pop_id()
+        self._pictures(ui, context)
         if shown is None:
             return
         ui.set_next_item_width(-1)
@@ -208,3 +228,20 @@ class Stations(Tool):
             self.stand_at(context, shown.photo.position, shown.photo.forward)
         if ui.button("Hide photograph"):
             context.session.work.photo = None
+
+    def _pictures(self, ui: Any, context: ToolContext) -> None:
+        """The photographs by themselves: a click shows one over the view."""
+        if self.pictures:
+            ui.text_unformatted("Photographs by themselves")
+        for number, picture in enumerate(self.pictures):
+            ui.push_id(5000 + number)
+            if ui.selectable(fitted(picture.text, ui.get_content_region_avail().x), self.viewer.stored is picture)[0]:
+                if self.viewer.stored is picture:
+                    self.viewer.close_picture()
+                else:
+                    self.viewer.open(context, picture)
+            if ui.is_item_hovered():
+                where = "" if picture.placed else "; the file does not say where it was taken"
+                ui.set_tooltip(f"{picture.name}: look at it{where}")
+            ui.pop_id()
+        self.viewer.draw(ui, context)
