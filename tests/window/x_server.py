@@ -4,6 +4,8 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -11,8 +13,9 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def run_with_display(script: str, folder: Path, *arguments: str, seconds: float) -> subprocess.CompletedProcess:
-    """What ``python SCRIPT FOLDER ARGUMENTS`` did.  Skips the test where Xvfb is not installed."""
+@contextmanager
+def x_display() -> Iterator[str]:
+    """The name of a display of an X server that runs during the block.  Skips the test where Xvfb is not installed."""
     if not shutil.which("Xvfb"):
         pytest.skip("Xvfb is not installed (apt install xvfb)")
     read, write = os.pipe()
@@ -23,14 +26,20 @@ def run_with_display(script: str, folder: Path, *arguments: str, seconds: float)
         with os.fdopen(read) as pipe:
             display = pipe.readline().strip()
         assert display, "Xvfb did not start"
+        yield f":{display}"
+    finally:
+        server.terminate()
+        server.wait()
+
+
+def run_with_display(script: str, folder: Path, *arguments: str, seconds: float) -> subprocess.CompletedProcess:
+    """What ``python SCRIPT FOLDER ARGUMENTS`` did.  Skips the test where Xvfb is not installed."""
+    with x_display() as display:
         environment = os.environ | {
-            "DISPLAY": f":{display}", "POINTGLASS_CACHE": str(folder / "cache"),
+            "DISPLAY": display, "POINTGLASS_CACHE": str(folder / "cache"),
             "POINTGLASS_STATE": str(folder / "state"),
             "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
         }  # fmt: skip
         environment.pop("WAYLAND_DISPLAY", None)
         drive = [sys.executable, str(Path(__file__).with_name(script)), str(folder), *arguments]
         return subprocess.run(drive, env=environment, capture_output=True, text=True, timeout=seconds)
-    finally:
-        server.terminate()
-        server.wait()
