@@ -1,6 +1,7 @@
 """Options that several commands share: scans, settings, exposures, memory, logging; and the functions that read them."""
 
 import argparse
+import re
 from collections.abc import Sequence
 from difflib import get_close_matches
 from itertools import pairwise
@@ -11,6 +12,9 @@ from .errors import InputError
 from .readers.formats import KNOWN_FILES, KNOWN_FOLDERS
 from .settings import CHOICES, MEMORY, Memory, Settings
 
+_VALUE = re.compile(r"-(?!-)")
+"""What begins with one minus; two begin an option."""
+
 
 class Parser(argparse.ArgumentParser):
     """Options may stand anywhere between file names.  Raises InputError for what it cannot parse."""
@@ -18,11 +22,12 @@ class Parser(argparse.ArgumentParser):
     _mixing = False
 
     def parse_known_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
+        args = self._joined(args or ())
         # Only the parsers of single commands allow options between file names.  Names after "--" may begin with a dash, which
         # parse_known_intermixed_args does not support.
-        if self._mixing or self._subparsers is not None or "--" in (args or ()):
+        if self._mixing or self._subparsers is not None or "--" in args:
             return super().parse_known_args(args, namespace)
-        self._refuse_unknown(args or ())
+        self._refuse_unknown(args)
         self._mixing = True
         try:
             return self.parse_known_intermixed_args(args, namespace)
@@ -37,6 +42,29 @@ class Parser(argparse.ArgumentParser):
             of = f"{self.prog} {command}" if command else self.prog
             raise InputError(f"unrecognized arguments: {' '.join(left)} (see `{of} --help`)")
         return found
+
+    def _joined(self, args: Sequence[str]) -> list[str]:
+        """The arguments with every option joined to a value that begins with a minus, as --clip=-1,2: argparse would take such
+        a value for an option.  What is an option of this command stays one."""
+        joined: list[str] = []
+        args = list(args)
+        while args:
+            arg = args.pop(0)
+            if arg == "--":
+                return [*joined, arg, *args]
+            if args and self._takes_one_value(arg) and _VALUE.match(args[0]) and args[0] not in self._option_string_actions:
+                arg = f"{arg}={args.pop(0)}"
+            joined.append(arg)
+        return joined
+
+    def _takes_one_value(self, arg: str) -> bool:
+        """Whether an argument is an option, or the beginning of one, that takes a value."""
+        if not arg.startswith("--"):
+            return False
+        known = self._option_string_actions
+        meant = {arg} & known.keys() or {option for option in known if option.startswith(arg)}
+        actions = [known[option] for option in meant]
+        return bool(actions) and all(action is actions[0] and action.nargs in (None, 1, "?") for action in actions)
 
     def _refuse_unknown(self, args) -> None:
         """Refuses a misspelt option before argparse complains that something else is missing."""

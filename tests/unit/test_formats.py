@@ -100,10 +100,12 @@ def test_text_columns_are_recognised(tmp_path, names, head, suffix, delimiter):
 def test_text_columns_that_are_not_recognised_are_asked_for(tmp_path, capsys):
     points = some()
     path = tmp_path / "a.txt"
-    path.write_text(text_rows([points.xyz, points.rgb, points.classes]))  # the first or last three of them may be a colour
+    # Four columns alike, the first or last three of which may be a colour.
+    path.write_text(text_rows([points.xyz, np.random.default_rng(1).integers(0, 256, (len(points.xyz), 4))]))
     assert main(["info", "--no-cache", str(path)]) == 2
     said = capsys.readouterr().err
     assert "may be columns 4 to 6 or 5 to 7" in said and "--columns x,y,z,i,r,g,b,-" in said and said.count("\n") == 1
+    path.write_text(text_rows([points.xyz, points.rgb, points.classes]))
     assert main(["info", "--no-cache", "--columns", "x,y,z,r,g,b,c", str(path)]) == 0
     same(gather(path, "x,y,z,r,g,b,c"), points, intensity=False)
     for wrong, why in (("x,y,z,q", "'q' is none of"), ("x,y,z,x,r,g,b", "x stands there twice"), ("x,y,i", "z are needed"),

@@ -48,6 +48,8 @@ KNOWN = f"{', '.join(_FILES[:-1])} or {_FILES[-1]} file, or a {' or '.join(_FOLD
 KNOWN_FILES = ", ".join(_FILES)
 """The formats that are single files, for the help."""
 KNOWN_FOLDERS = " or ".join(_FOLDERS)
+_TEXTS = tuple(suffix for row in FORMATS if not (row.magic or row.entry) for suffix in row.suffixes)
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 _ANYTHING = (".txt", ".csv", ".asc")
 _HEAD = 64  # bytes read of a file to recognise its format
 
@@ -156,6 +158,8 @@ def _packed(head: bytes) -> str | None:
 def _guess(head: bytes, suffix: str) -> str:
     if stated := _packed(head):
         return stated
+    if suffix in _TEXTS and (head.startswith(_UTF_16) or (b"\0" in head and head.replace(b"\0", b"").isascii() and head.strip(b"\0"))):
+        return "is UTF-16 text, save it as UTF-8 first (iconv -f UTF-16 -t UTF-8)"
     if any(suffix in row.suffixes for row in FORMATS):
         return f"named {suffix} but does not begin like one (first bytes {head[:4]!r}), damaged or another format"
     return f"not a scan format known here (first bytes {head[:4]!r})"

@@ -10,37 +10,35 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .text_rows import BLANKS, TextRows, has_decimal_comma, quoted
+from .text_header import OTHER, columns_named, header_words
+from .text_numbers import decimal_mark, number
+from .text_rows import BLANKS, TextRows, has_decimal_comma, line_feeds, quoted
+from .text_values import columns_by_values, unknown_columns
 
 COLUMNS = "xyzrgbic"
-OTHER = "-"
 LEICA_COLUMNS = {3: "xyz", 4: "xyzi", 6: "xyzrgb", 7: "xyzirgb"}
 """Columns of a row of PTS and PTX, by its number of fields."""
 LEAST_ROW = 6
 """Bytes of the shortest row, "0 0 0" and its end."""
-_NAMES = {
-    "x": ("x", "easting", "east", "xcoord", "xcoordinate", "coordx", "posx", "pointx", "cartesianx"),
-    "y": ("y", "northing", "north", "ycoord", "ycoordinate", "coordy", "posy", "pointy", "cartesiany"),
-    "z": ("z", "elevation", "height", "altitude", "zcoord", "zcoordinate", "coordz", "posz", "pointz", "cartesianz"),
-    "r": ("r", "red", "rf", "colorred", "diffusered"), "g": ("g", "green", "gf", "colorgreen", "diffusegreen"),
-    "b": ("b", "blue", "bf", "colorblue", "diffuseblue"),
-    "i": ("i", "intensity", "scalarintensity", "reflectance", "scalarreflectance", "amplitude"),
-    "c": ("c", "class", "classification", "scalarclassification"),
-}  # fmt: skip
-_COLUMN_OF = {name: column for column, names in _NAMES.items() for name in names}
-_UNIT = re.compile(r"[\[(][^\])]*[\])]")
 _MOST_HEADERS = 100  # lines before the first row; chosen by hand
 _SAMPLE_BYTES = 1 << 18  # read at the beginning, in the middle and at the end to recognise columns; chosen by hand
-_UNIT_LENGTH = 0.01  # largest error of a normal's length; chosen by hand: files have two digits or more
+_FIRST_ROWS = 50  # rows by which the delimiter and the decimal mark are recognised; chosen by hand
+_QUOTED = re.compile(r'"[^"]*"')
+_WORDS = re.compile(r'(?:"[^"]*")+[^\s"]*|\S+')
 
 
 @dataclass(frozen=True)
 class Layout:
-    """columns: a letter per field.  delimiter: between fields, BLANKS for blanks and tabs.  headers: lines before the rows."""
+    """columns: a letter per field.  delimiter: between fields, BLANKS for blanks and tabs.  headers: lines before the rows.
+    decimal: the mark before a fraction.  rest: the last field, which is not wanted, ends with its line, blanks in it or not.
+    notes: what a person should know about how the columns were recognised."""
 
     columns: str
     delimiter: str = BLANKS
     headers: int = 0
+    decimal: str = "."
+    rest: bool = False
+    notes: tuple[str, ...] = ()
 
     def target(self, wanted: str) -> list[int]:
         """For each field its index in ``wanted``, -1 for fields that are not wanted."""
@@ -65,128 +63,105 @@ def recognise(path: Path, given: str | None = None) -> Layout:
 
     Raises InputError where it holds no rows of numbers, or the columns cannot be recognised.
     """
-    headers: list[str] = []
-    with path.open("rb") as file:
-        text = TextRows(path, file)
-        while (line := text.line()) is not None and len(headers) <= _MOST_HEADERS:
-            delimiter = _delimiter(path, line)
-            fields = _fields(line, delimiter)
-            numbers = [word for word in fields if word and _number(word) is not None]
-            if len(numbers) >= 3 and (given or numbers[0] == fields[0]):
-                break
-            headers.append(line)
-        else:
-            shown = f", it begins with {quoted(headers[0])}" if headers else ""
-            raise InputError(f"{path}: holds no rows of numbers{shown}; a row is x y z, and i, r g b if known")
-    before = text.line_number - 1
+    headers, before, lines = _beginning(path)
+    if not lines:
+        shown = f", it begins with {quoted(headers[0])}" if headers else ""
+        raise InputError(f"{path}: holds no rows of numbers{shown}; a row is x y z, and i, r g b if known")
+    delimiter, decimal = separators(lines)
+    counts = [len(fields_of(line, delimiter)) for line in lines]
+    count = counts[0] + (delimiter != BLANKS and lines[0].rstrip().endswith(delimiter) and counts[0] + 1 in counts)
     if given is not None:
-        if len(fields) != len(given):
-            raise InputError(f"{path}: --columns names {len(given)} columns, but a row has {len(fields)}: {quoted(line)}; name "
+        rest = delimiter == BLANKS and given[-1] == OTHER and len(given) < max(counts)
+        if count != len(given) and not rest:
+            raise InputError(f"{path}: --columns names {len(given)} columns, but a row has {count}: {quoted(lines[0])}; name "
                              "every column, those of no use as -")  # fmt: skip
-        return Layout(given, delimiter, before)
-    if named := next((found for header in reversed(headers) if (found := _by_names(header, delimiter, len(fields)))), None):
-        return Layout(named, delimiter, before)
-    if headers and len(_words(headers[-1], delimiter)) == len(fields):
-        raise _unknown(path, f"its header {quoted(headers[-1])} names no x, y, z")
-    return Layout(_by_values(path, delimiter, len(fields), before), delimiter, before)
+        return Layout(given, delimiter, before, decimal, rest)
+    named = next((found for header in reversed(headers) if (found := columns_named(header, delimiter, count))), None)
+    if named is None and headers and any(len(words) == count for words in header_words(headers[-1], delimiter)[:2]):
+        raise unknown_columns(path, f"its header {quoted(headers[-1])} names no x, y, z")
+    if named is not None:
+        rest = delimiter == BLANKS and named[-1] == OTHER and len(set(counts)) > 1
+        return Layout(named, delimiter, before, decimal, rest)
+    if delimiter == BLANKS and _ends_with_words(lines, min(counts), decimal):
+        count = min(counts)
+    table = _sample(path, delimiter, decimal, count, before)
+    columns, notes = columns_by_values(path, table)
+    rest = delimiter == BLANKS and columns[-1] == OTHER and bool(np.isnan(table[:, -1]).all()) and max(counts) > count
+    return Layout(columns, delimiter, before, decimal, rest, notes)
 
 
-def _delimiter(path: Path, line: str) -> str:
-    if has_decimal_comma(line):
-        raise InputError(f"{path}: has numbers with a decimal comma: {quoted(line)}; export it with decimal points")
-    return next((mark for mark in ";," if line.count(mark) >= 2), BLANKS)
+def _beginning(path: Path) -> tuple[list[str], int, list[str]]:
+    """The lines before the first row that are not blank, the number of lines before it, and the first rows; no rows where
+    there are none."""
+    lines: list[tuple[int, str]] = []
+    with path.open("rb") as file:
+        text = TextRows(path, file, block=_SAMPLE_BYTES)
+        while len(lines) <= _MOST_HEADERS + _FIRST_ROWS and (line := text.line(tabs=True)) is not None:
+            lines.append((text.line_number - 1, line))
+    for at, (before, line) in enumerate(lines[: _MOST_HEADERS + 1]):
+        if not line.startswith(("#", "//")) and _is_row(line, next(iter(lines[at + 1 : at + 2]), None)):
+            rows = [row for _, row in lines[at:] if not row.startswith(("#", "//"))]
+            return [header for _, header in lines[:at]], before, rows
+    return [header for _, header in lines], 0, []
 
 
-def _fields(line: str, delimiter: str) -> list[str]:
+def _is_row(line: str, after: tuple[int, str] | None) -> bool:
+    """Whether a line is a row of numbers: at least three of its fields are numbers; where the first is not, the same fields of
+    the next line are numbers too."""
+    delimiter, decimal = separators([line, after[1]] if after else [line])
+    fields = [number(word, decimal) if word else None for word in fields_of(line, delimiter)]
+    known = [at for at, value in enumerate(fields) if value is not None]
+    if len(known) < 3 or known[0] == 0 or after is None:
+        return len(known) >= 3
+    other = [number(word, decimal) if word else None for word in fields_of(after[1], delimiter)]
+    return sum(at < len(other) and other[at] is not None for at in known) >= 3
+
+
+def _ends_with_words(lines: list[str], count: int, decimal: str) -> bool:
+    """Whether the rows have words from field ``count`` on, which may have blanks between them."""
+    ends = [fields_of(line, BLANKS)[count - 1 :] for line in lines]
+    return count > 3 and all(any(number(word, decimal) is None for word in end) for end in ends)
+
+
+def separators(lines: list[str]) -> tuple[str, str]:
+    """The delimiter and the decimal mark of rows."""
+    line = lines[0]
+    delimiter = next((mark for mark in ";|" if line.count(mark) >= 2), None)
+    if delimiter is None and not any(map(has_decimal_comma, lines)) and _outside_quotes(line).count(",") >= 2:
+        delimiter = ","
+    if delimiter is None:
+        tabs = line.count("\t") >= 2 and any(len(fields_of(row, "\t")) != len(fields_of(row, BLANKS)) for row in lines)
+        delimiter = "\t" if tabs and len(fields_of(line, "\t")) >= 3 else BLANKS
+    return delimiter, decimal_mark([word for row in lines for word in fields_of(row, delimiter)], delimiter)
+
+
+def _outside_quotes(line: str) -> str:
+    return _QUOTED.sub("", line) if '"' in line else line
+
+
+def fields_of(line: str, delimiter: str) -> list[str]:
+    """The fields of a row.  Double quotes may enclose delimiters and blanks."""
+    if '"' not in line:
+        if delimiter == BLANKS:
+            return line.split()
+        return [word.strip() for word in line.strip(" \r").removesuffix(delimiter).split(delimiter)]
     if delimiter == BLANKS:
-        return line.split()
-    return [word.strip() for word in line.strip().removesuffix(delimiter).split(delimiter)]
+        return [word.group() for word in _WORDS.finditer(line)]
+    bare = _QUOTED.sub(lambda found: found.group().replace(delimiter, "\0"), line.strip(" \r"))
+    return [word.strip().replace("\0", delimiter) for word in bare.removesuffix(delimiter).split(delimiter)]
 
 
-def _numbers(fields: list[str]) -> list[float] | None:
-    """The fields as numbers, empty fields as NaN; None where a field is not a number."""
-    found = [_number(word) for word in fields]
-    return None if None in found else [value for value in found if value is not None]
-
-
-def _number(word: str) -> float | None:
-    try:
-        return float(word.strip("\"'")) if word else float("nan")
-    except ValueError:
-        return None
-
-
-def _words(header: str, delimiter: str) -> list[str]:
-    """The names in a header, without units in brackets; the header may be a comment."""
-    words = [_UNIT.sub("", word) for word in _fields(header.lstrip("#/ \t"), delimiter)]
-    return [word for word in words if word] if delimiter == BLANKS else words
-
-
-def _by_names(header: str, delimiter: str, count: int) -> str | None:
-    """The columns that a header names; None where it does not name ``count`` columns with x, y and z."""
-    words = _words(header, delimiter)
-    if len(words) != count:
-        return None
-    columns = [_COLUMN_OF.get(re.sub(r"[^a-z0-9]", "", word.lower()), OTHER) for word in words]
-    columns = [OTHER if column in columns[:i] else column for i, column in enumerate(columns)]
-    if not {"r", "g", "b"} <= set(columns):
-        columns = [OTHER if column in "rgb" else column for column in columns]
-    return "".join(columns) if {"x", "y", "z"} <= set(columns) else None
-
-
-def _by_values(path: Path, delimiter: str, count: int, headers: int) -> str:
-    """Recognises columns by their values: x y z come first; three of unit length are normals; three integers to 255 (or else
-    65535), or shares of 1, are a colour; a single remaining column is the intensity."""
-    table = _sample(path, delimiter, count, headers)
-    columns = ["x", "y", "z", *[""] * (count - 3)]
-    windows = range(3, count - 2)
-    normals = [at for at in windows if _are_normals(table[:, at : at + 3])]
-    if normals:
-        columns[normals[0] : normals[0] + 3] = [OTHER] * 3
-    colours = [at for at in windows if not any(columns[at : at + 3]) and _are_colours(table[:, at : at + 3])]
-    narrow = [at for at in colours if table[:, at : at + 3].max() <= 255]
-    colours = narrow if len(narrow) == 1 else colours
-    if len(colours) > 1:
-        raise _unknown(path, f"{count} columns in which the colour may be columns {colours[0] + 1} to {colours[0] + 3} or "
-                             f"{colours[-1] + 1} to {colours[-1] + 3}")  # fmt: skip
-    if colours:
-        columns[colours[0] : colours[0] + 3] = "rgb"
-    left = [at for at, column in enumerate(columns) if not column]
-    if len(left) > 1:
-        raise _unknown(path, f"{count} columns and no header that names them")
-    if left:
-        columns[left[0]] = "i"
-    return "".join(columns)
-
-
-def _are_normals(values: np.ndarray) -> bool:
-    with np.errstate(invalid="ignore", over="ignore"):
-        lengths = np.sqrt((values**2).sum(axis=1))
-        near = np.abs(lengths - 1) < _UNIT_LENGTH
-    return bool(near.mean() > 0.9 and (values % 1 != 0).any())  # some writers omit the normals of some points
-
-
-def _are_colours(values: np.ndarray) -> bool:
-    if not np.isfinite(values).all() or values.min() < 0:
-        return False
-    return bool((values % 1 == 0).all() and values.max() <= 65535) or bool(values.max() <= 1)
-
-
-def _sample(path: Path, delimiter: str, count: int, headers: int) -> np.ndarray:
-    """(n, count) float64: rows from the beginning, the middle and the end of a file."""
+def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) -> np.ndarray:
+    """(n, count) float64: rows from the beginning, the middle and the end of a file; NaN where a field is not a number."""
     size, rows = path.stat().st_size, []
     with path.open("rb") as file:
         for place in sorted({0, max(0, size // 2), max(0, size - _SAMPLE_BYTES)}):
             file.seek(place)
-            lines = file.read(_SAMPLE_BYTES).decode("latin-1").split("\n")
+            lines = line_feeds(file.read(_SAMPLE_BYTES)).decode("latin-1").split("\n")
             whole = lines[headers if place == 0 else 1 : len(lines) if place + _SAMPLE_BYTES >= size else -1]
-            found = (_numbers(_fields(line, delimiter)) for line in whole)
-            rows += [row for row in found if row is not None and len(row) == count]
+            found = (fields_of(line, delimiter) for line in whole if not line.startswith(("#", "//")))
+            rows += [fields for fields in found if len(fields) == count or (delimiter == BLANKS and len(fields) > count)]
     if not rows:
         raise InputError(f"{path}: holds no two rows with the same number of values; a row is x y z, and i, r g b if known")
-    return np.array(rows)
-
-
-def _unknown(path: Path, why: str) -> InputError:
-    return InputError(f"{path}: {why}; say what its columns are, such as --columns x,y,z,i,r,g,b,- (i: intensity, c: class, -: "
-                      "anything else)")  # fmt: skip
+    nothing = float("nan")
+    return np.array([[nothing if (value := number(word, decimal)) is None else value for word in row[:count]] for row in rows])

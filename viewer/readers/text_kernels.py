@@ -19,6 +19,23 @@ _SPLIT = 2.0**27 + 1  # splits a double's 53 bits in halves (Dekker)
 DONE, FULL, OTHER_WIDTH, TOO_SLOW = range(4)
 """Why parse_rows ended: the text is read, the table is full, a line has another number of fields, no room in ``slow``."""
 
+BLANK, LINE_END, DELIMITER = 1, 2, 3
+"""Kinds of bytes, in order; 0: any other."""
+
+
+def byte_kinds(delimiter: str) -> np.ndarray:
+    """(256,) uint8: the kind of each byte.
+
+    delimiter: between fields; blanks beside it are ignored, and an empty field is NaN.  "": fields are separated by blanks and
+    tabs.
+    """
+    kinds = np.zeros(256, np.uint8)
+    kinds[[32, 9, 13]] = BLANK
+    kinds[10] = LINE_END
+    if delimiter:
+        kinds[ord(delimiter)] = DELIMITER
+    return kinds
+
 
 @compiled(nogil=True)
 def _scaled(digits, power):
@@ -45,11 +62,31 @@ def _scaled(digits, power):
 
 
 @compiled(nogil=True)
-def parse_rows(text, start, stop, delimiter, target, table, slow):
+def _token_end(text, i, kinds, delimited):
+    """The position behind the field that begins at ``i``.  A field in double quotes may hold delimiters and blanks."""
+    while text[i] == 34:
+        j = i + 1
+        while text[j] != 34 and text[j] != 10:
+            j += 1
+        if text[j] == 10:
+            break
+        i = j + 1
+    if delimited:
+        while kinds[text[i]] < LINE_END:
+            i += 1
+    else:
+        while kinds[text[i]] == 0:
+            i += 1
+    return i
+
+
+@compiled(nogil=True)
+def parse_rows(text, start, stop, kinds, delimited, decimal, rest, target, table, slow):
     """Reads lines of ``text[start:stop]``, uint8, which ends with a newline.
 
-    delimiter: a byte between fields; blanks beside it are ignored, and an empty field is NaN.  0: fields are separated by
-    blanks and tabs.  target: (fields a line,) int64, the column of ``table`` that a field is written to, -1 for none.
+    kinds: from :func:`byte_kinds`.  delimited: whether there is a delimiter.  decimal: the byte before a fraction.
+    rest: the last field, which must not be wanted, ends with its line.
+    target: (fields a line,) int64, the column of ``table`` that a field is written to, -1 for none.
     table: (rows, columns) float64, filled.  slow: (m, 4) int64, filled: row, column, begin and end of tokens left to Python.
     Blank lines and lines that begin with # or // are skipped.
     Returns rows read, position after the last of them, tokens in ``slow``, why it ended, lines passed, fields of the next line.
@@ -57,7 +94,7 @@ def parse_rows(text, start, stop, delimiter, target, table, slow):
     width, rows, slows, lines, i = len(target), 0, 0, 0, start
     while i < stop:
         line = i
-        while text[i] == 32 or text[i] == 9 or text[i] == 13:
+        while kinds[text[i]] == BLANK:
             i += 1
         if text[i] == 10:
             i += 1
@@ -76,15 +113,15 @@ def parse_rows(text, start, stop, delimiter, target, table, slow):
         field, kept = 0, slows
         while True:
             column = target[field] if field < width else -1
-            if delimiter != 0 and (text[i] == delimiter or text[i] == 10):  # nothing
+            if delimited and kinds[text[i]] >= LINE_END:  # nothing
                 if column >= 0:
                     table[rows, column] = np.nan
-            elif column < 0 and delimiter != 0:  # names may have blanks
-                while text[i] != 10 and text[i] != delimiter:
-                    i += 1
             elif column < 0:
-                while not (text[i] == 32 or text[i] == 9 or text[i] == 13 or text[i] == 10):
-                    i += 1
+                if rest and field == width - 1:
+                    while text[i] != 10:
+                        i += 1
+                else:
+                    i = _token_end(text, i, kinds, delimited)
             else:
                 begin = i
                 negative = text[i] == 45
@@ -96,7 +133,7 @@ def parse_rows(text, start, stop, delimiter, target, table, slow):
                     count += 1 if digits != 0 else 0
                     seen = True
                     i += 1
-                if text[i] == 46 and delimiter != 46:
+                if text[i] == decimal:
                     i += 1
                     while 48 <= text[i] <= 57:
                         digits = digits * np.uint64(10) + np.uint64(text[i] - 48)
@@ -104,7 +141,7 @@ def parse_rows(text, start, stop, delimiter, target, table, slow):
                         power -= 1
                         seen = True
                         i += 1
-                if seen and (text[i] == 101 or text[i] == 69):
+                if seen and text[i] > 57 and (text[i] | 32 == 101 or text[i] | 32 == 100):  # e, or Fortran's d
                     i += 1
                     minus = text[i] == 45
                     if minus or text[i] == 43:
@@ -115,21 +152,25 @@ def parse_rows(text, start, stop, delimiter, target, table, slow):
                         seen = True
                         i += 1
                     power += -exponent if minus else exponent
-                ended = text[i] == 32 or text[i] == 9 or text[i] == 13 or text[i] == 10 or text[i] == delimiter
-                if ended and seen and count <= DIGITS and (digits == 0 or -22 <= power <= 22):
+                ended = kinds[text[i]]
+                if ended == BLANK and delimited:  # blanks inside a field: 1 234
+                    j = i
+                    while kinds[text[j]] == BLANK:
+                        j += 1
+                    ended = kinds[text[j]]
+                if ended != 0 and seen and count <= DIGITS and (digits == 0 or -22 <= power <= 22):
                     value = 0.0 if digits == 0 else _scaled(digits, power)
                     table[rows, column] = -value if negative else value
                 else:
-                    while not (text[i] == 32 or text[i] == 9 or text[i] == 13 or text[i] == 10 or text[i] == delimiter):
-                        i += 1
+                    i = _token_end(text, begin, kinds, delimited)
                     slow[slows, 0], slow[slows, 1], slow[slows, 2], slow[slows, 3] = rows, column, begin, i
                     slows += 1
             field += 1
-            while text[i] == 32 or text[i] == 9 or text[i] == 13:
+            while kinds[text[i]] == BLANK:
                 i += 1
-            if delimiter != 0 and text[i] == delimiter:
+            if kinds[text[i]] == DELIMITER:
                 i += 1
-                while text[i] == 32 or text[i] == 9 or text[i] == 13:
+                while kinds[text[i]] == BLANK:
                     i += 1
                 if text[i] == 10 and field >= width:  # a delimiter that ends the line
                     break

@@ -11,11 +11,11 @@ import numpy as np
 
 from ..errors import InputError
 from ..text import counted
+from .text_numbers import number, token_text
 
 _BLOCK = 1 << 24  # bytes of text read at a time; chosen by hand
 _LONGEST_LINE = 1 << 16  # bytes of a line; chosen by hand: rows of scans have some hundreds
 _SHOWN = 40  # characters of a line that a message quotes; chosen by hand
-_NAN = re.compile(r"[-+]?(?:nan|1\.#)", re.IGNORECASE)  # as C libraries print it: -nan(ind), 1.#QNAN
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"  # of UTF-8, as some spreadsheets write it
 ROWS = 1 << 18
@@ -37,14 +37,15 @@ class TextRows:
         self.line_number = lines
         """Number of lines before the current position."""
 
-    def line(self) -> str | None:
-        """The next line that is not blank, without its end; None at the end of the file."""
+    def line(self, tabs: bool = False) -> str | None:
+        """The next line that is not blank, without its end and blanks around it; None at the end of the file.
+        tabs: keep tabs, which may be delimiters."""
         while self._fill():
             end = self._text.index(b"\n", self._at)
             found, self._at = self._text[self._at : end].decode("latin-1"), end + 1
             self.line_number += 1
             if found.strip():
-                return found.strip()
+                return found.strip(" \r") if tabs else found.strip()
         return None
 
     def peek(self) -> str | None:
@@ -54,25 +55,27 @@ class TextRows:
             self._at, self.line_number = self._text.rfind(b"\n", 0, self._at - 1) + 1, self.line_number - 1
         return found
 
-    def rows(self, target: list[int], most: int, delimiter: str = BLANKS) -> tuple[np.ndarray, int | None]:
+    def rows(self, target: list[int], most: int, delimiter: str = BLANKS, decimal: str = ".", rest: bool = False
+             ) -> tuple[np.ndarray, int | None]:  # fmt: skip
         """Reads up to ``most`` of the next rows.
 
-        target: for each field of a line its column in the result, -1 for none.
+        target: for each field of a line its column in the result, -1 for none.  delimiter, decimal, rest: as in Layout
+        (viewer.readers.text_columns).
         Returns (n, columns) float64, and the number of fields of the next line where it differs, else None.
         Raises InputError naming the line where a wanted field is not a number.
         """
-        from .text_kernels import OTHER_WIDTH, parse_rows
+        from .text_kernels import OTHER_WIDTH, byte_kinds, parse_rows
 
         table = np.empty((most, max(target) + 1))
         places, slow = np.array(target, np.int64), np.empty((max(4096, 4 * len(target)), 4), np.int64)
-        done, other = 0, None
+        done, other, kinds = 0, None, byte_kinds(delimiter)
         while done < most and other is None and self._fill():
             text = np.frombuffer(self._text, np.uint8)
             n, at, slows, why, lines, fields = parse_rows(
-                text, self._at, len(text), ord(delimiter or "\0"), places, table[done:], slow
+                text, self._at, len(text), kinds, bool(delimiter), ord(decimal), rest, places, table[done:], slow
             )
             for row, column, begin, end in slow[:slows].tolist():
-                value = _number(self._text[begin:end])
+                value = number(token_text(self._text[begin:end]), decimal)
                 if value is None:
                     raise self.unreadable(begin)
                 table[done + row, column] = value
@@ -132,6 +135,7 @@ class TextRows:
             self._ended = not block
             if first:
                 block = block.removeprefix(_BYTE_ORDER_MARK)
+            block = line_feeds(block)
             self._added = 1 if self._ended and self._rest else 0
             text = self._rest + block + b"\n" * self._added
             end = text.rfind(b"\n") + 1
@@ -140,6 +144,11 @@ class TextRows:
                 what = f"line {self.line_number + 1 + self._text.count(bytes([10])):,} has more than {_LONGEST_LINE:,} bytes"
                 raise InputError(f"{self.path}: {what}, it is not a text file of points; export it again")
         return True
+
+
+def line_feeds(block: bytes) -> bytes:
+    """A block of text whose lines end with carriage returns alone, as of old Macintosh programs, with line feeds instead."""
+    return block.replace(b"\r", b"\n") if b"\r" in block and b"\n" not in block else block
 
 
 def quoted(line: str) -> str:
@@ -152,14 +161,3 @@ def has_decimal_comma(line: str) -> bool:
     """Whether a line holds at least three numbers such as 1,5, separated by blanks, tabs or semicolons."""
     words = re.split(r"[;\s]+", line.strip("; \t\r\n"))
     return len(words) >= 3 and sum(bool(_DECIMAL_COMMA.fullmatch(word)) for word in words) >= 3
-
-
-def _number(token: bytes) -> float | None:
-    """A token as ``float`` reads it, without quotes around it; NaN in any spelling; None where it is not a number."""
-    text = token.decode("latin-1").strip("\"'")
-    if _NAN.match(text):
-        return float("nan")
-    try:
-        return float(text) if "_" not in text else None
-    except ValueError:
-        return None

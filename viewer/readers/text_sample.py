@@ -12,7 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from .sampling import interleaved
-from .text_rows import BLANKS, TextRows
+from .text_rows import BLANKS, TextRows, line_feeds
 
 _MEASURED_BYTES = 1 << 16  # at the beginning of a region, to learn the length of a row; chosen by hand
 _LINE_END_BYTES = 1 << 12  # read behind a block to complete its last line; rows of scans have up to about 200 bytes
@@ -31,10 +31,11 @@ class TextRegion:
     scan: int = 0
 
 
-def sample_rows(path: Path, regions: list[TextRegion], points: int, run: int, delimiter: str = BLANKS
-                ) -> Iterator[tuple[int, np.ndarray]]:  # fmt: skip
+def sample_rows(path: Path, regions: list[TextRegion], points: int, run: int, delimiter: str = BLANKS,
+                decimal: str = ".", rest: bool = False) -> Iterator[tuple[int, np.ndarray]]:  # fmt: skip
     """Yields (scan, (n, columns) float64) of about ``points`` rows in runs of about ``run``, spread over the regions.
 
+    delimiter, decimal, rest: as in Layout (viewer.readers.text_columns).
     Raises InputError naming the bytes where a block does not hold rows of numbers.
     """
     with path.open("rb") as file:
@@ -46,13 +47,13 @@ def sample_rows(path: Path, regions: list[TextRegion], points: int, run: int, de
             begin = region.begin + start
             text = _lines_of(file, region, begin, min(begin + block_bytes, region.end))
             if text:
-                yield region.scan, _parsed(path, text, region, delimiter, begin)
+                yield region.scan, _parsed(path, text, region, begin, delimiter, decimal, rest)
 
 
 def _row_bytes(file, region: TextRegion) -> int:
     """Mean length of the rows at the beginning of a region."""
     file.seek(region.begin)
-    text = file.read(min(_MEASURED_BYTES, region.end - region.begin))
+    text = line_feeds(file.read(min(_MEASURED_BYTES, region.end - region.begin)))
     return max(1, len(text) // max(1, text.count(b"\n")))
 
 
@@ -60,7 +61,7 @@ def _lines_of(file, region: TextRegion, begin: int, stop: int) -> bytes:
     """The lines that begin at a byte from ``begin`` on and before ``stop``, each with its end."""
     lead = 1 if begin > region.begin else 0  # the byte before tells whether a line begins here
     file.seek(begin - lead)
-    text = file.read(min(stop + _LINE_END_BYTES, region.end) - begin + lead)
+    text = line_feeds(file.read(min(stop + _LINE_END_BYTES, region.end) - begin + lead))
     first = text.find(b"\n") + 1 if lead else 0
     if (lead and not first) or first >= stop - begin + lead:
         return b""
@@ -70,9 +71,9 @@ def _lines_of(file, region: TextRegion, begin: int, stop: int) -> bytes:
     return text[first : (last if last >= 0 else text.rfind(b"\n")) + 1]
 
 
-def _parsed(path: Path, text: bytes, region: TextRegion, delimiter: str, begin: int) -> np.ndarray:
+def _parsed(path: Path, text: bytes, region: TextRegion, begin: int, delimiter: str, decimal: str, rest: bool) -> np.ndarray:
     try:
-        table, other = TextRows(path, io.BytesIO(text)).rows(region.target, text.count(b"\n"), delimiter)
+        table, other = TextRows(path, io.BytesIO(text)).rows(region.target, text.count(b"\n"), delimiter, decimal, rest)
     except InputError:  # its line number would count from the block
         table, other = np.zeros((0, 0)), -1
     if other is not None:

@@ -23,16 +23,18 @@ class XyzSource(ColumnSource):
     def __init__(self, path: Path, columns: str | None = None):
         super().__init__(path, path.suffix[1:].upper() or "XYZ")
         self._layout = recognise(path, None if columns is None else named_columns(path, columns))
+        self.warnings += [f"{path.name}: {note}" for note in self._layout.notes]
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
         wanted = "".join(name for name in wanted if name in self._layout.columns)
         if not wanted:
             return
+        separators = self._layout.delimiter, self._layout.decimal, self._layout.rest
         with self.path.open("rb") as file:
             text = TextRows(self.path, file)
             text.skip_lines(self._layout.headers)
             while True:
-                table, other = text.rows(self._layout.target(wanted), ROWS, self._layout.delimiter)
+                table, other = text.rows(self._layout.target(wanted), ROWS, *separators)
                 if len(table):
                     yield 0, {name: table[:, i] for i, name in enumerate(wanted)}
                 if other is not None:
@@ -48,6 +50,7 @@ class XyzSource(ColumnSource):
             text = TextRows(self.path, file, block=_HEADER_BLOCK)
             text.skip_lines(self._layout.headers)
             begin = text.position
+        separators = self._layout.delimiter, self._layout.decimal, self._layout.rest
         region = TextRegion(begin, self.path.stat().st_size, self._layout.target(wanted))
-        for scan, table in sample_rows(self.path, [region], points, run, self._layout.delimiter):
+        for scan, table in sample_rows(self.path, [region], points, run, *separators):
             yield scan, {name: table[:, i] for i, name in enumerate(wanted)}
