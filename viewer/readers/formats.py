@@ -158,7 +158,8 @@ def _packed(head: bytes) -> str | None:
 def _guess(head: bytes, suffix: str) -> str:
     if stated := _packed(head):
         return stated
-    if suffix in _TEXTS and (head.startswith(_UTF_16) or (b"\0" in head and head.replace(b"\0", b"").isascii() and head.strip(b"\0"))):
+    bare = head.replace(b"\0", b"")
+    if suffix in _TEXTS and (head.startswith(_UTF_16) or (0 < len(bare) < len(head) and bare.isascii())):
         return "is UTF-16 text, save it as UTF-8 first (iconv -f UTF-16 -t UTF-8)"
     if any(suffix in row.suffixes for row in FORMATS):
         return f"named {suffix} but does not begin like one (first bytes {head[:4]!r}), damaged or another format"
