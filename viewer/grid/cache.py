@@ -148,7 +148,7 @@ def _records(folder: Path, header: GridHeader, arrays: dict[str, np.ndarray]) ->
     fits = low is not None and low.shape == (header.count,) and (high is None or high.shape == low.shape)
     if low is None or sums is None or not fits or sums.shape != arrays["checksums"].shape or header.first is None:
         raise DamagedGrid("its record numbers do not fit its points")
-    return PointRecords(low, high, header.first, sums, str(folder))
+    return PointRecords(low, high, header.first, header.scan_first, sums, str(folder))
 
 
 def _noise(header: NoiseHeader | None, sigma: np.ndarray | None) -> NoiseModel | None:

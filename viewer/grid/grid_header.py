@@ -45,8 +45,8 @@ class NoiseHeader:
 class GridHeader:
     """shapes: of each array.  sums: CRC-32 of each array except the points; None in folders of earlier versions, which have
     none.
-    noise: None where none was stored.  first: as in viewer.grid.point_records, None where it is not stored.  Others as in
-    Scene."""
+    noise: None where none was stored.  first, scan_first: as ``first`` and ``scans`` in viewer.grid.point_records, None where
+    they are not stored.  Others as in Scene."""
 
     shapes: dict[str, tuple[int, ...]]
     sums: dict[str, int] | None
@@ -60,6 +60,7 @@ class GridHeader:
     meta: dict[str, Any]
     noise: NoiseHeader | None
     first: np.ndarray | None
+    scan_first: np.ndarray | None
 
 
 def read_header(folder: Path, identity: list | None) -> GridHeader:
@@ -86,6 +87,8 @@ def read_header(folder: Path, identity: list | None) -> GridHeader:
         raise DamagedGrid(f"its points lie in {header.parts} parts")
     if (first := header.first) is not None and (first.ndim != 1 or len(first) < 2 or first[0] or (np.diff(first) < 0).any()):
         raise DamagedGrid("the first record numbers of its files are not usable")
+    if (starts := header.scan_first) is not None and (starts.ndim != 1 or (np.diff(starts) < 0).any()):
+        raise DamagedGrid("the first record numbers of its scans are not usable")
     if (noise := header.noise) is not None:
         numbers = np.concatenate([noise.origin.reshape(-1), noise.curve.reshape(-1), [noise.voxel, noise.overall]])
         fits = noise.origin.shape == (3,) and noise.curve.shape == (KNOTS,) and np.isfinite(numbers).all()
@@ -121,6 +124,7 @@ def _parsed(head: dict[str, Any]) -> GridHeader:
     noise, sums = head.get("noise"), head.get("sums")
     if not isinstance(head["meta"], dict):
         raise ValueError("does not say what it was made from")
+    records = head["meta"].get("records") or {}
     layout_from(head["meta"])
     return GridHeader(
         shapes={str(name): tuple(int(side) for side in shape) for name, shape in head["shapes"].items()},
@@ -137,5 +141,10 @@ def _parsed(head: dict[str, Any]) -> GridHeader:
             np.array(noise["origin"], np.float64), float(noise["voxel"]), np.array(noise["curve"], np.float32),
             float(noise["overall"]), int(noise["neighbourhoods"]),
         ),
-        first=None if "records" not in head["meta"] else np.array(head["meta"]["records"]["first"], np.int64),
+        first=_numbers(records.get("first")),
+        scan_first=_numbers(records.get("scan_first")),
     )  # fmt: skip
+
+
+def _numbers(values: list | None) -> np.ndarray | None:
+    return None if values is None else np.array(values, np.int64)

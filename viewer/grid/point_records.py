@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..preprocess.scan_table import ScanTable
+from ..readers.source import Source
 
 CHUNK = 65536
 """Numbers that are checked together, as many as the points of a chunk (viewer.grid.scene)."""
@@ -29,18 +31,24 @@ class PointRecords:
     low: (N,) uint32, the lower 32 bits.  high: (N,) uint8, the bits above; None where 32 suffice.  first: (S + 1,) int64, the
     running number of the first point of each source, and at the end that of all sources; points that are not in the grid, for
     example because they are not finite, are counted too.
+    scans: (K,) int64, ascending running numbers of the first point of each scan; None where scans are not stored one behind the
+    other.
     sums: (ceil(N / CHUNK),) uint32, the CRC-32 of each chunk of the column as kept on disk; None where none is kept.
     where: the place of the column, for messages.
+    opened: the sources by number, once viewer.grid.file_records has opened them, or why that is impossible.  lock: for it.
     """
 
     low: np.ndarray
     high: np.ndarray | None
     first: np.ndarray
+    scans: np.ndarray | None = None
     sums: np.ndarray | None = None
     where: str = ""
-    _lock: Any = field(default_factory=Lock, repr=False)
+    opened: dict[int, Source | str] = field(default_factory=dict, repr=False)
+    lock: Any = field(default_factory=Lock, repr=False)
 
     def __post_init__(self) -> None:
+        self._checking = Lock()
         self._checked = np.zeros(0 if self.sums is None else len(self.sums), bool)
 
     def numbers(self, index: Any) -> np.ndarray:
@@ -60,6 +68,10 @@ class PointRecords:
         source = np.searchsorted(self.first, numbers, side="right") - 1
         return source, numbers - self.first[source]
 
+    def scan_of(self, numbers: np.ndarray) -> np.ndarray | None:
+        """(n,) int64: the scan of points by their running numbers, without a limit; None where only the grid tells it."""
+        return None if self.scans is None else np.searchsorted(self.scans, numbers, side="right") - 1
+
     def _check(self, index: Any) -> None:
         """Computes the checksums of the chunks that ``index`` touches, each once."""
         assert self.sums is not None
@@ -71,12 +83,42 @@ class PointRecords:
             chunks = np.unique(np.asarray(chosen) // CHUNK) if wide else np.arange(low // CHUNK, high // CHUNK + 1)
         else:
             chunks = np.unique(np.asarray(index, np.int64) // CHUNK)
-        with self._lock:
+        with self._checking:
             for chunk in chunks[~self._checked[chunks]].tolist():
                 if sum_of(self.low, self.high, chunk) != self.sums[chunk]:
                     raise InputError(f"{self.where}: damaged grid (record numbers do not match their checksum); "
                                      "convert the scan again, or delete the grid")
                 self._checked[chunk] = True
+
+
+class ScanStarts:
+    """Collects, in the second pass, the running number with which each scan begins."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[int, int], int] = {}
+        self._mixed = False
+
+    def add(self, source: int, scan: int | np.ndarray, first: int) -> None:
+        """A chunk of ``scan`` (as in Chunk) of a source; ``first``: running number of its first point."""
+        if isinstance(scan, np.ndarray):
+            self._mixed = True
+        else:
+            self._found.setdefault((source, int(scan)), first)
+
+    def solve(self, table: ScanTable, first: np.ndarray) -> np.ndarray | None:
+        """``PointRecords.scans``; a scan without points begins where the next one does."""
+        starts: list[int] = []
+        for source, scans in enumerate(table.scans):
+            if source in table.turns:
+                starts += [int(first[source]), *table.turns[source].tolist()]
+                continue
+            end, here = int(first[source + 1]), []
+            for scan in reversed(range(len(scans))):
+                end = self._found.get((source, scan), end)
+                here.append(end)
+            starts += here[::-1]
+        found = np.array(starts, np.int64)
+        return None if self._mixed or (np.diff(found) < 0).any() else found
 
 
 def sum_of(low: np.ndarray, high: np.ndarray | None, chunk: int) -> int:

@@ -22,7 +22,7 @@ from .cell_layout import Layout
 from .count_points import CellCounts, numbered_chunks
 from .histogram import dense_table_of, table_of
 from .noise_sample import NoiseSample
-from .point_records import PointRecords
+from .point_records import PointRecords, ScanStarts
 
 BLOCK = 1 << 18
 """Points packed before they are placed; chosen so that the packed words and bucket numbers of two blocks (10 MB) stay in the
@@ -42,7 +42,7 @@ def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable
     Raises InputError where a file is no longer as pass 1 read it.
     """
     blocks = _Blocks(counts, layout, points, records, pool, processors)
-    first, of_source = 0, np.zeros(len(sources), np.int64)
+    first, of_source, starts = 0, np.zeros(len(sources), np.int64), ScanStarts()
     if sample is not None:
         sample.reset()
     for number, chunk in numbered_chunks(sources, "building the grid"):
@@ -57,7 +57,9 @@ def scatter(sources: Sequence[Source], colours: Colours | None, scans: ScanTable
             blocks.add(xyz[rows], rgb[rows], bits[rows], scan[rows], first + start)
         first += len(xyz)
         of_source[number] += len(xyz)
+        starts.add(number, chunk.scan, first - len(xyz))
     records.first[1:] = of_source.cumsum()
+    records.scans = starts.solve(scans, records.first)
     runs, boxes = blocks.finish()
     if not np.array_equal(runs[:-1, 1], np.diff(layout.offsets)):
         raise InputError(f"{sources[0].path}: changed while it was read; try again")

@@ -184,9 +184,13 @@ def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points:
 
 
 def _origin(scans: ScanTable, records: PointRecords) -> dict:
-    """Facts for ``Scene.meta`` that lead from running numbers to records and scans.  first: as in PointRecords.  scans: of each
-    source.  turns: as in ScanTable, by source."""
-    return {"first": records.first.tolist(), "scans": [len(scans) for scans in scans.scans],
+    """Facts for ``Scene.meta`` that lead from running numbers to records and scans.
+
+    first, scan_first: as ``first`` and ``scans`` in PointRecords.  scans: number of each source's scans.  turns: as in
+    ScanTable, by source.
+    """
+    starts = None if records.scans is None else records.scans.tolist()
+    return {"first": records.first.tolist(), "scan_first": starts, "scans": [len(scans) for scans in scans.scans],
             "turns": {str(source): turns.tolist() for source, turns in scans.turns.items()}}  # fmt: skip
 
 

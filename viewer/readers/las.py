@@ -6,11 +6,11 @@ in the format; whether a file holds 8-bit values is decided over the whole file 
 """
 
 import struct
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -18,14 +18,15 @@ import numpy as np
 from ..errors import InputError
 from . import crs
 from .copc_nodes import CopcNodes, read_nodes
-from .laz_chunks import check_chunks
+from .las_decoding import decoding
+from .las_records import records_of
+from .laz_chunks import check_chunks, chunk_table
+from .record_blocks import RecordBlocks, even_blocks
 from .sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
-from .source import CHUNK, Chunk, ScanInfo, Source, surplus_warning
+from .source import CHUNK, Chunk, Records, ScanInfo, Source, surplus_warning
 
 _AT_ONCE = 1 << 30  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
 
-_DAMAGE_ERRORS = (OSError, ValueError, TypeError, LookupError, ArithmeticError, EOFError, MemoryError, struct.error)
-"""What laspy raises, besides its own errors, where a header or a record is damaged."""
 _MOST_DECODED = 1_000_000
 """Points decoded for a sample of a file with few chunks; chosen by hand."""
 
@@ -37,6 +38,8 @@ class LasSource(Source):
         super().__init__(path, "LAS", scans=[ScanInfo(path.stem)])
         _check_header(path)
         self._large_chunks, self._chunk_points, self._laszip_record = False, 1, b""
+        self._blocks: RecordBlocks | None = None
+        self._blocks_lock = Lock()
         with self._open() as reader:
             header = reader.header
             self.count = int(header.point_count)
@@ -58,7 +61,7 @@ class LasSource(Source):
 
         if self._large_chunks:
             backend = laspy.LazBackend.Lazrs
-        with _decoding(lambda why: InputError(f"{self.path}: not readable as LAS/LAZ: {why}; copy or export it again")):
+        with decoding(lambda why: InputError(f"{self.path}: not readable as LAS/LAZ: {why}; copy or export it again")):
             return laspy.open(self.path, laz_backend=backend)
 
     def _beyond(self, header) -> int:
@@ -82,6 +85,21 @@ class LasSource(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16), intensity and class as stored."""
+        for _, chunk in self._read():
+            yield chunk
+
+    def record_chunks(self) -> Iterator[Records]:
+        """See Source.  native: a structured array of the point format's layout."""
+        for points, chunk in self._read():
+            yield records_of(points, chunk)
+
+    def native_chunks(self) -> Iterator[tuple[Chunk, np.ndarray]]:
+        """Yields chunks, and their records as a structured array of the point format's layout."""
+        for points, chunk in self._read():
+            yield chunk, points.array
+
+    def _read(self) -> Iterator[tuple[Any, Chunk]]:
+        """Yields the points as laspy holds them, and as a chunk."""
         done, outside = 0, False
         with self._open() as reader:
             # one step of rounding on either side: some writers round the bounds, some the points
@@ -89,19 +107,74 @@ class LasSource(Source):
             names = set(reader.header.point_format.dimension_names)
             iterator = reader.chunk_iterator(CHUNK)
             while done < (self.count or 0):
-                with _decoding(partial(self._truncated, done)):
+                with decoding(partial(self._truncated, done)):
                     points = next(iterator, None)
                 if points is None or len(points) == 0:
                     raise self._truncated(done)
                 done += len(points)
                 chunk = _chunk(points, names)
                 outside |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
-                yield chunk
+                yield points, chunk
 
         if outside:
             text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"
             if text not in self.warnings:  # once, however often the points are read
                 self.warnings.append(text)
+
+    def records(self, numbers: np.ndarray) -> Records:
+        """See Source: by chunks of a compressed file, else by seeking.  Decoded chunks are kept."""
+        with self._blocks_lock:
+            if self._blocks is None:
+                self._blocks = self._made_blocks()
+        return self._blocks.take(numbers)
+
+    @property
+    def has_quick_records(self) -> bool:
+        return self._chunk_points <= _MOST_DECODED
+
+    def _made_blocks(self) -> RecordBlocks:
+        import laspy
+
+        with self._open(laspy.LazBackend.Lazrs) as reader:
+            header = reader.header
+        count = self.count or 0
+        if not (header.are_points_compressed and self._chunk_points <= _MOST_DECODED):
+            starts = even_blocks(count)
+            return RecordBlocks(starts, lambda block: self._block(int(starts[block]), int(starts[block + 1])))
+        points, length = chunk_table(self.path, self._laszip_record, header.offset_to_point_data)
+        edges = np.minimum(np.append(0, points.cumsum()), count)
+        places = header.offset_to_point_data + 8 + np.append(0, length.cumsum())
+        return RecordBlocks(edges, lambda block: self._decoded(header, int(np.diff(edges)[block]), int(places[block]),
+                                                               int(length[block]), int(edges[block])))  # fmt: skip
+
+    def _block(self, start: int, stop: int) -> Records:
+        """The records of points start to stop."""
+        import laspy
+
+        with self._open(laspy.LazBackend.Lazrs) as reader, decoding(partial(self._truncated, start)):
+            names = set(reader.header.point_format.dimension_names)
+            reader.seek(start)
+            points = reader.read_points(stop - start)
+            if len(points) < stop - start:
+                raise self._truncated(start + len(points))
+            return records_of(points, _chunk(points, names))
+
+    def _decoded(self, header: Any, count: int, place: int, length: int, start: int) -> Records:
+        """The records of a chunk of ``count`` points at byte ``place``.  start: number of its first point."""
+        points = self._unpacked(header, count, place, length, start)
+        return records_of(points, _chunk(points, set(header.point_format.dimension_names)))
+
+    def _unpacked(self, header: Any, count: int, place: int, length: int, start: int = 0) -> Any:
+        import laspy
+
+        lazrs: Any = import_module("lazrs")  # compiled, without type declarations
+        records = np.empty(count, header.point_format.dtype())
+        with self.path.open("rb") as file:
+            file.seek(place)
+            data = file.read(length)
+        with decoding(partial(self._truncated, start)):
+            lazrs.decompress_points_with_chunk_table(data, self._laszip_record, records.view(np.uint8), [(count, length)])
+        return laspy.ScaleAwarePointRecord(records, header.point_format, header.scales, header.offsets)
 
     def sample(self, points: int, run: int) -> Iterator[Chunk]:
         """See Source.  Compressed points can be read from the beginning of a chunk only, so every run begins there.  Where
@@ -113,21 +186,12 @@ class LasSource(Source):
     def _upper_levels(self, nodes: CopcNodes, points: int) -> Iterator[Chunk]:
         import laspy
 
-        lazrs: Any = import_module("lazrs")  # compiled, without type declarations
         with self._open(laspy.LazBackend.Lazrs) as reader:
             header = reader.header
-        dtype, names = header.point_format.dtype(), set(header.point_format.dimension_names)
-        with self.path.open("rb") as file:
-            for node, step in sampled_nodes(nodes.level, nodes.points, points):
-                count, length = int(nodes.points[node]), int(nodes.bytes[node])
-                file.seek(int(nodes.place[node]))
-                records = np.empty(count, dtype)
-                with _decoding(partial(self._truncated, 0)):
-                    lazrs.decompress_points_with_chunk_table(
-                        file.read(length), self._laszip_record, records.view(np.uint8), [(count, length)]
-                    )
-                found = laspy.ScaleAwarePointRecord(records[::step], header.point_format, header.scales, header.offsets)
-                yield _chunk(found, names)
+        names = set(header.point_format.dimension_names)
+        for node, step in sampled_nodes(nodes.level, nodes.points, points):
+            found = self._unpacked(header, *(int(column[node]) for column in (nodes.points, nodes.place, nodes.bytes)))
+            yield _chunk(found[::step], names)
 
     def _sampled(self, points: int, run: int) -> Iterator[Chunk]:
         import laspy
@@ -135,7 +199,7 @@ class LasSource(Source):
         with self._open(laspy.LazBackend.Lazrs) as reader:
             names = set(reader.header.point_format.dimension_names)
             for start, count, step in self._runs(points, run):
-                with _decoding(partial(self._truncated, start)):
+                with decoding(partial(self._truncated, start)):
                     reader.seek(start)
                     found = reader.read_points(count)
                 yield _chunk(found[::step], names)
@@ -237,23 +301,3 @@ def _reference(records) -> crs.Reference:
     if best[0] is None and (keys or spans):
         best = crs.from_geokeys(keys, text, spans)
     return best
-
-
-@contextmanager
-def _decoding(failed: Callable[[str], InputError]) -> Iterator[None]:
-    """Turns the errors that laspy and lazrs raise for damaged files into ``failed(first line)``; others are bugs."""
-    from laspy.errors import LaspyException
-
-    lazrs: Any = import_module("lazrs")
-    try:
-        yield
-    except (LaspyException, lazrs.LazrsError, *_DAMAGE_ERRORS) as error:
-        raise failed(_line(error)) from None
-    except BaseException as error:
-        if type(error).__name__ != "PanicException":  # of Rust, for damage inside a chunk; the class is not exported
-            raise
-        raise failed(_line(error)) from None
-
-
-def _line(error: BaseException) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0][:120]

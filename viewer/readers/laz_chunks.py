@@ -82,6 +82,14 @@ def _table(path: Path, file: BinaryIO, record: bytes, offset: int) -> list[tuple
         raise _damaged(path, f"its table of chunks cannot be read ({error})") from None
 
 
+def chunk_table(path: Path, record: bytes, offset: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points and bytes of each chunk of a checked file, (C,) int64 each, in the order of the file; the last chunk of a file may
+    hold fewer points.  record, offset: as for check_chunks."""
+    with path.open("rb") as file:
+        points, held = np.array(_table(path, file, record, offset), np.int64).reshape(-1, 2).T
+    return np.where(held > 0, points, 0), held
+
+
 def _check_layers(path: Path, file: BinaryIO, table: list[tuple[int, int]], start: int, length: int, layers: int) -> None:
     """Checks the layers of each chunk, which consists of its first point, a count, the sizes of the layers, and the layers."""
     head = length + 4 + 4 * layers
