@@ -376,10 +376,10 @@ def test_a_full_disk_is_reported_before_points_are_placed(monkeypatch):
     from pointglass.viewer.grid import scratch_folder as scratch
 
     monkeypatch.setattr(build, "_IN_MEMORY", 10)
-    assert build.in_memory(1000).shape == (1000, 3)
+    assert build.in_memory("points", (1000, 3), np.uint32).shape == (1000, 3)
     monkeypatch.setattr(scratch.shutil, "disk_usage", lambda _: namedtuple("Usage", "free")(1000))
     with pytest.raises(InputError, match=r"no room for .* GB of points \(no space left.*set TMPDIR"):
-        build.in_memory(1000)
+        build.in_memory("points", (1000, 3), np.uint32)
 
 
 def test_an_error_without_text_is_called_damage():

@@ -15,6 +15,7 @@ from pointglass.viewer.grid.scene import unpack
 
 SCALES = [(1e-3, 4000.0), (1e-7, 1e-3), (0.01, 1.0), (1e-3, 0.02)]
 """Coordinate scale of a LAS file, and the extent of its points: sparse aerial points to a small dense part."""
+FLAGS = ("synthetic", "key_point", "withheld", "overlap", "scan_direction_flag", "edge_of_flight_line")
 
 
 @pytest.fixture(autouse=True)
@@ -37,8 +38,7 @@ def random_las(path, seed: int, count: int = 3000, scale: float = 1e-3, extent: 
         if name in ("X", "Y", "Z", "deviation", "height"):
             continue
         values = las[name]
-        most = {"return_number": 15, "number_of_returns": 15, "scanner_channel": 3, "synthetic": 1, "key_point": 1, "withheld": 1,
-                "overlap": 1, "scan_direction_flag": 1, "edge_of_flight_line": 1}.get(name)
+        most = 15 if "return" in name else 3 if name == "scanner_channel" else 1 if name in FLAGS else None
         kind = np.asarray(values).dtype
         if kind.kind == "f":
             las[name] = rng.random(count) * 1e6
