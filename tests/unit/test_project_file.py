@@ -9,7 +9,8 @@ from documents import random_document
 
 from pointglass.viewer.errors import InputError
 from pointglass.viewer.tools.document import Document, ScanFile
-from pointglass.viewer.tools.project import VERSION, read_project, write_project
+from pointglass.viewer.tools.moved_scans import MissingScans, difference
+from pointglass.viewer.tools.project import VERSION, places_in, read_project, scans_of, write_project
 
 
 def test_a_project_opens_as_it_was_left(tmp_path, seed):
@@ -106,3 +107,60 @@ def test_bad_projects_say_what_is_wrong(tmp_path, text, said):
 def test_a_missing_project_is_named(tmp_path):
     with pytest.raises(InputError, match=r"none\.pointglass: cannot be read"):
         read_project(tmp_path / "none.pointglass")
+
+
+def moved_scan(tmp_path, *, size=5):
+    """A project in ``job`` and its scan in ``far``, both absolute, and the scan moved away."""
+    scan, project = tmp_path / "far" / "scans" / "a.laz", tmp_path / "job" / "p.pointglass"
+    scan.parent.mkdir(parents=True)
+    project.parent.mkdir()
+    scan.write_bytes(b"x" * size)
+    write_project(project, Document((ScanFile(str(scan)),)))
+    return scan, project
+
+
+@pytest.mark.parametrize("where", ["job/a.laz", "job/scans/a.laz", "scans/a.laz", "a.laz"])
+def test_a_moved_scan_is_found_beside_the_project_and_below_its_folders(tmp_path, where, caplog):
+    scan, project = moved_scan(tmp_path)
+    (tmp_path / where).parent.mkdir(exist_ok=True)
+    scan.rename(tmp_path / where)
+    document = read_project(project)
+    assert [one.path for one in document.scans] == [str(tmp_path / where)]
+    assert scans_of(project, document) == [tmp_path / where]
+    assert f"found as {tmp_path / where}" in caplog.text and caplog.text.count("found as") == 1
+
+
+def test_another_file_of_the_same_name_is_not_taken_for_the_scan(tmp_path):
+    scan, project = moved_scan(tmp_path)
+    scan.unlink()
+    other = tmp_path / "job" / "a.laz"
+    other.write_bytes(b"another scan")
+    document = read_project(project)
+    with pytest.raises(MissingScans, match=r"a\.laz is not there; move it back, or open the project in the window"):
+        scans_of(project, document)
+    place = places_in(project)[document.scans[0].path]
+    assert "12 bytes" in difference(other, document.scans[0].path, place)
+    assert difference(scan, document.scans[0].path, place) == ""
+    data = json.loads(project.read_text())
+    assert data["places"] == [{"absolute": str(scan), "relative": "../far/scans/a.laz", "size": 5}]
+    del data["places"]  # as older versions wrote it: the name is all there is
+    project.write_text(json.dumps(data))
+    assert read_project(project).scans[0].path == str(other)
+
+
+@pytest.mark.parametrize("places", [3, [None], [{"absolute": 3, "size": -1}], [{"absolute": "\0", "relative": "a\0b"}], "x"])
+def test_damaged_places_only_help_less(tmp_path, places):
+    scan, project = moved_scan(tmp_path)
+    project.write_text(json.dumps(json.loads(project.read_text()) | {"places": places}))
+    assert scan.samefile(read_project(project).scans[0].path)
+    scan.unlink()
+    with pytest.raises(MissingScans):
+        scans_of(project, read_project(project))
+
+
+def test_an_older_version_reads_it(tmp_path):
+    """It knows "pointglass_project" and "document", and takes no notice of the rest."""
+    scan, project = moved_scan(tmp_path)
+    data = json.loads(project.read_text())
+    assert set(data) == {"pointglass_project", "document", "places"} and data["pointglass_project"] == 1
+    assert set(data["document"]["scans"][0]) == {"path", "visible", "metres_per_unit", "crs"} and scan.exists()

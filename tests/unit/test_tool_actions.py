@@ -213,8 +213,8 @@ def test_a_project_whose_scan_is_gone_is_refused(tmp_path, capsys):
 
     path = tmp_path / "p.pointglass"
     write_project(path, Document((ScanFile(str(tmp_path / "gone.laz")),)))
-    assert main([str(path)]) == 2
+    assert main(["export", str(path), "--out", str(tmp_path / "a.laz")]) == 2
     said = capsys.readouterr().err
-    assert str(path) in said and "gone.laz is not there" in said and said.count("\n") == 1
+    assert str(path) in said and "gone.laz is not there" in said and "locate it" in said and said.count("\n") == 1
     path.write_text("{")
     assert main([str(path)]) == 2 and "damaged" in capsys.readouterr().err

@@ -1,12 +1,14 @@
 """The project file, ``.pointglass``: one JSON file with a Document in it, opened exactly as it was left.
 
-``{"pointglass_project": 1, "document": {...}}``; the document's keys are the fields of viewer.tools.document, clips carry their
-``type``.  Paths of scans and of weights are relative to the project file, with ``/``, where at most two folders up lead to
-them; else absolute.  Numbers keep all 17 digits: reading gives the same values.
+``{"pointglass_project": 1, "document": {...}, "places": [...]}``; the document's keys are the fields of viewer.tools.document,
+clips carry their ``type``.  Paths of scans and of weights are relative to the project file, with ``/``, where at most two
+folders up lead to them; else absolute.  ``places`` has both kinds of path of each scan, and its size
+(viewer.tools.moved_scans).  Numbers keep all 17 digits: reading gives the same values.
 """
 
 import dataclasses
 import json
+import logging
 import os
 import types
 import typing
@@ -16,6 +18,7 @@ from ...model.common.atomic_write import write_atomic
 from ..errors import InputError
 from .clip import Box, Slab
 from .document import Document
+from .moved_scans import MissingScans, ScanPlace, found_scan, place_of, places_from
 
 SUFFIX = ".pointglass"
 VERSION = 1
@@ -23,6 +26,9 @@ MOST_UP = 2
 """Folders up to a scan, of a stored relative path: a scan farther away is not moved together with the project."""
 LARGEST = 64 << 20
 """Bytes; a project holds no points."""
+_log = logging.getLogger(__name__)
+_told: set[tuple[Path, str]] = set()
+"""Scans that have moved, by project, of which a warning was given."""
 _TYPES: dict[str, type] = {"Box": Box, "Slab": Slab}
 """Classes of which a field may hold either; their name is stored beside their fields."""
 
@@ -34,7 +40,9 @@ def is_project(path: Path) -> bool:
 
 def write_project(path: Path, document: Document) -> None:
     """Writes a document so that an older file stays as it was on any failure.  Raises InputError naming the file."""
-    data = {"pointglass_project": VERSION, "document": to_json(_with_paths(document, lambda p: _relative(p, path.parent)))}
+    places = [dataclasses.asdict(place_of(scan.path, path)) for scan in document.scans]
+    data = {"pointglass_project": VERSION, "document": to_json(_with_paths(document, lambda p: _relative(p, path.parent))),
+            "places": places}
     text = json.dumps(data, indent=1, allow_nan=False) + "\n"
     try:
         write_atomic(path, lambda beside: beside.write_text(text, encoding="utf-8"))
@@ -45,9 +53,19 @@ def write_project(path: Path, document: Document) -> None:
 def read_project(path: Path) -> Document:
     """The document of a project file; paths of scans are absolute, or relative to the working directory, as ``path`` is.
 
-    Raises InputError in one line that names the file, the place in it and the bad value.  Scans that are not there are no
-    error here: the window says which are missing.
+    A scan that has moved is found where viewer.tools.moved_scans looks for it, and a warning says where.  Raises InputError in
+    one line that names the file, the place in it and the bad value.  Scans that are not found are no error here: the window
+    asks for them, and scans_of refuses them.
     """
+    return _read(path)[0]
+
+
+def places_in(path: Path) -> dict[str, ScanPlace]:
+    """What a project file tells about the places of its scans: path as in read_project -> place.  Raises as read_project."""
+    return _read(path)[1]
+
+
+def _read(path: Path) -> tuple[Document, dict[str, ScanPlace]]:
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(f"{path}: {path.stat().st_size} bytes are too many for a project file; is it a scan?")
@@ -64,30 +82,56 @@ def read_project(path: Path) -> Document:
     if version > VERSION:
         raise InputError(f"{path}: a project of version {version}, this program reads up to {VERSION}; update pointglass")
     try:
-        document = from_json(Document, data.get("document"), "document")
+        document = document_from_json(data.get("document"))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    return _with_paths(document, lambda p: str(path.parent / p))
+    document, found, places = _with_paths(document, lambda p: str(path.parent / p)), [], places_from(data.get("places"))
+    for scan, place in zip(document.scans, places + [ScanPlace()] * len(document.scans)):
+        there = str(found_scan(path, scan.path, place))
+        if there != scan.path and (path, there) not in _told:
+            _told.add((path, there))
+            _log.warning("%s: its scan %s is not there any more; found as %s", path, scan.path, there)
+        found.append((dataclasses.replace(scan, path=there), place))
+    return dataclasses.replace(document, scans=tuple(scan for scan, _ in found)), {scan.path: place for scan, place in found}
 
 
 def scans_of(path: Path, document: Document) -> list[Path]:
-    """The visible scans of a project read from ``path``.  Raises InputError where there is none, or one is missing."""
+    """The visible scans of a project read from ``path``.  Raises InputError where there is none, MissingScans where
+    some are not there."""
     scans = [Path(scan.path) for scan in document.scans if scan.visible]
     if not scans:
         raise InputError(f"{path}: no scan of this project is visible; nothing to open")
-    for scan in scans:
-        if not scan.exists():
-            raise InputError(f"{path}: its scan {scan} is not there; move it back or change the path in the project")
+    if missing := [scan for scan in scans if not scan.exists()]:
+        raise MissingScans(path, missing)
     return scans
 
 
 def check_projects(paths: list[Path]) -> None:
-    """Raises InputError where the project among ``paths`` cannot be opened, or is not alone."""
+    """Raises InputError where the project among ``paths`` cannot be opened, or is not alone; MissingScans as scans_of."""
+    if (project := project_among(paths)) is not None:
+        scans_of(project, read_project(project))
+
+
+def project_among(paths: typing.Sequence[Path]) -> Path | None:
+    """The project that ``paths`` is, None where they are scans.  Raises InputError where a project is not alone."""
     projects = [path for path in paths if is_project(path)]
     if projects and len(paths) > 1:
         raise InputError(f"{projects[0]}: a project is opened by itself, not together with other files")
-    for path in projects:
-        scans_of(path, read_project(path))
+    return projects[0] if projects else None
+
+
+def relocated(document: Document, located: typing.Mapping[str, str | None]) -> Document:
+    """The document with other paths for some scans.  located: path in the document -> where that scan is; None: it is left
+    out, that is not visible."""
+    scans = [dataclasses.replace(scan, path=located[scan.path] or scan.path,
+                                 visible=scan.visible and located[scan.path] is not None)
+             if scan.path in located else scan for scan in document.scans]
+    return dataclasses.replace(document, scans=tuple(scans))
+
+
+def document_from_json(data) -> Document:
+    """The document in a parsed project file.  Raises InputError naming the place in it."""
+    return from_json(Document, data, "document")
 
 
 def _relative(path: str, folder: Path) -> str:

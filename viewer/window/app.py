@@ -27,6 +27,7 @@ from .interaction.table import toolbox
 from .interaction.tool import ToolContext
 from .interface import draw_interface
 from .loading import Loaded, open_scene, preview_scene
+from .missing_scans import MissingScansDialog
 from .recent import RecentScan, remember
 from .save_actions import SaveActions
 from .session import Session
@@ -79,6 +80,7 @@ class App:
         )  # fmt: skip
         self.files = FileDialogs(glfw.post_empty_event, self._scan_folder)
         self.choice_window = ChoiceWindow()
+        self.missing_scans = MissingScansDialog()
         self.start_page = StartPage(self.context)
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
@@ -94,6 +96,12 @@ class App:
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
         self._measure_density()
 
+    @property
+    def asking(self) -> bool:
+        """Whether a file dialog or a question is open, whose keys are its own."""
+        asked = self.files.choice is not None or self.missing_scans.asked is not None
+        return asked and self.session.notices.message is None
+
     def _scan_folder(self) -> Path | None:
         """Where the first file of the scan lies; None without one."""
         paths = self.session.visit.paths
@@ -103,7 +111,7 @@ class App:
         """Gives what the gamepad asks for to the camera, and does what its buttons stand for."""
         push, actions = self.gamepad.read()
         session = self.session
-        free = session.scene is not None and session.notices.message is None and self.files.choice is None
+        free = session.scene is not None and session.notices.message is None and not self.asking
         session.flight.push = push if free else STILL
         for action in actions:
             self.wake()
@@ -222,6 +230,7 @@ class App:
         message = session.notices.message
         if self.files.poll():
             self.wake()
+        self.missing_scans.follow(self)
         if (loaded := session.poll()) is not None:
             self._upload(loaded)
         if session.notices.message is not message:

@@ -13,7 +13,6 @@ from .interaction.tool import KeyEvent, Modifiers, PointerEvent, Toolbox, ToolCo
 from .session import Session
 
 if TYPE_CHECKING:
-    from .file_dialog.file_dialogs import FileDialogs
     from .theme import Theme
 
 _GRIP = 9.0  # logical pixels either side of the comparison's line that take hold of it
@@ -32,8 +31,9 @@ class Host(Protocol):
     theme: "Theme"
     toolbox: Toolbox
     tools: ToolContext
-    files: "FileDialogs"
 
+    @property
+    def asking(self) -> bool: ...  # whether a question or a file dialog is open that takes all keys
     def wake(self) -> None: ...
     def linger(self) -> None: ...
     def act(self, action: str) -> None: ...
@@ -89,8 +89,7 @@ class Input:
             host.session.flight.stop_glide()
         self._note_modifiers(mods, key, action)
         imgui.backends.glfw_key_callback(host.address, key, scancode, action, mods)
-        choosing = host.files.choice is not None and host.session.notices.message is None  # whose keys are its own
-        typing = imgui.get_io().want_text_input or choosing
+        typing = imgui.get_io().want_text_input or host.asking
         name, chord = self._chord(key, scancode, action, mods)
         if chord is not None and chord.everywhere:
             if action == glfw.PRESS:

@@ -50,7 +50,9 @@ def draw_interface(app: "App", *, shown: bool = True) -> None:
     hud.draw_toasts(session, look)  # with the interface hidden, too: they go by themselves
     dialogs.draw_help(session, look, app.input.key_name)
     dialogs.draw_load(session, look)
-    app.choice_window.draw(app.files, look, covered=session.notices.message is not None)
+    message = session.notices.message is not None
+    app.missing_scans.draw(app, look, covered=message or app.files.choice is not None)
+    app.choice_window.draw(app.files, look, covered=message)
     dialogs.draw_message(session, look)
     imgui.render()
     if shown:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import Cancelled, PointglassError
 from ..settings import Settings
+from ..tools.moved_scans import MissingScans
 from .notices import Notices, ScanNotice
 from .start_viewpoint import Survey, survey
 from .worker import Worker
@@ -149,7 +150,8 @@ def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") ->
 class ScanLoads:
     """The load of scans under way, one at a time, and those given up that still clean up after themselves.
 
-    current: the load under way, else None.  prepare: the scans to read of what is opened (of a project, its scans); raises
+    current: the load under way, else None.  missing: scans of a project that were not there, until somebody asks for them.
+    prepare: the scans to read of what is opened (of a project, its scans); raises
     PointglassError.  open_scene, preview_scene, wake: replaceable in tests.
     """
 
@@ -160,6 +162,7 @@ class ScanLoads:
         self.open_scene, self.preview_scene = open_scene, preview_scene
         self.prepare: Callable[[Sequence[Path]], list[Path]] = list
         self.current: Worker | None = None
+        self.missing: MissingScans | None = None
         self._preview: Loaded | None = None
         self._shown = threading.Event()
         self._abandoned: list[Worker] = []
@@ -172,6 +175,9 @@ class ScanLoads:
         self.cancel()
         try:
             given, colours = self.prepare(paths), {"match": False} if as_scanned else {}
+        except MissingScans as error:
+            self.missing = error
+            return
         except PointglassError as error:
             self._notices.say("This project cannot be opened", str(error))
             return

@@ -15,7 +15,7 @@ from ..tools.altered_pictures import edits_of
 from ..tools.document import Document, ScanFile, moved
 from ..tools.history import History
 from ..tools.pick import Picked
-from ..tools.project import SUFFIX, check_projects, is_project, read_project, scans_of, write_project
+from ..tools.project import SUFFIX, project_among, read_project, relocated, scans_of, write_project
 from ..tools.reference import with_reference
 from .photo_layer import ShownPhoto
 
@@ -25,7 +25,8 @@ class Work:
     shot_scale: times the sides of the picture that F12 saves.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
-    reference_problem: why the assigned reference system cannot be used, None where it can."""
+    reference_problem: why the assigned reference system cannot be used, None where it can.
+    located: path of a scan in a project -> where a person said it is, None: left out."""
 
     def __init__(self) -> None:
         self.history = History(Document())
@@ -35,6 +36,7 @@ class Work:
         self.photo: ShownPhoto | None = None
         self.shot_scale = 1
         self.reference_problem: str | None = None
+        self.located: dict[str, str | None] = {}
         self._facts: tuple[dict, tuple[ScanFile, ...], dict] | None = None
         self._next: tuple[Document, Path | None] = Document(), None  # what is being opened
 
@@ -82,16 +84,17 @@ class Work:
     def begin(self, paths: Sequence[Path]) -> list[Path]:
         """Scans, or one project, are to be opened.  Returns the scans to read: of a project those that are visible.
 
-        Raises InputError where a project is damaged, holds no visible scan, or is not alone.
+        Raises InputError where a project is damaged, holds no visible scan, or is not alone; MissingScans where scans are not
+        there and nobody has located them.
         """
-        projects = [path for path in paths if is_project(path)]
-        if not projects:
+        project = project_among(paths)
+        if project is None:
             self._next = Document(tuple(ScanFile(str(path)) for path in paths)), None
             return list(paths)
-        check_projects(list(paths))
-        document = read_project(projects[0])
-        self._next = document, projects[0]
-        return scans_of(projects[0], document)
+        document = relocated(read_project(project), self.located)
+        scans = scans_of(project, document)
+        self._next = document, project
+        return scans
 
     def accept(self) -> Document:
         """What :meth:`begin` began is shown now.  Returns its document."""
