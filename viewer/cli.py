@@ -34,11 +34,9 @@ def _view(options: argparse.Namespace) -> int:
         if not path.exists():
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     if any(path.suffix.lower() == ".pointglass" for path in options.scans):
-        from .tools.moved_scans import MissingScans
         from .tools.project import check_projects
 
-        with contextlib.suppress(MissingScans):  # the window asks where they are
-            check_projects(options.scans)  # refused before a window opens
+        check_projects(options.scans, ask=True)  # refused before a window opens
     if options.scans:
         _preload()
     from .window.run_window import run

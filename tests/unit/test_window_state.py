@@ -17,6 +17,7 @@ from pointglass.viewer.settings import Settings
 from pointglass.viewer.tools.background import composite
 from pointglass.viewer.window import controls
 from pointglass.viewer.window.capture import FrameTimes, save_png, stamped
+from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
 from pointglass.viewer.window.loading import Loaded, expanded, open_each
 from pointglass.viewer.window.present import split_column
 from pointglass.viewer.window.save_actions import SaveActions
@@ -265,7 +266,7 @@ class NoViewport:
 
 def test_without_a_scan_there_is_nothing_to_keep_and_it_says_so(tmp_path):
     made = Session(Settings(view="filled"), (640, 400), load_network=lambda settings: None)
-    save_actions = SaveActions(made, cast("Viewport", NoViewport()), tmp_path)
+    save_actions = SaveActions(made, cast("Viewport", NoViewport()), FileDialogs(), tmp_path)
     assert save_actions.screenshot() is None and save_actions.record() is None and made.recording is None
     assert [toast.text for toast in made.notices.toasts] == ["Nothing to record yet: drop a scan here first"]
     assert not list(tmp_path.iterdir())
@@ -273,7 +274,7 @@ def test_without_a_scan_there_is_nothing_to_keep_and_it_says_so(tmp_path):
 
 def test_a_recording_without_a_frame_leaves_no_empty_file(tmp_path):
     made, _ = session()
-    save_actions = SaveActions(made, cast("Viewport", NoViewport()), tmp_path)
+    save_actions = SaveActions(made, cast("Viewport", NoViewport()), FileDialogs(), tmp_path)
     save_actions.record()
     assert made.recording is not None and save_actions.record() is None and made.recording is None
     assert [toast.text for toast in made.notices.toasts] == ["No frame was drawn meanwhile: nothing saved"]

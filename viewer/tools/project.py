@@ -6,6 +6,7 @@ folders up lead to them; else absolute.  ``places`` has both kinds of path of ea
 (viewer.tools.moved_scans).  Numbers keep all 17 digits: reading gives the same values.
 """
 
+import contextlib
 import dataclasses
 import json
 import logging
@@ -106,10 +107,12 @@ def scans_of(path: Path, document: Document) -> list[Path]:
     return scans
 
 
-def check_projects(paths: list[Path]) -> None:
-    """Raises InputError where the project among ``paths`` cannot be opened, or is not alone; MissingScans as scans_of."""
+def check_projects(paths: list[Path], *, ask: bool = False) -> None:
+    """Raises InputError where the project among ``paths`` cannot be opened, or is not alone; MissingScans as scans_of, unless
+    somebody can be asked where they are."""
     if (project := project_among(paths)) is not None:
-        scans_of(project, read_project(project))
+        with contextlib.suppress(*([MissingScans] if ask else [])):
+            scans_of(project, read_project(project))
 
 
 def project_among(paths: typing.Sequence[Path]) -> Path | None:
@@ -161,7 +164,7 @@ def to_json(value):
     return value
 
 
-def from_json(kind, data, where: str):
+def from_json(kind, data, where: str) -> typing.Any:
     """A value of a type hint from JSON.  Raises InputError naming ``where`` in the file and what was expected."""
     origin, parts = typing.get_origin(kind), typing.get_args(kind)
     if origin in (typing.Union, types.UnionType):
