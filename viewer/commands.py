@@ -57,7 +57,7 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
     from .tools.exporting.command import add_arguments
 
     add_scans(parser)
-    add_exposures(parser)
+    add_exposures(parser, default="as-scanned")
     add_arguments(parser)
 
 

@@ -150,11 +150,11 @@ def add_columns(parser: argparse.ArgumentParser) -> None:
                              "(ignored), such as x,y,z,i,r,g,b,- (default: recognised from the values)")
 
 
-def add_exposures(parser: argparse.ArgumentParser) -> None:
+def add_exposures(parser: argparse.ArgumentParser, default: str = "matched") -> None:
     """Exposure compensation."""
-    parser.add_argument("--exposures", choices=["matched", "as-scanned"], default="matched",
+    parser.add_argument("--exposures", choices=["matched", "as-scanned"], default=default,
                         help="matched: compensate different exposures of scans of one place; as-scanned: colours as in the "
-                             "file (default matched)")
+                             f"file (default {default})")
 
 
 def add_logging(parser: argparse.ArgumentParser) -> None:

@@ -12,13 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .source import Chunk, ScanInfo, Source, stretch
+from .source import Chunk, Records, ScanInfo, Source, stretch
 
 Columns = dict[str, np.ndarray]
 """Columns of rows, (n,) each: x y z coordinates, r g b colour, i intensity, c class, s station."""
 Ranges = dict[str, tuple[float, float]]
 """Lowest and highest finite value of columns."""
 ALL = "xyzrgbics"
+_NAMES = {"i": "intensity", "c": "classification", "s": "point_source_id"}
+"""Names in ``Records`` of columns that have one letter here."""
 RANGE_RUNS = 64
 """Runs of a sample whose values give the range of its colours and intensities; chosen by hand: 65,000 points."""
 
@@ -52,6 +54,18 @@ class ColumnSource(Source):
         """Yields xyz and, where the file has them, rgb (uint8, or uint16 beyond 255), intensity, class and station."""
         for scan, columns in self._rows(ALL):
             yield self._chunk(scan, columns, self._file_ranges)
+
+    def record_chunks(self) -> Iterator[Records]:
+        """See Source.  Intensities, classes and ids as the file has them."""
+        for scan, columns in self._record_rows():
+            chunk = self._chunk(scan, columns, self._file_ranges)
+            kept, _, _ = self._placed(scan, columns)
+            named = {_NAMES.get(name, name): values for name, values in kept.items() if name not in "xyzrgb"}
+            yield Records(chunk.xyz, chunk.rgb, chunk.scan, named)
+
+    def _record_rows(self) -> Iterator[tuple[int, Columns]]:
+        """Yields rows as ``_rows`` does, with all columns of the file; further ones by names of more than one letter."""
+        return self._rows(ALL)
 
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """See Source.  Ranges of floating-point colours and intensities are those of the first RANGE_RUNS runs."""

@@ -141,10 +141,16 @@ def wkt(code: str) -> str:
     """WKT 1 (GDAL's) of an EPSG code; WKT 2 where version 1 cannot express it.  Raises InputError as :func:`assigned`."""
     name = assigned(code)[0]
     assert name is not None
+    return wkt_of_definition(name)
+
+
+def wkt_of_definition(definition: str) -> str:
+    """WKT 1 (GDAL's) of an EPSG code or a PROJ string; WKT 2 where version 1 cannot express it.  Raises ValueError where PROJ
+    knows no such system, ImportError where pyproj cannot be loaded."""
     from pyproj.enums import WktVersion
     from pyproj.exceptions import CRSError
 
-    system = _crs(name)
+    system = _crs(definition)
     try:
         return system.to_wkt(WktVersion.WKT1_GDAL)
     except CRSError:

@@ -28,8 +28,9 @@ from .e57_nodes import (
     xml_of,
 )  # fmt: skip
 from .e57_packets import PacketReader, UnknownPacking
+from .e57_records import BLOCK, RawField, arrays_for, columns_of, fields_of, raw_blocks
 from .sampling import interleaved
-from .source import Chunk, ScanInfo, Source, stretch
+from .source import Chunk, Records, ScanInfo, Source, stretch
 
 _CHUNK = 1 << 19  # points of a buffer, float64 for every field (4 MB each); chosen by hand
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -128,6 +129,33 @@ class E57Source(Source):
                 for columns in self._columns(number, scan.wanted):
                     yield self._chunk(number, scan, columns, scan.intensity or self._intensity_of(number, columns))
 
+    def record_chunks(self) -> Iterator[Records]:
+        """See Source.  columns: every field besides coordinates, colour and marks of missing values."""
+        for number, scan in enumerate(self._scans):
+            if not scan.count:
+                continue
+            with open_e57(self.path) as file:
+                points = file.root()["data3D"][number]["points"]
+                fields, _ = fields_of(library().StructureNode(points.prototype()))
+                arrays, done = arrays_for(fields, min(BLOCK, scan.count)), 0
+                for n in raw_blocks(file, points, fields, arrays):
+                    raw = {name: values[:n] for name, values in arrays.items()}
+                    valid, chunk = self.placed(number, fields, raw)
+                    raw = raw if valid is None else {name: values[valid] for name, values in raw.items()}
+                    done += n
+                    yield Records(chunk.xyz, chunk.rgb, number, columns_of(fields, raw))
+                if done < scan.count:
+                    raise self._truncated(number, done)
+
+    def placed(self, number: int, fields: list[RawField], raw: dict[str, np.ndarray]) -> tuple[np.ndarray | None, Chunk]:
+        """Which records of a block are points, (n,) bool or None for all, and these points.  raw: fields of scan ``number`` as
+        stored."""
+        scan = self._scans[number]
+        columns = {field.name: np.asarray(field.scaled(raw[field.name]), np.float64) for field in fields
+                   if field.name in scan.wanted}  # fmt: skip
+        chunk = self._chunk(number, scan, columns, scan.intensity or (0.0, 1.0))
+        return self._valid(scan, columns), chunk
+
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """See Source; None where the points are packed in a way that only libe57 decodes.  Checksums are not checked.  Where
         the file gives no range of intensities, that of the scan's first RANGE_RUNS runs stands for it."""
@@ -165,8 +193,8 @@ class E57Source(Source):
     def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], intensities: tuple[float, float]) -> Chunk:
         """columns: scaled, of ``scan.wanted``.  intensities: range that becomes the whole of uint16."""
         size = len(columns[scan.coordinates[0]])
-        if scan.state in columns:
-            valid = columns[scan.state] == 0  # 1: only the direction is known, 2: nothing
+        valid = self._valid(scan, columns)
+        if valid is not None:
             columns = {name: values[valid] for name, values in columns.items()}
         if scan.coordinates is _CARTESIAN:
             local = np.stack([columns[name] for name in _CARTESIAN], axis=1)
@@ -188,6 +216,10 @@ class E57Source(Source):
             if _NO_INTENSITY in columns:
                 intensity[columns[_NO_INTENSITY] != 0] = 0
         return Chunk(xyz, rgb, intensity, number, size - len(xyz))
+
+    def _valid(self, scan: _Scan, columns: dict[str, np.ndarray]) -> np.ndarray | None:
+        """(n,) bool: which records are points, not directions without a return; None: all."""
+        return columns[scan.state] == 0 if scan.state in columns else None  # 1: only the direction is known, 2: nothing
 
     def _intensity_of(self, number: int, columns: dict[str, np.ndarray]) -> tuple[float, float]:
         """Range of a scan's intensities where the file gives none: that field is read once, at first need."""
@@ -213,15 +245,16 @@ class E57Source(Source):
                 while done < count:
                     n = reader.read()
                     if n == 0:
-                        raise InputError(
-                            f"{self.path}: truncated: {done:,} of {count:,} points of {self.scans[number].name!r} "
-                            "could be read; copy or export it again"
-                        )
+                        raise self._truncated(number, done)
                     done += n
                     yield {name: array[:n].copy() for name, array in arrays.items()}
             finally:
                 if reader.isOpen():
                     reader.close()
+
+    def _truncated(self, number: int, done: int) -> InputError:
+        return InputError(f"{self.path}: truncated: {done:,} of {self._scans[number].count:,} points of "
+                          f"{self.scans[number].name!r} could be read; copy or export it again")
 
 
 def _range_of(blocks: Iterable[np.ndarray]) -> tuple[float, float]:

@@ -71,6 +71,7 @@ class OctreeSource(ColumnSource):
         """Sets units and name of the reference system from WKT, an EPSG code or a PROJ string."""
         if isinstance(text, str) and text.strip():
             self.crs, self.units, self.metres_per_unit = crs.from_text(text)
+            self.crs_text = text
 
     def _damaged(self, what: str, file: Path | None = None) -> InputError:
         return InputError(f"{file or self.entry}: damaged: {what}; copy or convert the scan again")

@@ -16,7 +16,7 @@ from ..errors import InputError
 from .column_source import RANGE_RUNS, Columns, Ranges
 from .ply_header import Element, read_header
 from .sampling import run_starts
-from .source import CHUNK, Chunk, ScanInfo, Source, stretch, surplus_warning
+from .source import CHUNK, Chunk, Records, ScanInfo, Source, stretch, surplus_warning
 from .text_rows import TextRows
 from .text_sample import TextRegion, sample_rows
 
@@ -61,6 +61,15 @@ class PlySource(Source):
         """Yields xyz, rgb (uint8, or uint16 where the fields are wider), intensity and class."""
         for columns in self._columns():
             yield self._chunk(columns, self._file_ranges)
+
+    def record_chunks(self) -> Iterator[Records]:
+        """See Source.  columns: every property besides coordinates and colour; numbers of text as float64."""
+        placed = {*"xyz", *(self._rgb or ())}
+        names = {self._intensity: "intensity", self._class: "classification"}
+        for found in self._columns():
+            chunk = self._chunk(found, self._file_ranges)
+            columns = {names.get(name, name): values for name, values in found.items() if name not in placed}
+            yield Records(chunk.xyz, chunk.rgb, chunk.scan, columns)
 
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """See Source; None where lists, whose length varies, are in or before the vertices.  Ranges of floating-point colours

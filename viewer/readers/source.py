@@ -83,6 +83,8 @@ class Source:
     precision: float = 2.0**-53
     scans: list[ScanInfo] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
+    crs_text: str | None = None
+    """The definition of ``crs`` as the file has it, where it is a text."""
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields the points from the beginning.  Raises InputError where the file is damaged."""

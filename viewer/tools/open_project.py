@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from ..grid.scene import Scene
 
 
-def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
+def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[Scene, Document]":
     """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
 
-    options: as viewer.options.add_scans and add_exposures make them.  Raises InputError where a project is damaged, holds no
+    options: as viewer.options.add_scans and add_exposures make them.  match: as for open_scene, None: by ``options``.  Raises InputError where a project is damaged, holds no
     visible scan, or is not alone, or assigns a reference system that is not known.
     """
     from ..grid.open_scene import open_scene
@@ -27,7 +27,8 @@ def opened(options: argparse.Namespace) -> "tuple[Scene, Document]":
         scans = scans_of(options.scans[0], document)
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
-    scene = open_scene(scans, cache=not options.no_cache, match=options.exposures == "matched", columns=options.columns)
+    match = options.exposures == "matched" if match is None else match
+    scene = open_scene(scans, cache=not options.no_cache, match=match, columns=options.columns)
     scene = prepared(scene, document.ghosts)
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
 

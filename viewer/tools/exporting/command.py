@@ -1,10 +1,14 @@
 """``pointglass export``: measured points only; never a filled pixel or a colour that the network made.
 
-A project is exported as it is seen: without hidden scans and stations, and only what its clips leave.
+The files are read again and whole records are copied.  A project is exported as it is seen: without hidden scans and stations,
+and only what its clips leave.
 """
 
 import argparse
+import os
 import shutil
+import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from ....model.common.atomic_write import passes_through, write_atomic
@@ -12,45 +16,100 @@ from ...errors import InputError
 from ...text import bytes_text, counted
 from ..altered_pictures import edits_of
 from ..open_project import opened
-from .point_writers import WRITERS, bytes_needed, writer_for
+from .losses import Losses
 from .selection import Selection, clips_of
+from .targets import bytes_needed, check_ending, write
+
+_FOLDER_FILES = ("cloud.js", "ept.json", "metadata.json")
+"""Files that describe a scan of many files in their folder."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options besides scans and exposures."""
-    parser.add_argument("--out", type=Path, required=True, metavar="F",
-                        help=f"the file to write; its ending decides the format: {', '.join(WRITERS)}")
-    parser.add_argument("--clip", action="append", default=[], metavar="BOX",
-                        help="keep only points inside xmin,ymin,zmin,xmax,ymax,zmax (file coordinates); several boxes add up")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="F",
+        help="the file to write; its ending decides the format: .las, .laz, .ply, .e57",
+    )
+    parser.add_argument(
+        "--clip",
+        action="append",
+        default=[],
+        metavar="BOX",
+        help="keep only points inside xmin,ymin,zmin,xmax,ymax,zmax (file coordinates); several boxes add up",
+    )
+    parser.add_argument(
+        "--all-columns",
+        action="store_true",
+        help="PLY: also write columns besides coordinates, colour, intensity, scan and class, and 16-bit colours",
+    )
 
 
-def export(selection: Selection, out: Path) -> int:
-    """Writes the points of a selection; returns how many.  Raises InputError; then nothing is left behind."""
-    writer = writer_for(out)
+def export(
+    selection: Selection, out: Path, *, columns: str | None = None, matched: bool = False, all_columns: bool = False,
+    note: Callable[[str], None] | None = None,
+) -> int:  # fmt: skip
+    """Writes the records of a selection; returns how many.
+
+    columns: what the columns of text files are, as for viewer.grid.open_scene.  matched: colours with compensated exposures, as
+    the scene shows them, instead of the files'.  all_columns: PLY only, see ply_writer.  note: called with one line about what
+    the file cannot hold, where there is such.
+    Raises InputError; then nothing is left behind.
+    """
+    check_ending(out)
     if out.is_dir() or passes_through(out):
         raise InputError(f"--out {out}: is not a file that can be replaced; choose another name")
     if not out.parent.is_dir():
         raise InputError(f"--out {out}: its folder does not exist; make {out.parent} first")
-    sources = {Path(source).resolve() for source in selection.scene.meta.get("sources") or []}
-    if out.resolve() in sources:
-        raise InputError(f"--out {out}: is the scan itself; choose another name")
-    counts = selection.count()
-    total = int(counts.sum())
-    free, needed = shutil.disk_usage(out.parent).free, bytes_needed(out, total)
+    _check_not_source(selection, out)
+    free, needed = shutil.disk_usage(out.parent).free, bytes_needed(out, selection)
     if free < needed:
         raise InputError(f"--out {out}: needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}; make room")
+    losses, written = Losses(), [0]
+
+    def fill(path: Path) -> None:
+        written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns)
+
     try:
-        write_atomic(out, lambda beside: writer(beside, selection, counts), sources=sources)
+        write_atomic(out, fill, sources=[Path(source) for source in selection.scene.meta.get("sources") or []])
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
-    return total
+    if losses and note is not None:
+        note(losses.text)
+    return written[0]
+
+
+def _check_not_source(selection: Selection, out: Path) -> None:
+    """Raises InputError where the file to write is a scan that is read, by whatever name."""
+    for source in selection.scene.meta.get("sources") or []:
+        path = Path(source)
+        same = out.exists() and path.exists() and os.path.samefile(path, out)
+        inside = path.name.lower() in _FOLDER_FILES and path.parent.resolve() in out.resolve().parents
+        if same or inside or out.resolve() == path.resolve():
+            raise InputError(f"--out {out}: is the scan itself, or inside its folder; choose another name")
 
 
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
-    writer_for(options.out)
+    check_ending(options.out)
     boxes = clips_of(options.clip)
-    scene, document = opened(options)
-    count = export(Selection(scene, document.clips, boxes, edits_of(document.alterations).hidden_in(scene)), options.out)
+    matched = options.exposures == "matched"
+    # colours are read from the files; the grid that the window keeps in the cache serves as well as any
+    scene, document = opened(options, match=matched or not options.no_cache)
+    selection = Selection(scene, document.clips, boxes, edits_of(document.alterations).hidden_in(scene))
+
+    def note(text: str) -> None:
+        print(f"pointglass: {options.out}: {text}", file=sys.stderr)
+
+    count = export(
+        selection,
+        options.out,
+        columns=options.columns,
+        matched=matched,
+        all_columns=options.all_columns,
+        note=note,
+    )
     print(f"{counted(count, 'point')} in {options.out}")
     return 0

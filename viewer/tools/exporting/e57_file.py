@@ -1,0 +1,160 @@
+"""An E57 that is being written through libe57: header, nodes copied from another file, errors.
+
+Frame and units: those of E57, metres in the file's frame.
+"""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+
+from ...readers.e57_nodes import first_line, library
+from ...readers.e57_records import BLOCK, arrays_for, buffers_of, fields_of, raw_blocks
+
+EXTENSION = ("pg", "urn:pointglass:columns:1")
+"""Prefix and name of the extension that holds columns for which E57 has no field."""
+_BLOB = 1 << 22
+"""Bytes of a photograph copied at a time."""
+
+
+@contextmanager
+def new_file(path: Path) -> Iterator[Any]:
+    """A file for writing, closed at the end.  Errors of libe57 in writing become OSError.  On failure what was written is of no
+    use, and the caller removes it."""
+    libe57 = library()
+    image = None
+    try:
+        image = libe57.ImageFile(os.fsencode(path), "w")
+        image.extensionsAdd("", libe57.E57_V1_0_URI)
+        yield image
+        image.close()
+    except libe57.E57Exception as error:
+        raise OSError(errno.EIO, f"libe57: {first_line(error)}", str(path)) from None
+    finally:
+        if image is not None and image.isOpen():
+            image.cancel()
+
+
+@contextmanager
+def writer_of(points, buffers) -> Iterator[Any]:
+    """A writer of a CompressedVector that is closed before the file is."""
+    writer = points.writer(buffers)
+    try:
+        yield writer
+    finally:
+        if writer.isOpen():
+            writer.close()
+
+
+def header(image: Any, texts: dict[str, str]) -> None:
+    """The root's fields of a new file; ``texts`` adds to them."""
+    libe57, root = library(), image.root()
+    known = {
+        "formatName": "ASTM E57 3D Imaging Data File",
+        "guid": new_guid(),
+        "e57LibraryVersion": libe57.E57_LIBRARY_ID,
+    } | texts
+    for name, text in known.items():
+        root.set(name, libe57.StringNode(image, text))
+    for name, number in (("versionMajor", libe57.E57_FORMAT_MAJOR), ("versionMinor", libe57.E57_FORMAT_MINOR)):
+        root.set(name, libe57.IntegerNode(image, number))
+
+
+def new_guid() -> str:
+    return f"{{{uuid4()}}}"
+
+
+@dataclass
+class NodeCopy:
+    """Copies nodes into ``image``.  Blobs and CompressedVectors get their content by :meth:`finish`, once their parents belong
+    to the file.  texts: paths of point fields that were left out, since pye57 does not read texts."""
+
+    image: Any
+    texts: list[str] = field(default_factory=list)
+    _later: list[tuple[Any, Any, Any]] = field(default_factory=list)
+
+    def copied(self, node: Any, source: Any, without: tuple[str, ...] = ()) -> Any:
+        """A copy of a node of the file ``source``.  without: names of children of a Structure that are left out."""
+        libe57, image = library(), self.image
+        if isinstance(node, libe57.StructureNode):
+            made = libe57.StructureNode(image)
+            for index in range(node.childCount()):
+                child = node[index]
+                if child.elementName() not in without:
+                    made.set(child.elementName(), self.copied(child, source))
+            return made
+        if isinstance(node, libe57.VectorNode):
+            made = libe57.VectorNode(image, node.allowHeteroChildren())
+            for index in range(node.childCount()):
+                made.append(self.copied(node[index], source))
+            return made
+        if isinstance(node, libe57.BlobNode):
+            made = libe57.BlobNode(image, node.byteCount())
+            self._later.append((node, made, source))
+            return made
+        if isinstance(node, libe57.CompressedVectorNode):
+            made = self.vector(node)
+            self._later.append((node, made, source))
+            return made
+        return self._leaf(node)
+
+    def vector(self, node: Any) -> Any:
+        """An empty CompressedVector with the same fields."""
+        libe57 = library()
+        prototype = self._prototype(libe57.StructureNode(node.prototype()), "")
+        return libe57.CompressedVectorNode(self.image, prototype, libe57.VectorNode(self.image, True))
+
+    def _prototype(self, structure: Any, prefix: str) -> Any:
+        libe57 = library()
+        made = libe57.StructureNode(self.image)
+        for index in range(structure.childCount()):
+            child = structure[index]
+            name = child.elementName()
+            if isinstance(child, libe57.StructureNode):
+                made.set(name, self._prototype(child, f"{prefix}{name}/"))
+            elif isinstance(child, (libe57.IntegerNode, libe57.ScaledIntegerNode, libe57.FloatNode)):
+                made.set(name, self._leaf(child))
+            else:
+                self.texts.append(prefix + name)
+        return made
+
+    def _leaf(self, node: Any) -> Any:
+        libe57, image = library(), self.image
+        if isinstance(node, libe57.IntegerNode):
+            return libe57.IntegerNode(image, node.value(), node.minimum(), node.maximum())
+        if isinstance(node, libe57.ScaledIntegerNode):
+            return libe57.ScaledIntegerNode(image, node.rawValue(), node.minimum(), node.maximum(), node.scale(), node.offset())
+        if isinstance(node, libe57.FloatNode):
+            return libe57.FloatNode(image, node.value(), node.precision(), node.minimum(), node.maximum())
+        return libe57.StringNode(image, node.value())
+
+    def finish(self) -> None:
+        """Copies the content of blobs and CompressedVectors."""
+        libe57 = library()
+        later, self._later = self._later, []
+        for node, made, source in later:
+            if isinstance(node, libe57.BlobNode):
+                size = node.byteCount()
+                buffer = np.empty(min(size, _BLOB), np.uint8)
+                for start in range(0, size, _BLOB):
+                    count = min(_BLOB, size - start)
+                    node.read(buffer, start, count)
+                    made.write(buffer, start, count)
+            else:
+                self._copy_all(node, made, source)
+
+    def _copy_all(self, node: Any, made: Any, source: Any) -> None:
+        fields, _ = fields_of(library().StructureNode(node.prototype()))
+        count = int(node.childCount())
+        if not fields or count == 0:
+            return
+        arrays = arrays_for(fields, min(count, BLOCK))
+        with writer_of(made, buffers_of(self.image, fields, arrays, len(next(iter(arrays.values()))))) as writer:
+            for n in raw_blocks(source, node, fields, arrays):
+                writer.write(n)

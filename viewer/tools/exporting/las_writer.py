@@ -1,0 +1,192 @@
+"""Columns to LAS 1.4 or LAZ: coordinates as decimal numbers of the source's resolution, further columns as dimensions.
+
+A column that fits a standard dimension of LAS becomes that one; others become extra dimensions with their own type.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import InputError
+from .columns import FULL, Column, Piece, Stream, Survey
+from .crs_records import Reference
+from .las_layout import PROJECTION
+from .losses import Losses
+
+_REACH = 2**31 - 8
+"""Largest whole number of a LAS coordinate, with room for rounding."""
+_FEWEST, _FLOAT32 = 3, 2.0**-24
+"""Decimals of a coordinate at least; relative resolution of single-precision coordinates."""
+_FULL_METRES, _FULL_DEGREES = 7, 9
+"""Decimals for coordinates that use all digits of double precision: a tenth of a micrometre, a tenth of a millimetre on the
+Earth's surface."""
+_STANDARD = {
+    "intensity": (0, 65535), "return_number": (0, 15), "number_of_returns": (0, 15), "synthetic": (0, 1), "key_point": (0, 1),
+    "withheld": (0, 1), "overlap": (0, 1), "scanner_channel": (0, 3), "scan_direction_flag": (0, 1),
+    "edge_of_flight_line": (0, 1), "classification": (0, 255), "user_data": (0, 255), "scan_angle": (-32768, 32767),
+    "point_source_id": (0, 65535),
+}  # fmt: skip
+"""Dimensions of point formats 6 to 8 that hold whole numbers, and their ranges."""
+_WAVEFORM = ("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location", "x_t", "y_t", "z_t")
+_ANGLE_STEP = 0.006
+"""Degrees of a step of ``scan_angle``; ``scan_angle_rank`` of earlier formats is in degrees."""
+_LONGEST = 32
+"""Bytes of a dimension's name."""
+
+
+def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, losses: Losses, *, precision: float,
+              degrees: bool = False) -> None:  # fmt: skip
+    """LAS 1.4 or, by the suffix, LAZ.  precision: relative resolution of the source's coordinates."""
+    import laspy
+
+    scales, offsets = coordinate_steps(found, precision, degrees, losses)
+    plan = _Plan(found, losses)
+    header = laspy.LasHeader(point_format=8 if "nir" in plan.standard else 7 if found.coloured else 6, version="1.4")
+    header.scales, header.offsets = scales, offsets
+    header.generating_software = "pointglass"
+    for name, data in reference.las_records:
+        header.vlrs.append(laspy.VLR(PROJECTION, name, record_data=data))
+        header.global_encoding.wkt |= name == 2112
+    for name, column in plan.extra.items():
+        kind = f"{column.width}{column.dtype.str[1:]}" if column.width > 1 else column.dtype
+        header.add_extra_dim(laspy.ExtraBytesParams(name, kind, description=plan.descriptions.get(name, "")))
+    compressed = path.suffix.lower() == ".laz"
+    with path.open("wb") as file, laspy.open(file, mode="w", header=header, closefd=False, do_compress=compressed) as writer:
+        for piece in stream.pieces("writing"):
+            points = laspy.ScaleAwarePointRecord.zeros(len(piece.xyz), header=header)
+            for axis, name in enumerate("XYZ"):
+                points[name] = np.rint((piece.xyz[:, axis] - offsets[axis]) / scales[axis]).astype(np.int32)
+            if found.coloured:
+                points.red, points.green, points.blue = found.colours16(piece).T
+            plan.fill(points, piece)
+            writer.write_points(points)
+
+
+def coordinate_steps(found: Survey, precision: float, degrees: bool, losses: Losses) -> tuple[np.ndarray, np.ndarray]:
+    """(scales, offsets), (3,) each: powers of ten that hold the coordinates' decimals, or the finest that 32 bits reach."""
+    scales, offsets = np.empty(3), np.empty(3)
+    for axis in range(3):
+        low, high = float(found.low[axis]), float(found.high[axis])
+        digits = max(int(found.decimals[axis]), _FEWEST)
+        if digits >= FULL:
+            digits = _FULL_DEGREES if degrees else _FULL_METRES
+            if precision >= _FLOAT32:
+                digits = int(np.ceil(-np.log10(max(abs(low), abs(high), 1e-6) * _FLOAT32))) + 1
+        digits = max(min(digits, 12), 0)
+        wanted = digits
+        while not _reaches(low, high, digits):
+            digits -= 1
+        if digits < wanted and found.decimals[axis] < FULL:
+            losses.add(f"coordinates are rounded to {10.0**-digits:g}, the finest step with which 32 bits reach so far")
+        scales[axis], offsets[axis] = float(f"1e{-digits}"), _offset(low, high, digits)
+    return scales, offsets
+
+
+def _offset(low: float, high: float, digits: int) -> float:
+    near = np.floor(low)
+    if (high - near) * 10.0**digits <= _REACH:
+        return float(near)
+    return float(np.rint((low + high) / 2))
+
+
+def _reaches(low: float, high: float, digits: int) -> bool:
+    offset = _offset(low, high, digits)
+    return max(high - offset, offset - low) * 10.0**digits <= _REACH
+
+
+class _Plan:
+    """Which column becomes which dimension."""
+
+    def __init__(self, found: Survey, losses: Losses):
+        self.standard: dict[str, str] = {}  # dimension -> column
+        self.extra: dict[str, Column] = {}
+        self._extra_of: dict[str, str] = {}  # dimension -> column
+        self.descriptions: dict[str, str] = {}
+        self._stretch: tuple[float, float] | None = None
+        columns = dict(found.columns)
+        if dropped := [name for name in _WAVEFORM if name in columns]:
+            losses.add("waveforms are left out")
+            for name in dropped:
+                del columns[name]
+        self._ranks = columns.pop("scan_angle_rank", None) is not None
+        gps = columns.get("gps_time")
+        if gps is not None and gps.width == 1:
+            self.standard["gps_time"] = "gps_time"
+            del columns["gps_time"]
+        if "nir" in columns and columns["nir"].fits(0, 65535) and found.coloured:
+            self.standard["nir"] = "nir"
+            del columns["nir"]
+        for name, (low, high) in _STANDARD.items():
+            if name in columns and columns[name].fits(low, high):
+                self.standard[name] = name
+                del columns[name]
+        self._numbered = self._needs_numbers(found, columns)
+        for name, column in columns.items():
+            self._add_extra(name, column)
+        if (column := columns.get("intensity")) is not None and column.high >= column.low:
+            self._stretch = (column.low, column.high)
+            step = (column.high - column.low) / 65535
+            losses.add(
+                f"intensities {column.low:g} to {column.high:g} are no whole numbers of 16 bits: they are kept in the extra "
+                f"dimension {next(made for made, of in self._extra_of.items() if of == 'intensity')}, and the standard one "
+                f"holds (intensity - {column.low:g}) / {step:g}"
+            )
+
+    def _needs_numbers(self, found: Survey, columns: dict[str, Column]) -> bool:
+        """Whether the number of the scan becomes the point source id: no source has such ids, or all of them are 0 and there
+        are several scans."""
+        column = found.columns.get("point_source_id")
+        if "point_source_id" in columns:
+            return False  # kept as an extra dimension
+        return max(found.counts, default=0) < 65535 and (column is None or (column.high <= 0 and len(found.counts) > 1))
+
+    def _add_extra(self, name: str, column: Column) -> None:
+        taken = {known.lower() for known in (*_STANDARD, *self.extra, "x", "y", "z", "gps_time", "red", "green", "blue", "nir")}
+        made = name if name.lower() not in taken else f"{name}_value"
+        made, number = _cut(made, ""), 1
+        while made.lower() in taken:
+            number += 1
+            made = _cut(name, f"_{number}")
+        if column.width > 3:
+            raise InputError(
+                f"{name}: {column.width} values a point, where an extra dimension of LAS has at most 3; export it as E57 or PLY"
+            )
+        dtype = column.dtype
+        if dtype.kind not in "iuf":
+            dtype = np.dtype(np.uint8)
+        if dtype == np.float16:
+            dtype = np.dtype(np.float32)
+        if dtype.itemsize > 8:
+            dtype = np.dtype(np.float64)
+        self.extra[made] = Column(dtype, column.width)
+        self._extra_of[made] = name
+        if made != name:
+            self.descriptions[made] = name.encode()[:_LONGEST].decode("utf-8", "ignore")
+
+    def fill(self, points: Any, piece: Piece) -> None:
+        """Sets the dimensions of a piece."""
+        for name, column in self.standard.items():
+            if column in piece.columns:
+                points[name] = piece.columns[column]
+        for name, column in self._extra_of.items():
+            if column in piece.columns:
+                points[name] = piece.columns[column]
+        if self._ranks and "scan_angle_rank" in piece.columns:
+            points["scan_angle"] = np.rint(piece.columns["scan_angle_rank"] / _ANGLE_STEP).astype(np.int16)
+        if self._numbered:
+            points["point_source_id"] = piece.scan + 1
+        ones = np.ones(len(piece.xyz), np.uint8)
+        if "return_number" not in piece.columns:
+            points["return_number"] = ones
+        if "number_of_returns" not in piece.columns:
+            points["number_of_returns"] = ones
+        if self._stretch is not None and "intensity" in piece.columns:
+            low, high = self._stretch
+            share = (np.asarray(piece.columns["intensity"], np.float64) - low) / ((high - low) or 1.0)
+            points["intensity"] = np.rint(np.nan_to_num(np.clip(share, 0, 1), nan=0.0) * 65535).astype(np.uint16)
+
+
+def _cut(name: str, ending: str) -> str:
+    """A name of at most _LONGEST bytes."""
+    return name.encode()[: _LONGEST - len(ending)].decode("utf-8", "ignore") + ending

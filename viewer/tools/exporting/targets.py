@@ -1,0 +1,82 @@
+"""Which writer makes a file: a copy of whole records where source and target have one format, else columns."""
+
+from pathlib import Path
+
+from ...errors import InputError
+from .columns import GridColumns, SourceColumns, survey
+from .crs_records import reference_of, without_sources
+from .e57_copy import can_copy as can_copy_e57
+from .e57_copy import copy_e57
+from .e57_writer import write_e57
+from .las_copy import can_copy as can_copy_las
+from .las_copy import copy_las
+from .las_writer import write_las
+from .losses import Losses
+from .ply_writer import write_ply
+from .record_stream import SourceRecords, refuse_empty
+from .selection import Selection
+
+ENDINGS = (".las", ".laz", ".ply", ".e57")
+_BYTES = {".ply": 32, ".las": 30, ".laz": 6, ".e57": 20}
+"""Of a point at least, to refuse a full disk before the work."""
+
+
+def check_ending(path: Path) -> None:
+    """Raises InputError unless the name's ending is known."""
+    if path.suffix.lower() not in ENDINGS:
+        raise InputError(f"--out {path}: expected a name ending in {', '.join(ENDINGS)}")
+
+
+def bytes_needed(path: Path, selection: Selection) -> int:
+    """A low estimate of a file's size; 0 where a selection decides it."""
+    if selection.clips or selection.within or selection.hidden:
+        return 0
+    return selection.scene.count * _BYTES[path.suffix.lower()]
+
+
+def write(path: Path, selection: Selection, losses: Losses, *, columns: str | None, matched: bool, all_columns: bool) -> int:
+    """Writes the file; returns the number of points.  Raises InputError, also where the selection leaves no point."""
+    scene, kind = selection.scene, path.suffix.lower()
+    sources = [Path(source) for source in scene.meta.get("sources") or []]
+    gone = [source for source in sources if not source.exists()]
+    live = list(getattr(scene, "live", ()) or ())
+    if gone or not (sources or live):
+        if gone:
+            losses.add(
+                f"{gone[0].name} is gone: its points are written as the grid has them, {scene.step / 2:.2g} file units exact, "
+                "without its other columns"
+            )
+        return _write_columns(
+            path, GridColumns(selection), selection, without_sources(scene.meta), losses, 2.0**-53, all_columns
+        )
+    records = SourceRecords(selection, columns, matched=matched)
+    reference = reference_of(scene.meta, records.sources, losses)
+    if kind in (".las", ".laz") and can_copy_las(records.sources):
+        count = copy_las(path, records, reference, losses)
+    elif kind == ".e57" and can_copy_e57(records):
+        count = copy_e57(path, records, reference, losses)
+    else:
+        precision = max(source.precision for source in records.sources)
+        stream = SourceColumns(records)
+        count = _write_columns(path, stream, selection, reference, losses, precision, all_columns)
+        if stream.lost or stream.far:
+            losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
+    if count == 0:
+        raise refuse_empty(scene)
+    return count
+
+
+def _write_columns(
+    path: Path, stream, selection: Selection, reference, losses: Losses, precision: float, all_columns: bool
+) -> int:
+    kind, meta = path.suffix.lower(), selection.scene.meta
+    found = survey(stream)
+    if found.count == 0:
+        raise refuse_empty(selection.scene)
+    if kind == ".ply":
+        write_ply(path, stream, found, reference, losses, crs=meta.get("crs"), units=meta.get("units"), all_columns=all_columns)
+    elif kind == ".e57":
+        write_e57(path, stream, found, reference, losses)
+    else:
+        write_las(path, stream, found, reference, losses, precision=precision, degrees=meta.get("units") == "degree")
+    return found.count
