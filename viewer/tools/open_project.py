@@ -16,8 +16,9 @@ if TYPE_CHECKING:
 def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[Scene, Document]":
     """The scene of ``options.scans`` and its document: that of the project, or an empty one for scans.
 
-    options: as viewer.options.add_scans and add_exposures make them.  match: as for open_scene, None: by ``options``.  Raises InputError where a project is damaged, holds no
-    visible scan, or is not alone, or assigns a reference system that is not known.
+    options: as viewer.options.add_scans and add_exposures make them.  match: as for open_scene; None: as ``options`` say.
+    Raises InputError where a project is damaged, holds no visible scan, or is not alone, or assigns a reference system that is
+    not known.
     """
     from ..grid.open_scene import open_scene
 

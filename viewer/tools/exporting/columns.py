@@ -129,7 +129,7 @@ class Survey:
 
     def close(self) -> "Survey":
         """Ends the pass."""
-        seen = {source for source in self.depth}
+        seen = set(self.depth)
         for column in self.columns.values():
             column.gaps = column.gaps_in_values or column.sources != seen
         return self

@@ -72,8 +72,9 @@ def export(
     def fill(path: Path) -> None:
         written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns)
 
+    sources = [path for path in map(Path, selection.scene.meta.get("sources") or []) if path.exists()]
     try:
-        write_atomic(out, fill, sources=[Path(source) for source in selection.scene.meta.get("sources") or []])
+        write_atomic(out, fill, sources=sources)
     except OSError as error:
         raise InputError(f"{out}: cannot be written ({error.strerror or error}); make room, or choose another --out") from None
     if losses and note is not None:

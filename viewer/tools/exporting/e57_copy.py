@@ -106,7 +106,7 @@ class _Scans:
         buffers = buffers_of(self._copy.image, fields, arrays, min(total, BLOCK))
         written, bounds = 0, _Bounds()
         with ExitStack() as stack:
-            writer = None if made is None else stack.enter_context(writer_of(made[1], buffers))
+            writer: Any = None if made is None else stack.enter_context(writer_of(made[1], buffers))
             for n in raw_blocks(self._file, points, fields, arrays):
                 running, count = self._select(index, fields, arrays, n, running, bounds)
                 if count and writer is None:

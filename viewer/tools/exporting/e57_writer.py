@@ -4,6 +4,7 @@ Columns for which E57 has no field are fields of an extension, ``pg:NAME``, so t
 """
 
 from contextlib import ExitStack
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -40,12 +41,13 @@ def write_e57(path: Path, stream: Stream, found: Survey, reference: Reference, l
 
 def _write_scans(image: Any, scans: Any, stream: Stream, plan: "_Fields", infos: list[ScanInfo], only: int | None) -> None:
     """Writes all scans, which follow each other in the stream, or the records of one scan."""
-    current, writer, arrays = -1, None, {}
+    current, arrays = -1, dict[str, np.ndarray]()
+    writer: Any = None
     place = np.zeros(3)
     with ExitStack() as stack:
         for piece in stream.pieces("writing"):
             edges = [0, *(np.flatnonzero(np.diff(piece.scan)) + 1).tolist(), len(piece.scan)]
-            spans = zip(edges, edges[1:], strict=False) if only is None else [(0, len(piece.scan))]
+            spans = pairwise(edges) if only is None else [(0, len(piece.scan))]
             for start, stop in spans:
                 rows = np.arange(start, stop) if only is None else np.flatnonzero(piece.scan == only)
                 if len(rows) == 0:

@@ -120,13 +120,13 @@ def copy_las(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
     first, tally = layouts[0], Tally.empty()
     with path.open("w+b") as out:
         writer: Any = None
-        if compressed:
-            lazrs: Any = import_module("lazrs")
-            described = _compression(lazrs, first)
+        lazrs: Any = import_module("lazrs")  # compiled, without type declarations
+        described = _compression(lazrs, first) if compressed else None
+        if described is not None:
             vlrs = [*vlrs, vlr(*LASZIP, described.record_data(), "http://laszip.org")]
         offset = len(header) + sum(len(record.raw) for record in vlrs) + len(first.gap)
         out.write(header + b"".join(record.raw for record in vlrs) + first.gap)
-        if compressed:
+        if described is not None:
             writer = lazrs.ParLasZipCompressor(out, described)
         for records in _selected(stream, layouts, facts, common):
             tally.add(records)

@@ -14,6 +14,8 @@ from .losses import Losses
 
 _FIXED = ("intensity", "classification")
 _NAMES = {"f8": "double", "f4": "float", "u1": "uchar", "i1": "char", "u2": "ushort", "i2": "short", "u4": "uint", "i4": "int"}
+_PLAIN = {"return_number": 1, "number_of_returns": 1}
+"""Values that say nothing where all records have them; 0 in other columns."""
 _LAST = 255
 """Largest scan number of a uchar."""
 _LONGEST = 4096
@@ -104,7 +106,7 @@ def _name_losses(found: Survey, losses: Losses) -> None:
     left_out = [
         name
         for name, column in found.columns.items()
-        if name not in _FIXED and (column.high > column.low or column.high != 0) and column.high >= column.low
+        if name not in _FIXED and column.low <= column.high and (column.low, column.high) != (_PLAIN.get(name, 0),) * 2
     ]
     if left_out:
         shown = ", ".join(left_out[:12]) + (f" and {len(left_out) - 12} more" if len(left_out) > 12 else "")

@@ -78,8 +78,8 @@ class SourceRecords:
         from ...readers.formats import open_sources
 
         self.selection, self.scene = selection, selection.scene
-        live = list(getattr(self.scene, "live", ()) or ())
-        self.sources = live or open_sources([Path(path) for path in self.scene.meta["sources"]], columns)
+        paths = [Path(path) for path in self.scene.meta["sources"]]
+        self.sources: list[Source] = list(self.scene.live) or open_sources(paths, columns)
         self.numbers = scan_numbers(self.scene, self.sources)
         self._ghosts = self._hidden_ghosts()
         self.colours: np.ndarray | None = None
@@ -138,7 +138,7 @@ class SourceRecords:
         marked = self.scene.marked
         if marked is None or marked.station not in self.selection.hidden:
             return np.empty(0, np.int64)
-        records = getattr(self.scene, "records", None)
+        records = self.scene.records
         if records is None:
             raise InputError(
                 "hidden passers-by cannot be left out: this grid does not tell which points of the file they are; "

@@ -39,8 +39,7 @@ def write(path: Path, selection: Selection, losses: Losses, *, columns: str | No
     scene, kind = selection.scene, path.suffix.lower()
     sources = [Path(source) for source in scene.meta.get("sources") or []]
     gone = [source for source in sources if not source.exists()]
-    live = list(getattr(scene, "live", ()) or ())
-    if gone or not (sources or live):
+    if gone or not (sources or scene.live):
         if gone:
             losses.add(
                 f"{gone[0].name} is gone: its points are written as the grid has them, {scene.step / 2:.2g} file units exact, "
