@@ -97,11 +97,9 @@ def random_fields(image, rng, count):
         whole("intensity", -2048, 2047)
     elif form == 3:
         scaled("intensity", 0, 4095, 1 / 4095, 0.0)
-    for name, add in (("rowIndex", lambda: whole("rowIndex", 0, 4000)), ("columnIndex", lambda: whole("columnIndex", 7, 7)),
-                      ("returnIndex", lambda: whole("returnIndex", 0, 3)), ("timeStamp", lambda: real("timeStamp", False)),
-                      ("nor:normalX", lambda: real("nor:normalX", True, -1.0, 1.0)),
-                      ("wide", lambda: whole("wide", -(2**63), 2**63 - 1)),
-                      ("far", lambda: scaled("far", -(2**60), 2**60, 1e-9, 1e5))):  # fmt: skip
+    for add in (lambda: whole("rowIndex", 0, 4000), lambda: whole("columnIndex", 7, 7), lambda: whole("returnIndex", 0, 3),
+                lambda: real("timeStamp", False), lambda: real("nor:normalX", True, -1.0, 1.0),
+                lambda: whole("wide", -(2**63), 2**63 - 1), lambda: scaled("far", -(2**60), 2**60, 1e-9, 1e5)):  # fmt: skip
         if rng.random() < 0.5:
             add()
     return fields
@@ -112,8 +110,8 @@ def random_e57(path, seed, *, scans=None, photographs=True):
     rng = np.random.default_rng(seed)
     writer = Writer(path)
     image, root = writer.image, writer.image.root()
-    for name, value in {"formatName": "ASTM E57 3D Imaging Data File", "guid": f"{{file-{seed}}}", "versionMajor": 1, "versionMinor": 0,
-                        "e57LibraryVersion": "other", "coordinateMetadata": 'LOCAL_CS["site",UNIT["metre",1]]',
+    for name, value in {"formatName": "ASTM E57 3D Imaging Data File", "guid": f"{{file-{seed}}}", "versionMajor": 1,
+                        "versionMinor": 0, "e57LibraryVersion": "other", "coordinateMetadata": 'LOCAL_CS["site",UNIT["metre",1]]',
                         "creationDateTime": {"dateTimeValue": 1.2e9, "isAtomicClockReferenced": 0}}.items():  # fmt: skip
         root.set(name, writer.node(value))
     data, images = e57.VectorNode(image, True), e57.VectorNode(image, True)
@@ -131,8 +129,9 @@ def random_e57(path, seed, *, scans=None, photographs=True):
              "intensityLimits": {"intensityMinimum": 0.0, "intensityMaximum": 1.0}}
         )  # fmt: skip
         if rng.random() < 0.8:
+            place = rng.uniform(-9, 9, 3).tolist()
             scan.set("pose", writer.node({"rotation": dict(zip("wxyz", turn.tolist(), strict=True)),
-                                          "translation": dict(zip("xyz", rng.uniform(-9, 9, 3).tolist(), strict=True))}))  # fmt: skip
+                                          "translation": dict(zip("xyz", place, strict=True))}))  # fmt: skip
         fields = random_fields(image, rng, count)
         points = writer.vector(scan, "points", fields)
         groups = None
@@ -152,8 +151,8 @@ def random_e57(path, seed, *, scans=None, photographs=True):
             blob = e57.BlobNode(image, len(jpeg))
             picture = {"imageWidth": 4, "imageHeight": 3, "focalLength": 0.01, "pixelWidth": 1e-5, "pixelHeight": 1e-5,
                        "principalPointX": 2.0, "principalPointY": 1.5, "jpegImage": blob}  # fmt: skip
-            images.append(writer.node({"guid": f"{{photo-{number}}}", "name": "photo", "associatedData3DGuid": f"{{scan-{number}}}",
-                                       "pinholeRepresentation": picture}))  # fmt: skip
+            images.append(writer.node({"guid": f"{{photo-{number}}}", "name": "photo", "pinholeRepresentation": picture,
+                                       "associatedData3DGuid": f"{{scan-{number}}}"}))  # fmt: skip
             blob.write(jpeg, 0, len(jpeg))
     image.close()
 
@@ -185,8 +184,9 @@ def _collect(image, node, path, found):
             dtype = np.longlong
             if isinstance(leaf, e57.FloatNode):
                 dtype = np.float32 if leaf.precision() == e57.E57_SINGLE else np.float64
-            arrays[leaf.elementName()] = np.zeros(node.childCount(), dtype)
-            buffers.append(e57.SourceDestBuffer(image, leaf.elementName(), arrays[leaf.elementName()], node.childCount(), False, False))
+            name, count = leaf.elementName(), node.childCount()
+            arrays[name] = np.zeros(count, dtype)
+            buffers.append(e57.SourceDestBuffer(image, name, arrays[name], count, False, False))
         if arrays:
             reader = node.reader(buffers)
             reader.read()

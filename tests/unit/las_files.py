@@ -1,5 +1,5 @@
-"""Random LAS and LAZ files that use all that the format has: point formats, versions, extra dimensions, records before and after
-the points, header fields."""
+"""Random LAS and LAZ files that use what the format has: point formats, versions, extra dimensions, records before and after the
+points, header fields."""
 
 import datetime
 import uuid
@@ -7,8 +7,8 @@ import uuid
 import laspy
 import numpy as np
 
-VERSIONS = {0: ("1.1", "1.2", "1.3", "1.4"), 1: ("1.1", "1.2", "1.3", "1.4"), 2: ("1.2", "1.3", "1.4"), 3: ("1.2", "1.3", "1.4"),
-            4: ("1.3", "1.4"), 5: ("1.3", "1.4")} | {number: ("1.4",) for number in range(6, 11)}  # fmt: skip
+VERSIONS = {0: ("1.1", "1.2", "1.3", "1.4"), 1: ("1.1", "1.2", "1.3", "1.4"), 2: ("1.2", "1.3", "1.4"),
+            3: ("1.2", "1.3", "1.4"), 4: ("1.3", "1.4"), 5: ("1.3", "1.4")} | dict.fromkeys(range(6, 11), ("1.4",))  # fmt: skip
 WAVEFORMS = (4, 5, 9, 10)
 _KINDS = ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 
@@ -59,13 +59,13 @@ def records(path):
     with laspy.open(path) as reader:
         header = reader.header
         found = [*header.vlrs, *(reader.evlrs or [])]
-        return [(record.user_id, record.record_id, bytes(record.record_data_bytes())) for record in found if record.record_id != 22204]
+        return [(record.user_id, record.record_id, record.record_data_bytes()) for record in found if record.record_id != 22204]
 
 
 def facts(path):
     """Header fields that a copy keeps."""
     with laspy.open(path) as reader:
         h = reader.header
-        return (h.point_format.id, str(h.version), tuple(h.scales), tuple(h.offsets), h.file_source_id, h.uuid, h.system_identifier,
-                h.generating_software, h.creation_date, h.global_encoding.value, h.point_count, tuple(h.mins), tuple(h.maxs),
+        return (h.point_format.id, str(h.version), tuple(h.scales), tuple(h.offsets), h.file_source_id, h.uuid,
+                h.system_identifier, h.generating_software, h.creation_date, h.global_encoding.value, h.point_count, tuple(h.mins), tuple(h.maxs),
                 tuple(h.number_of_points_by_return), list(h.point_format.dimension_names))  # fmt: skip

@@ -1,10 +1,9 @@
 """E57 to E57: every node and record, read back with libe57 alone."""
 
-import numpy as np
 import pytest
 from e57_files import contents, random_e57
-
 from examples import examples
+
 from pointglass.viewer import cli
 
 

@@ -3,9 +3,9 @@
 import laspy
 import numpy as np
 import pytest
+from examples import examples
 from las_files import WAVEFORMS, facts, random_las, records
 
-from examples import examples
 from pointglass.viewer import cli
 
 

@@ -10,8 +10,8 @@ from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.tools.clip import Box, contains
 from pointglass.viewer.tools.document import Document, ScanFile
 from pointglass.viewer.tools.exporting.command import export
-from pointglass.viewer.tools.exporting.targets import ENDINGS
 from pointglass.viewer.tools.exporting.selection import Selection, clips_of, parse_box
+from pointglass.viewer.tools.exporting.targets import ENDINGS
 from pointglass.viewer.tools.project import write_project
 
 
