@@ -111,7 +111,8 @@ def random_e57(path, seed, *, scans=None, photographs=True):
     writer = Writer(path)
     image, root = writer.image, writer.image.root()
     for name, value in {"formatName": "ASTM E57 3D Imaging Data File", "guid": f"{{file-{seed}}}", "versionMajor": 1,
-                        "versionMinor": 0, "e57LibraryVersion": "other", "coordinateMetadata": 'LOCAL_CS["site",UNIT["metre",1]]',
+                        "versionMinor": 0, "e57LibraryVersion": "other",
+                        "coordinateMetadata": 'LOCAL_CS["site",UNIT["metre",1]]',
                         "creationDateTime": {"dateTimeValue": 1.2e9, "isAtomicClockReferenced": 0}}.items():  # fmt: skip
         root.set(name, writer.node(value))
     data, images = e57.VectorNode(image, True), e57.VectorNode(image, True)

@@ -1,5 +1,5 @@
-"""Random LAS and LAZ files that use what the format has: point formats, versions, extra dimensions, records before and after the
-points, header fields."""
+"""Random LAS and LAZ files that use what the format has: point formats, versions, extra dimensions, records before and after
+the points, header fields."""
 
 import datetime
 import uuid
@@ -67,5 +67,6 @@ def facts(path):
     with laspy.open(path) as reader:
         h = reader.header
         return (h.point_format.id, str(h.version), tuple(h.scales), tuple(h.offsets), h.file_source_id, h.uuid,
-                h.system_identifier, h.generating_software, h.creation_date, h.global_encoding.value, h.point_count, tuple(h.mins), tuple(h.maxs),
+                h.system_identifier,
+                h.generating_software, h.creation_date, h.global_encoding.value, h.point_count, tuple(h.mins), tuple(h.maxs),
                 tuple(h.number_of_points_by_return), list(h.point_format.dimension_names))  # fmt: skip
