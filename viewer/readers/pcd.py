@@ -1,9 +1,8 @@
 """PCD (Point Cloud Library), versions 0.5 to 0.7: ascii, binary and binary_compressed.
 
-The compressed form is decoded by Open3D, once the header's sizes agree with the file's: it is stored by columns and has to be
-decompressed completely in any case.  The other two forms are read here, because Open3D 0.20 returns uninitialised memory for
-truncated ascii files and the beginning of damaged numbers, holds all points of binary files at once, and refuses coordinates of
-different types.  Frame and units: as stored; a VIEWPOINT gives a warning and is not applied.
+All forms are decoded here: Open3D 0.20 ends the process at compressed files with padding fields, returns uninitialised memory
+for truncated ascii files and the beginning of damaged numbers, and holds all points at once.  Frame and units: as stored; a
+VIEWPOINT gives a warning and is not applied.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from .column_source import Columns, ColumnSource
+from .lzf import MOST, DamagedLzf, LzfReader
 from .pcd_header import Header, read_header
 from .sampling import run_starts
 from .source import CHUNK, surplus_warning
@@ -23,6 +23,10 @@ _RGB = (("r", "g", "b"), ("red", "green", "blue"))
 _PACKED = ("rgb", "rgba")  # of four bytes: blue, green, red, and alpha or nothing
 _INTENSITIES = ("intensity", "intensities", "i", "reflectance", "reflectivity", "remission")
 _CLASSES = ("classification", "class", "label")
+_BLOCK = 64 << 20
+"""Bytes of a binary file that are read at once; a point may have thousands of values."""
+_MOST_SAMPLED = 256 << 20
+"""Bytes of columns that a sample decompresses at once; chosen by hand: half a second, less than the memory of a preview."""
 
 
 class PcdSource(ColumnSource):
@@ -33,16 +37,17 @@ class PcdSource(ColumnSource):
         with path.open("rb") as file:
             self._header = header = read_header(path, file)
         self.count = header.points
-        self._columns: np.ndarray | None = None
+        self._columns: dict[str, LzfReader] = {}  # of the compressed form: where each begins
         names = {field.name: field for field in header.fields}
         if missing := [axis for axis in "xyz" if axis not in names or names[axis].count != 1]:
             raise InputError(f"{path}: PCD without {', '.join(missing)} (its fields: {', '.join(names)}); nothing to show")
         if self.count == 0:
             raise InputError(f"{path}: holds no points (its header says 0); export it again")
         self._fields: dict[str, str] = {axis: axis for axis in "xyz"}
-        self._rgb = next((name for name in _PACKED if name in names and names[name].type[1:] == "4"), None)
+        self._rgb = next((name for name in _PACKED
+                          if name in names and names[name].type[1:] == "4" and names[name].count == 1), None)
         if self._rgb is None:
-            rgb = next((rgb for rgb in _RGB if all(name in names for name in rgb)), ())
+            rgb = next((rgb for rgb in _RGB if all(name in names and names[name].count == 1 for name in rgb)), ())
             self._fields |= dict(zip("rgb", rgb))
         for column, known in (("i", _INTENSITIES), ("c", _CLASSES)):
             if found := next((name for name in known if name in names and names[name].count == 1), None):
@@ -71,14 +76,22 @@ class PcdSource(ColumnSource):
         if packed > size - 8:
             what = f"{max(size - 8, 0):,} of {packed:,} bytes of its compressed points are there"
             raise InputError(f"{self.path}: truncated: {what}; copy or export it again")
+        if whole > packed * MOST:
+            what = f"{packed:,} compressed bytes cannot hold {whole:,}"
+            raise InputError(f"{self.path}: damaged: {what}; copy or export it again")
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
         form = self._header.data
         blocks = self._ascii if form == "ascii" else self._binary if form == "binary" else self._compressed
         yield from self._named(wanted, blocks)
 
-    def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]]:
-        form = self._header.data
+    def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]] | None:
+        form, size = self._header.data, self._header.points * self._header.dtype.itemsize
+        if form == "binary_compressed" and size > _MOST_SAMPLED:
+            return None
+        return self._sampled_rows(form, wanted, points, run)
+
+    def _sampled_rows(self, form: str, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]]:
         blocks = self._sampled_compressed
         if form != "binary_compressed":
             blocks = self._sampled_ascii if form == "ascii" else self._sampled_binary
@@ -102,7 +115,7 @@ class PcdSource(ColumnSource):
         with self.path.open("rb") as file:
             file.seek(header.offset)
             while done < header.points:
-                n = min(CHUNK, header.points - done)
+                n = min(CHUNK, max(1, _BLOCK // header.dtype.itemsize), header.points - done)
                 data = file.read(n * header.dtype.itemsize)
                 records = np.frombuffer(data, header.dtype, count=len(data) // header.dtype.itemsize)
                 done += len(records)
@@ -161,59 +174,36 @@ class PcdSource(ColumnSource):
         return values
 
     def _compressed(self, names: list[str]) -> Iterator[Columns]:
-        types = {field.type for field in self._header.fields if field.name in "xyz"}
-        if len(types) > 1:
-            raise InputError(f"{self.path}: its compressed coordinates are of different types, which Open3D does not read; "
-                             "save it as binary")  # fmt: skip
-        points = _decoded(self.path)
-        found = {name: values.numpy() for name, values in points.items()}
-        xyz = found.get("positions")
-        if xyz is None or len(xyz) != self._header.points:
-            raise InputError(f"{self.path}: damaged: its compressed points cannot be unpacked; copy or export it again")
-        for start in range(0, len(xyz), CHUNK):
-            rows = slice(start, start + CHUNK)
-            columns = {axis: xyz[rows, i] for i, axis in enumerate("xyz")}
-            if "colors" in found:
-                r, g, b = (found["colors"][rows, i].astype("<u4") for i in range(3))
-                columns |= {self._rgb or "rgb": r << 16 | g << 8 | b}
-            yield {name: columns[name] if name in columns else found[name][rows].reshape(-1) for name in names}
+        """Yields fields by name.  One reader of the compressed bytes for each of them, since columns lie one after the
+        other."""
+        header = self._header
+        readers, types = self._readers(names), {field.name: np.dtype(f"<{field.type}") for field in header.fields}
+        for start in range(0, header.points, CHUNK):
+            n = min(CHUNK, header.points - start)
+            yield {name: self._word(name, reader.read(n * types[name].itemsize).view(types[name]))
+                   for name, reader in readers.items()}
+
+    def _readers(self, names: list[str]) -> dict[str, LzfReader]:
+        """A reader at the beginning of each column.  The first call decompresses everything once, which shows any damage."""
+        header = self._header
+        if not self._columns:
+            packed = int(np.fromfile(self.path, "<u4", 1, offset=header.offset)[0])
+            reader = LzfReader(np.fromfile(self.path, np.uint8, packed, offset=header.offset + 8))
+            try:
+                for field in header.fields:
+                    self._columns.setdefault(field.name, reader.copy())
+                    reader.skip(header.points * field.count * int(field.type[1:]))
+            except DamagedLzf:
+                self._columns.clear()
+                raise InputError(f"{self.path}: damaged: its compressed points cannot be unpacked; copy or export it "
+                                 "again") from None  # fmt: skip
+        return {name: self._columns[name].copy() for name in names}
 
     def _sampled_compressed(self, names: list[str], points: int, run: int) -> Iterator[Columns]:
-        """Decompresses everything, since LZF cannot be read from the middle, and takes runs of it."""
-        header, data = self._header, self._decompressed()
-        columns, place = {}, 0
-        for field in header.fields:  # one column after the other
-            if field.name in names and field.name != "_":
-                values = np.frombuffer(data, f"<{field.type}", header.points, place)
-                columns[field.name] = self._word(field.name, values)
-            place += header.points * field.count * int(field.type[1])
+        """Decompresses whole columns, since LZF cannot be read from the middle, and takes runs of them."""
+        header = self._header
+        columns = {name: values for name, reader in self._readers(names).items()
+                   for field in header.fields if field.name == name
+                   for values in [self._word(name, reader.read(header.points * int(field.type[1:])).view(f"<{field.type}"))]}
         for start in run_starts(header.points, points, run).tolist():
             yield {name: values[start : start + run] for name, values in columns.items()}
-
-    def _decompressed(self) -> np.ndarray:
-        """All columns one after the other, uint8; kept for the second reading of a sample."""
-        if self._columns is None:
-            from .lzf import decompress
-
-            header = self._header
-            packed, size = np.fromfile(self.path, "<u4", 2, offset=header.offset).tolist()
-            columns = np.empty(size, np.uint8)
-            if decompress(np.fromfile(self.path, np.uint8, packed, offset=header.offset + 8), columns) != size:
-                raise InputError(f"{self.path}: damaged: its compressed points cannot be unpacked; copy or export it again")
-            self._columns = columns
-        return self._columns
-
-
-def _decoded(path: Path):
-    """Open3D's columns of a file, empty where it cannot read it.  Its own messages are suppressed."""
-    try:
-        import open3d
-    except ImportError as error:
-        raise InputError(f"{path}: compressed PCD is read by Open3D, which cannot be loaded ({error}); install open3d, or save "
-                         "it as binary") from None  # fmt: skip
-    try:
-        with open3d.utility.VerbosityContextManager(open3d.utility.VerbosityLevel.Error):
-            return dict(open3d.t.io.read_point_cloud(path, format="pcd").point.items())
-    except (RuntimeError, UnicodeError) as error:
-        line = (str(error).strip().splitlines() or [""])[0][:120]
-        raise InputError(f"{path}: damaged: Open3D cannot unpack it ({line}); copy or export it again") from None

@@ -67,10 +67,11 @@ def _header(path: Path, stated: dict[str, list[str]], offset: int, lines: int) -
             size, kind, count = whole_number(sizes[i]), kinds[i].upper(), whole_number(counts[i])
         except IndexError:
             raise InputError(f"{path}: its header has no SIZE, TYPE or COUNT for field {name!r}; export it again") from None
-        if size not in _KINDS.get(kind, ()) or count is None or not 0 < count <= _MOST_VALUES:
+        if size not in _KINDS.get(kind, ()) or count is None or count > _MOST_VALUES:
             shown = ascii(f"SIZE {sizes[i]} TYPE {kinds[i]} COUNT {counts[i]}"[:60])
             raise InputError(f"{path}: field {name!r} cannot be of {shown}; the header is damaged, export it again")
-        fields.append(Field(name, f"{kind.lower()}{size}", count))
+        if count:  # drivers write padding of no bytes
+            fields.append(Field(name, f"{kind.lower()}{size}", count))
     points = _points(path, stated)
     data = (stated["DATA"] or [""])[0].lower()
     if data not in _DATA:
