@@ -13,7 +13,11 @@ def main() -> NoReturn:
     from ..model.common.background_threads import leave
     from .cli import main as run
 
-    leave(run())
+    try:
+        code = run()
+    except SystemExit as error:  # --help, --version
+        code = error.code if isinstance(error.code, int) else 0
+    leave(code)
 
 
 if __name__ == "__main__":

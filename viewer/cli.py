@@ -8,7 +8,6 @@ import argparse
 import contextlib
 import gc
 import json
-import logging
 import os
 import sys
 import threading
@@ -20,13 +19,12 @@ from ..model.common.loop_cache import NOTICE
 from ..model.common.temporary import sweep_recorded
 from .command_log import logging_to
 from .commands import COMMANDS, make_parser
-from .errors import Cancelled, InputError, PointglassError, is_opengl_error
+from .errors import InputError
+from .failures import report, tell
 from .options import memory_of, settings_of
 from .progress import progress
 from .settings import Settings
-from .text import counted
-
-_log = logging.getLogger(__name__)
+from .text import counted, escaped_output
 
 
 def _view(options: argparse.Namespace) -> int:
@@ -244,22 +242,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     if not given or given[0] not in (*COMMANDS, "-h", "--help", "--version"):
         given.insert(0, "view")
-    try:
-        options = make_parser(given[0]).parse_args(given)
-        if options.command != "train":
-            # Threads of the network sleep while they wait: software OpenGL needs the processors (2 to 5 % of a neural frame).
-            # Training needs them for itself and took 5 to 60 % longer.  torch reads this when it is imported.
-            os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-        NOTICE.tell = lambda line: print(f"pointglass: {line}", file=sys.stderr)
-        with logging_to(verbose=options.verbose, file=options.log_file, arguments=given):
-            return _run_logged(options)
-    except (KeyboardInterrupt, Cancelled):
-        return _stopped()
-    except PointglassError as error:  # raised while the command line was parsed, or the log file opened
-        return _fail(str(error), error.exit_code)
-    except BrokenPipeError:
-        sys.stdout = None  # type: ignore[assignment]  # whoever read the output has gone
-        return 0
+    with escaped_output():
+        try:
+            options = make_parser(given[0]).parse_args(given)
+            if options.command != "train":
+                # Threads of the network sleep while they wait: software OpenGL needs the processors (2 to 5 % of a neural
+                # frame).  Training needs them for itself and took 5 to 60 % longer.  torch reads this when it is imported.
+                os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+            NOTICE.tell = tell
+            with logging_to(verbose=options.verbose, file=options.log_file, arguments=given):
+                return _run_logged(options)
+        except BrokenPipeError:
+            sys.stdout = None  # type: ignore[assignment]  # whoever read the output has gone
+            return 0
+        except BaseException as error:  # raised while the command line was parsed, or the log file opened or closed
+            if isinstance(error, SystemExit) or (code := report(error)) is None:
+                raise
+            return code
 
 
 def _run_logged(options: argparse.Namespace) -> int:
@@ -268,52 +267,20 @@ def _run_logged(options: argparse.Namespace) -> int:
         if options.command != "render":  # which does without garbage collection until its first picture
             _end_of_start()
         sweep_recorded()
-        return _RUN[options.command](options)
-    except (KeyboardInterrupt, Cancelled, BrokenPipeError):
-        raise
-    except PointglassError as error:
-        _log.debug("failed", exc_info=True)
-        return _fail(str(error), error.exit_code)
-    except OSError as error:
-        _log.debug("failed", exc_info=True)
-        return _fail(f"{error.filename or 'input/output'}: {error.strerror or error}", 2)
-    except Exception as error:
-        if _interrupted(error):
-            return _stopped()
-        _log.debug("failed", exc_info=True)
-        if is_opengl_error(error):
-            return _fail(f"OpenGL: {error}; choose a smaller --size or --gpu-memory, and see `pointglass doctor`", 3)
-        raise
+        code = _RUN[options.command](options)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return code
+    except (Exception, KeyboardInterrupt) as error:
+        if (code := report(error)) is None:
+            raise
+        return code
 
 
 def _end_of_start() -> None:
     """Turns on the garbage collection that ``viewer.__main__`` turned off; what was loaded so far is exempt from it."""
     gc.freeze()
     gc.enable()
-
-
-def _interrupted(error: BaseException | None) -> bool:
-    """Whether Ctrl-C caused an error: compiled loops turn it into a SystemError, some imports into an ImportError."""
-    while error is not None and not isinstance(error, KeyboardInterrupt):
-        error = error.__cause__ or error.__context__
-    return error is not None
-
-
-def _stopped() -> int:
-    print("pointglass: stopped", file=sys.stderr)
-    return 130
-
-
-def _fail(message: str, code: int) -> int:
-    print(f"pointglass: {_one_line(message)}", file=sys.stderr)
-    return code
-
-
-def _one_line(message: str) -> str:
-    """A message as one printable line: a damaged file may have put a long text or terminal commands into it.  Of a long one the
-    beginning, which names the file, and the end, which says what to do, are kept."""
-    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in " ".join(message.split()))
-    return line if len(line) <= _LONGEST else f"{line[: _LONGEST - 200]} ... {line[-200:]}"
 
 
 if __name__ == "__main__":

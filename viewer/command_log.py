@@ -13,6 +13,7 @@ from pathlib import Path
 
 from . import __version__
 from .errors import InputError
+from .text import printable
 
 OURS = ("pointglass",)
 """Top-level loggers; those of libraries keep to themselves."""
@@ -22,7 +23,8 @@ OURS = ("pointglass",)
 def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) -> Iterator[None]:
     """Within the block warnings go to standard error, with ``verbose`` INFO as well, and everything goes to ``file``, appended.
 
-    arguments: of the command, for the file's first line.  Raises InputError if the file cannot be written.
+    arguments: of the command, for the file's first line.  Raises InputError if the file cannot be written, at the end of the
+    block where that happens within it.
     """
     screen = logging.StreamHandler(sys.stderr)
     screen.setLevel(logging.INFO if verbose else logging.WARNING)
@@ -30,10 +32,10 @@ def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) ->
     handlers: list[logging.Handler] = [screen]
     if file is not None:
         try:
-            kept = logging.FileHandler(file, encoding="utf-8", errors="backslashreplace")
+            kept = _KeptLog(file, encoding="utf-8", errors="backslashreplace")
         except OSError as error:
             raise InputError(f"{file}: cannot write this log ({error.strerror}); choose another --log-file") from None
-        kept.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s [%(threadName)s] %(message)s"))
+        kept.setFormatter(_FileLine("%(asctime)s %(levelname)s %(name)s [%(threadName)s] %(message)s"))
         handlers.append(kept)
     before = {name: logging.getLogger(name).level for name in OURS}
     for name in OURS:
@@ -54,10 +56,42 @@ def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) ->
                 logger.removeHandler(handler)
         for handler in handlers:
             handler.close()
+    if (failed := getattr(handlers[-1], "failed", None)) is not None:
+        raise InputError(f"{file}: this log is incomplete ({failed.strerror or failed}); the command itself is done")
+
+
+class _KeptLog(logging.FileHandler):
+    """A log file.  failed: the error after which nothing more is written, such as a full disk."""
+
+    failed: OSError | None = None
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if self.failed is None:
+            super().emit(record)
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        error = sys.exc_info()[1]
+        if not isinstance(error, OSError):
+            super().handleError(record)
+            return
+        self.failed = error
+
+    def close(self) -> None:
+        try:
+            super().close()
+        except OSError as error:
+            self.failed = self.failed or error
 
 
 class _ScreenLine(logging.Formatter):
     """``pointglass: warning: text``, one line a record, with tracebacks left to the file."""
 
     def format(self, record: logging.LogRecord) -> str:
-        return f"pointglass: {record.levelname.lower()}: {' '.join(record.getMessage().split())}"
+        return f"pointglass: {record.levelname.lower()}: {printable(record.getMessage())}"
+
+
+class _FileLine(logging.Formatter):
+    """A line with the time and the place, and the traceback below it."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return printable(super().format(record), lines=True)

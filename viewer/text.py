@@ -1,4 +1,9 @@
-"""Numbers as text: a count with its noun, a number of bytes, and whole numbers read from files and options."""
+"""Text for a person: what a terminal would obey is escaped; counts with their noun, numbers of bytes; whole numbers from
+text."""
+
+from ..model.common.printable import escaped_output, printable
+
+__all__ = ["bytes_text", "counted", "escaped_output", "printable", "whole_number"]
 
 
 def counted(number: float, noun: str) -> str:

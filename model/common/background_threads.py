@@ -38,9 +38,10 @@ def leave(code: int, seconds: float = 1.0) -> NoReturn:
     except BrokenPipeError:
         pass
     except OSError as error:
-        code = code or 2
-        with contextlib.suppress(OSError, ValueError):
-            print(f"pointglass: standard output: cannot be written ({error.strerror or error})", file=sys.stderr)
+        if code == 0:
+            code = 2
+            with contextlib.suppress(OSError, ValueError):
+                print(f"pointglass: standard output: cannot be written ({error.strerror or error})", file=sys.stderr)
     with contextlib.suppress(OSError, ValueError, AttributeError):
         sys.stderr.flush()
     os._exit(code)

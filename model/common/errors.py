@@ -1,11 +1,16 @@
 """The base class of every anticipated failure, shared by ``model`` and ``viewer``."""
 
+from .printable import printable
+
 
 class PointglassError(Exception):
     """A failure that is reported to the user in one line.
 
-    ``str(error)`` is that line: file or option, value and remedy.  ``exit_code`` is the exit code of the process.  Any other
-    exception is a bug and keeps its traceback.
+    ``str(error)`` is that line, printable: file or option, value and remedy.  ``exit_code`` is the exit code of the process.
+    Any other exception is a bug and keeps its traceback.
     """
 
     exit_code = 2
+
+    def __str__(self) -> str:
+        return printable(super().__str__())

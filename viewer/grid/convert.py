@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ...model.common.folders import made_folder
 from ..errors import InputError
+from ..file_names import inside
 from ..text import counted
 from . import cache
 from .open_scene import as_paths, build_scene, each_once
@@ -83,7 +84,7 @@ def convert_each(
     made: list[Path] = []
     wrong: dict[str, str] = {}
     for name, file in list(names.items())[shard[0] :: shard[1]]:
-        folder = out / name
+        folder = inside(out, name)
         try:
             kept = cache.load(folder, [file])
             if kept is None or kept.meta.get("match") != match:

@@ -4,7 +4,6 @@ Whatever a file's own axes, what comes back is :class:`viewer.camera.Camera`: Op
 scan's coordinates.  Distortion is refused, never ignored.  Every error is one line with file, frame and value.
 """
 
-import re
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +12,13 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import InputError
+from ..file_names import unique_names
 from .camera_formats.colmap import find_model, read_text_model
 from .camera_formats.colmap_binary import read_binary_model
 from .camera_formats.nerfstudio import read_json
 from .camera_formats.parse import read_text, shown
 from .camera_formats.tum import read_tum
 from .files import write_json
-
-_LONGEST_NAME = 150  # bytes; a file name may have 255, and endings are still to come
 
 
 def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Camera]:
@@ -105,26 +103,6 @@ def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.
 
 
 def _named(cameras: list[Camera]) -> list[Camera]:
-    """Names that are one harmless part of a path, no two alike even where case does not count.
-
-    The first of each name keeps it; those that repeat it get a number that no other name has.
-    """
-    names = [_harmless(camera.name) or f"camera_{index:05d}" for index, camera in enumerate(cameras)]
-    taken = {name.casefold() for name in names}
-    out: list[Camera] = []
-    copies: dict[str, int] = {}
-    for camera, base in zip(cameras, names, strict=True):
-        name, key = base, base.casefold()
-        if key in copies:
-            while name.casefold() in taken:
-                copies[key] += 1
-                name = f"{base}_{copies[key]}"
-        copies.setdefault(key, 1)
-        out.append(camera if name == camera.name else replace(camera, name=name))
-    return out
-
-
-def _harmless(name: str) -> str:
-    """``name`` as one part of a path; it may come out empty."""
-    name = re.sub(r"\.{2,}", ".", re.sub(r"[^\w.+-]+", "_", name)).lstrip(".")
-    return name.encode()[:_LONGEST_NAME].decode(errors="ignore")
+    """Cameras whose names are safe and unique as file names."""
+    names = unique_names([camera.name for camera in cameras], "camera")
+    return [camera if name == camera.name else replace(camera, name=name) for camera, name in zip(cameras, names, strict=True)]

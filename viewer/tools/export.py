@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..errors import InputError
+from ..file_names import safe_name
 from ..progress import progress
 from ..settings import Settings
 from ..text import whole_number
@@ -70,12 +71,12 @@ def _altered_file(renderer: "Renderer", shot: Shot) -> dict[str, Callable[[Path]
     from .altered_pictures import shot_picture
 
     image = shot_picture(renderer, shot)
-    return {f"{shot.camera.name}.png": lambda path: write_png(path, image, {KEY: shot.text()})}
+    return {f"{safe_name(shot.camera.name, 'picture')}.png": lambda path: write_png(path, image, {KEY: shot.text()})}
 
 
 def _files(frame: "Frame", shot: Shot, *, aux: bool) -> dict[str, Callable[[Path], object]]:
     """What is written of one camera: file name -> what writes it at a path."""
-    name, view = shot.camera.name, shot.settings.view
+    name, view = safe_name(shot.camera.name, "picture"), shot.settings.view
     image = frame.image(view)
     files: dict[str, Callable[[Path], object]] = {
         f"{name}.png": lambda path: write_png(path, as_saved(image, shot.background), {KEY: shot.text()}),

@@ -12,6 +12,7 @@ from ...model.common.folders import made_folder
 from ...model.common.signals import uninterrupted
 from ...model.common.temporary import temporary_folder
 from ..errors import InputError
+from ..file_names import inside
 
 
 @contextlib.contextmanager
@@ -39,7 +40,7 @@ def write_together(folder: Path, files: dict[str, Callable[[Path], object]]) -> 
             raise InputError(f"{folder}: cannot be written to ({error.strerror or error}); make room or writing allowed "
                              "there, or choose another --out") from None
         for name, write in files.items():
-            _named(folder / name, lambda write=write, name=name: write(beside / name))
+            _named(folder / name, lambda write=write, name=name: write(inside(beside, name)))
         for name in files:
             if (folder / name).is_dir():
                 raise InputError(f"{folder / name}: is a folder; remove it, or choose another --out")

@@ -5,7 +5,8 @@ A PNG text chunk named ``pointglass`` holds one JSON object.  The same picture h
 """
 
 import json
-from dataclasses import asdict, dataclass, field, fields
+import unicodedata
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -15,8 +16,11 @@ import numpy as np
 from .. import __version__
 from ..camera import Camera
 from ..errors import InputError
+from ..file_names import leads_elsewhere
 from ..settings import BACKGROUNDS, VIEWS, Settings
+from ..text import printable
 from .document import Alterations
+from .png_text import png_text
 from .project import from_json, to_json
 
 if TYPE_CHECKING:
@@ -74,7 +78,8 @@ class Shot:
 def describe_shot(scene: "Scene", camera: Camera, settings: Settings, *, background: str, exposures: str = "matched",
                   alterations: Alterations | None = None, other_view: str = "", split_at: float = 0.5) -> Shot:
     """The description of a picture of ``scene``; arguments as the fields of :class:`Shot`."""
-    scans = tuple(Path(source).name for source in scene.meta.get("sources") or [])
+    scans = tuple(printable(Path(source).name) for source in scene.meta.get("sources") or [])
+    camera = camera if camera.name.isprintable() else replace(camera, name=printable(camera.name))
     weights = _weights_digest(settings) if "neural" in (settings.view, other_view) else ""
     return Shot(camera, settings, background, exposures, scans, scene.count, weights,
                 alterations=alterations or Alterations(), other_view=other_view, split_at=split_at)
@@ -112,39 +117,49 @@ def parse_camera_line(text: str) -> Camera:
     """The camera of a line that :func:`camera_line` made.  Raises InputError."""
     try:
         found = json.loads(text)["pointglass camera"]
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, TypeError, KeyError, RecursionError, OverflowError):
         raise InputError("this text is no camera; copy one from pointglass first") from None
     return _camera(found, "the copied camera")
 
 
 def read_shot(path: Path) -> Shot:
     """The description inside a PNG.  Raises InputError where there is none, or it is damaged."""
-    from PIL import Image
-
-    try:
-        with Image.open(path) as image:
-            text = getattr(image, "text", {}).get(KEY)
-    except (OSError, ValueError, SyntaxError) as error:
-        raise InputError(f"{path}: is no readable PNG ({error})") from None
+    text = png_text(path, KEY)
     if text is None:
         raise InputError(f"{path}: does not say how it was made; give a PNG that pointglass saved, or --cameras")
+    damaged = InputError(f"{path}: its description is damaged; give --cameras instead")
     try:
-        found = json.loads(text)
-        settings = {key: value for key, value in found["settings"].items() if key in {field.name for field in fields(Settings)}}
+        found = json.loads(text, parse_constant=_no_number)
+        known = {field.name for field in fields(Settings)}
+        settings = {key: value for key, value in found["settings"].items() if key in known}
         altered = found.get("alterations")
         comparison = found.get("comparison") or {}
-        shot = Shot(_camera(found["camera"], str(path)), Settings(**settings), found["background"], found["exposures"],
-                    tuple(map(str, found["scans"])), int(found["points"]), str(found["weights"]), str(found["version"]),
+        texts = [found[key] for key in ("background", "exposures", "weights", "version")] + [comparison.get("view", "")]
+        if not all(isinstance(text, str) for text in [*texts, *found["scans"]]):
+            raise damaged
+        shot = Shot(_camera(found["camera"], str(path)), cast(Settings, from_json(Settings, settings, "settings")), texts[0], texts[1],
+                    tuple(found["scans"]), cast(int, from_json(int, found["points"], "points")), texts[2], texts[3],
                     Alterations() if altered is None else cast(Alterations, from_json(Alterations, altered, "alterations")),
-                    str(comparison.get("view", "")), float(comparison.get("split_at", 0.5)))
-    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        raise InputError(f"{path}: its description is damaged; give --cameras instead") from None
-    if shot.other_view and (shot.other_view not in VIEWS or not 0 <= shot.split_at <= 1):
-        raise InputError(f"{path}: its description is damaged; give --cameras instead")
+                    texts[4], cast(float, from_json(float, comparison.get("split_at", 0.5), "split_at")))
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
+        raise damaged from None
+    except InputError as error:
+        raise (error if str(path) in str(error) else InputError(f"{path}: its description is damaged ({error})")) from None
+    if any(unicodedata.category(c) == "Cc" for text in (*texts, *shot.scans, shot.camera.name) for c in text):
+        raise damaged  # what describe_shot writes prints
+    if leads_elsewhere(shot.camera.name):
+        raise InputError(f"{path}: its camera is called {shot.camera.name!r:.60}, which leads out of a folder; pointglass did "
+                         "not make this picture")
+    if not 0 <= shot.points < 1 << 63 or (shot.other_view and shot.other_view not in VIEWS) or not 0 <= shot.split_at <= 1:
+        raise damaged
     if shot.background not in BACKGROUNDS or shot.exposures not in EXPOSURES:
-        raise InputError(f"{path}: its background {shot.background!r} or exposures {shot.exposures!r} are unknown; it was made "
-                         f"by pointglass {shot.version}, this is {__version__}")
+        raise InputError(f"{path}: its background {shot.background!r:.40} or exposures {shot.exposures!r:.40} are unknown; it "
+                         f"was made by pointglass {shot.version:.40}, this is {__version__}")
     return shot
+
+
+def _no_number(name: str) -> float:
+    raise ValueError(name)  # Infinity and NaN
 
 
 def differences(then: Shot, now: Shot) -> list[str]:
@@ -167,8 +182,10 @@ def _camera(found: dict, where: str) -> Camera:
         if any(isinstance(value, bool) or not isinstance(value, (int, float)) for value in lens):
             raise TypeError
         width, height, fx, fy, cx, cy = lens
-        return Camera(width, height, fx, fy, cx, cy, np.array(found["camera_to_world"], np.float64), str(found["name"]))
-    except (TypeError, KeyError, ValueError):
+        if not isinstance(found["name"], str):
+            raise TypeError
+        return Camera(width, height, fx, fy, cx, cy, np.array(found["camera_to_world"], np.float64), found["name"])
+    except (TypeError, KeyError, ValueError, OverflowError):
         raise InputError(f"{where}: its camera is damaged") from None
     except InputError as error:
         raise InputError(f"{where}: {error}") from None

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...model.common.interrupts import finish_before_interrupt
 from ..settings import MEMORY, Memory, Settings
+from ..text import printable
 from .actions import actions
 from .clipboard import SystemClipboard
 from .file_dialog.choice_window import ChoiceWindow
@@ -269,7 +270,7 @@ class App:
         if loaded.paths != self.session.visit.paths:
             self._remember_scan()
         if self.viewport.upload(loaded):
-            self.glfw.set_window_title(self.window, f"{self.session.visit.title} · pointglass")
+            self.glfw.set_window_title(self.window, printable(f"{self.session.visit.title} · pointglass"))
 
     def _draw(self) -> None:
         """Draws the picture and the interface on the canvas, and copies that to the screen."""

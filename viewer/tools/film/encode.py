@@ -14,6 +14,7 @@ import numpy as np
 from ....model.common.atomic_write import write_atomic
 from ...camera import Camera
 from ...errors import InputError
+from ...file_names import inside
 from ...progress import progress
 from ..files import out_folder, write_json, write_png
 
@@ -94,7 +95,7 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
         for camera in left:
             picture = draw(camera)
             try:
-                write_png(out / f"{camera.name}.png", picture)
+                write_png(inside(out, f"{camera.name}.png"), picture)
             except OSError as error:
                 raise InputError(f"{out / camera.name}.png: cannot be written ({error.strerror or error}); make room, then "
                                  "go on with --resume") from None

@@ -1,6 +1,5 @@
 """Fine-tunes the shipped weights on a scan, evaluates them on held-out data, and keeps them if they are better."""
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from ....model.train.trainer import TrainConfig, train
 from ....model.weights import load_weights, save_weights
 from ....model.weights_folder import weights_file, weights_name
 from ...errors import InputError
+from ...file_names import safe_name
 from ...paths import weights_home
 from .material import HeldOutPicture, Material
 
@@ -61,7 +61,7 @@ def tune(scan: Path, out: Path | None = None, *, quality: str = "balanced", minu
     print(f"{material.learned} {material.noun} to learn from, {material.held} held out; shipped weights: {before:.2f} dB",
           flush=True)
     out = weights_home() if out is None else out
-    name = re.sub(r"[^\w.-]+", "_", scan.stem) or "scan"
+    name = safe_name(scan.stem, "scan")
     with made_folder(out), temporary_folder(out / f"tuning-{name}") as work:
         folders = material.pairs(work, name, seed)
         sides = [min(np.load(folder / "truth.npy", mmap_mode="r").shape[2:]) for folder, _ in folders]
