@@ -137,10 +137,11 @@ def read_shot(path: Path) -> Shot:
         texts = [found[key] for key in ("background", "exposures", "weights", "version")] + [comparison.get("view", "")]
         if not all(isinstance(text, str) for text in [*texts, *found["scans"]]):
             raise damaged
-        shot = Shot(_camera(found["camera"], str(path)), cast(Settings, from_json(Settings, settings, "settings")), texts[0], texts[1],
-                    tuple(found["scans"]), cast(int, from_json(int, found["points"], "points")), texts[2], texts[3],
+        shot = Shot(_camera(found["camera"], str(path)), cast(Settings, from_json(Settings, settings, "settings")),
+                    texts[0], texts[1], tuple(found["scans"]), cast(int, from_json(int, found["points"], "points")),
+                    texts[2], texts[3],
                     Alterations() if altered is None else cast(Alterations, from_json(Alterations, altered, "alterations")),
-                    texts[4], cast(float, from_json(float, comparison.get("split_at", 0.5), "split_at")))
+                    other_view=texts[4], split_at=cast(float, from_json(float, comparison.get("split_at", 0.5), "split_at")))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError):
         raise damaged from None
     except InputError as error:
