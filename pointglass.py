@@ -41,24 +41,30 @@ if TYPE_CHECKING:
     from .viewer.camera import Camera
     from .viewer.errors import DeviceError, InputError, PointglassError
     from .viewer.interface.arguments import RenderSettings
+    from .viewer.interface.from_points import from_points
     from .viewer.interface.measured_points import Points
-    from .viewer.interface.open_scan import Frame, Scan, open
-    from .viewer.interface.place_camera import look_at, read_cameras
+    from .viewer.interface.open_scan import Scan, open
+    from .viewer.interface.pictures import Frame, Picture
+    from .viewer.interface.place_camera import look_at, read_cameras, write_cameras
+    from .viewer.interface.scan_photographs import Photograph
     from .viewer.tools.demo import demo_scan
     from .viewer.tools.provenance import PROVENANCE
 
 __all__ = [
-    "PROVENANCE", "Camera", "DeviceError", "Frame", "InputError", "PointglassError", "Points", "RenderSettings", "Scan",
-    "__version__", "demo_scan", "look_at", "open", "read_cameras",
+    "PROVENANCE", "Camera", "DeviceError", "Frame", "InputError", "Photograph", "Picture", "PointglassError", "Points",
+    "RenderSettings", "Scan", "__version__", "demo_scan", "from_points", "look_at", "open", "read_cameras", "write_cameras",
 ]  # fmt: skip
 
 _MODULES = {
     "camera": ["Camera"],
     "errors": ["DeviceError", "InputError", "PointglassError"],
     "interface.arguments": ["RenderSettings"],
+    "interface.from_points": ["from_points"],
     "interface.measured_points": ["Points"],
-    "interface.open_scan": ["Frame", "Scan", "open"],
-    "interface.place_camera": ["look_at", "read_cameras"],
+    "interface.open_scan": ["Scan", "open"],
+    "interface.scan_photographs": ["Photograph"],
+    "interface.pictures": ["Frame", "Picture"],
+    "interface.place_camera": ["look_at", "read_cameras", "write_cameras"],
     "tools.demo": ["demo_scan"],
     "tools.provenance": ["PROVENANCE"],
 }

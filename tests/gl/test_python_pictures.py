@@ -1,15 +1,30 @@
 """Pictures from ``import pointglass``: those of the renderer, by scan and in turn; and the example that people copy."""
 
 import doctest
+import io
+import pickle
+import subprocess
+import sys
+import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 from clouds import camera_in, room
+from PIL import Image
 
 import pointglass
+from pointglass.viewer.cli import main
+from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.interface.pictures import as_picture
 from pointglass.viewer.render.renderer import Renderer
 from pointglass.viewer.settings import Memory, Settings
+from pointglass.viewer.tools.background import as_saved
 from pointglass.viewer.tools.provenance import provenance
+from pointglass.viewer.tools.shot_metadata import read_shot
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit"))
+from cloud_files import write_ply
 
 pytestmark = pytest.mark.gl
 
@@ -81,6 +96,121 @@ def test_a_context_that_cannot_be_had_is_said_and_asked_for_again(monkeypatch):
             with pytest.raises(pointglass.DeviceError, match=r"^OpenGL 4\.3"):
                 scan.render(camera_in(scene, 1, (16, 16)), view="raw")
         assert scan.render(camera_in(scene, 1, (16, 16)), view="raw").shape == (16, 16, 4)
+
+
+def test_several_cameras_give_a_list_of_the_same_pictures(seed, capsys):
+    scene = room(seed, 20_000)
+    cameras = [camera_in(scene, seed + n, (48 + n, 36)) for n in range(3)]
+    with pointglass.Scan(scene, "room", Memory()) as scan:
+        alone = [scan.render(camera, view="filled") for camera in cameras]
+        together = scan.render(iter(cameras), view="filled")
+        frames = scan.render(cameras, view="filled", full=True)
+        assert scan.render([], view="filled") == []
+    assert [picture.shape for picture in together] == [(36, 48, 4), (36, 49, 4), (36, 50, 4)]
+    for one, listed, frame in zip(alone, together, frames, strict=True):
+        assert np.array_equal(one, listed) and np.array_equal(one, frame.image)
+
+
+def test_a_picture_is_an_array_that_notebooks_show(seed):
+    scene = room(seed, 20_000)
+    with pointglass.Scan(scene, "room", Memory()) as scan:
+        frame = scan.render(camera_in(scene, seed, (40, 30)), view="filled", full=True)
+    image = frame.image
+    for shown in (image, frame):
+        with Image.open(io.BytesIO(shown._repr_png_())) as png:
+            assert np.array_equal(np.asarray(png), as_saved(np.asarray(image), "black"))
+    assert type(image) is pointglass.Picture and isinstance(image, np.ndarray) and type(np.asarray(image)) is np.ndarray
+    assert type(image / 2) is np.ndarray and isinstance(image.mean(), np.float64) and image[:5, :5]._repr_png_() is not None
+    assert image[0]._repr_png_() is None and (image == image).all()
+    again = pickle.loads(pickle.dumps(frame))
+    assert np.array_equal(again.image, image) and type(again.image) is pointglass.Picture and again.image.flags.writeable
+
+
+def test_a_saved_picture_can_be_drawn_again_by_its_description(seed, tmp_path):
+    """Unless its pixels were changed: then the file does not say how it was made."""
+    write_ply(tmp_path / "room.ply", *unpack(room(seed, 20_000))[:2])
+    with pointglass.open(tmp_path / "room.ply") as scan:
+        picture = scan.render(pointglass.look_at((4, 3, 1.5), (1, 2, 1), size=(64, 48)), view="filled", filter_strength=0.7)
+    picture.save(tmp_path / "mine.png", background="sky")
+    pickle.loads(pickle.dumps(picture)).save(tmp_path / "pickled.png", background="sky")
+    assert (tmp_path / "mine.png").read_bytes() != (tmp_path / "pickled.png").read_bytes()  # the camera has the file's name
+    like = ["--like", str(tmp_path / "mine.png"), "--out", str(tmp_path / "again")]
+    assert main(["render", str(tmp_path / "room.ply"), *like]) == 0
+    assert (tmp_path / "again" / "mine.png").read_bytes() == (tmp_path / "mine.png").read_bytes()
+    picture[0, 0] ^= 1
+    picture.save(tmp_path / "changed.png")
+    with pytest.raises(pointglass.InputError, match="does not say how it was made"):
+        read_shot(tmp_path / "changed.png")
+    picture.save(tmp_path / "small.jpg")
+    with Image.open(tmp_path / "small.jpg") as jpeg:
+        assert jpeg.size == (64, 48) and jpeg.format == "JPEG"
+
+
+@pytest.mark.parametrize("name, given, said", [
+    ("a.gif", {}, r"a\.gif'?: expected a file name that ends in \.png"), ("a.png", {"background": "red"}, "^background 'red'"),
+    ("a.jpg", {"background": "transparent"}, "JPEG"), ("no/a.png", {}, "cannot be written"), (3, {}, "^3: expected the path"),
+])  # fmt: skip
+def test_what_cannot_be_saved_is_refused_in_one_line(name, given, said, tmp_path):
+    with pytest.raises(pointglass.InputError, match=said) as caught:
+        as_picture(np.zeros((4, 4, 4), np.uint8)).save(name if isinstance(name, int) else tmp_path / name, **given)
+    assert "\n" not in str(caught.value) and not list(tmp_path.iterdir())
+
+
+def test_another_thread_is_told_to_open_the_scan_itself(seed):
+    scene = room(seed, 20_000)
+    camera = camera_in(scene, seed, (48, 36))
+    said: list[object] = []
+
+    def elsewhere():
+        for use in (lambda: scan.render(camera, view="raw"), scan.close):
+            with pytest.raises(pointglass.InputError) as caught:
+                use()
+            said.append(str(caught.value))
+        with pointglass.Scan(scene, "room", Memory()) as own:
+            said.append(own.render(camera, view="filled"))
+
+    with pointglass.Scan(scene, "room", Memory()) as scan:
+        picture = scan.render(camera, view="filled")
+        thread = threading.Thread(target=elsewhere, name="second")
+        thread.start()
+        thread.join(60)
+        assert np.array_equal(scan.render(camera, view="filled"), picture)
+    assert all("thread MainThread, this is second" in text for text in said[:2]) and np.array_equal(said[2], picture)
+
+
+FORK = """
+import multiprocessing, sys, numpy as np, pointglass
+rng = np.random.default_rng(1)
+scan = pointglass.from_points(rng.uniform(0, 3, (20000, 3)), rng.random((20000, 3)))
+camera = pointglass.look_at((1, 1, 1), (2, 2, 1), size=(32, 24))
+def render(pipe):
+    for use in (scan, pointglass.from_points(np.eye(4, 3), np.zeros((4, 3)))):
+        try:
+            pipe.send(use.render(camera, view="filled"))
+        except Exception as error:
+            pipe.send(f"{type(error).__name__}: {error}")
+    scan.close()
+def child():
+    ours, theirs = fork.Pipe()
+    process = fork.Process(target=render, args=(theirs,))
+    process.start()
+    found = [ours.recv() if ours.poll(60) else "hangs" for _ in range(2)]
+    process.join(60)
+    return found, process.exitcode
+fork = multiprocessing.get_context("fork")
+before, code = child()  # of a process without a picture
+assert before[0].shape == (24, 32, 4) and code == 0, (before, code)
+picture = scan.render(camera, view="filled")
+assert np.array_equal(before[0], picture)
+after, code = child()
+assert code == 0 and all("spawn" in said and said.startswith("DeviceError: ") for said in after), (after, code)
+assert np.array_equal(scan.render(camera, view="filled"), picture)
+"""
+
+
+def test_a_forked_process_is_told_to_be_spawned(tmp_path):
+    done = subprocess.run([sys.executable, "-c", FORK], capture_output=True, text=True, timeout=200)
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_example_in_the_documentation_runs():

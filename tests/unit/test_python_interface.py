@@ -107,7 +107,7 @@ def test_a_camera_looks_where_it_was_told():
     ({"eye": (1, 2)}, r"^eye \(1, 2\): expected three finite numbers"),
     ({"target": (0, float("nan"), 0)}, "^target"), ({"target": "here"}, "^target 'here'"),
     ({"target": (0, 0, 0)}, r"^eye and target are both \[0.0, 0.0, 0.0\]"), ({"up": (0, 0, 0)}, "^up"),
-    ({"fov": 180}, "^field of view 180"), ({"fov": "wide"}, "^field of view 'wide'"),
+    ({"fov": 180}, "^fov 180"), ({"fov": "wide"}, "^fov 'wide'"),
     ({"size": 640}, "^size 640"), ({"size": (0, 480)}, "width 0"), ({"size": (640, 480.5)}, "height 480.5"),
 ])  # fmt: skip
 def test_a_camera_that_cannot_be_is_refused_in_one_line(given, said):
@@ -119,7 +119,7 @@ def test_a_camera_that_cannot_be_is_refused_in_one_line(given, said):
 @pytest.mark.parametrize("given, said", [
     ({"view": "pretty"}, "^view 'pretty': expected one of raw"), ({"qualty": "best"}, "no setting 'qualty'; .* mean quality"),
     ({"xxxx": 1}, "no setting 'xxxx'; expected one of raster"), ({"detail": 3}, "^detail 3"),
-    ({"filter_levels": 2.5}, r"^filter levels 2\.5"), ({"lod": "many"}, "lod='many'.*wrong kind"),
+    ({"filter_levels": 2.5}, r"^filter_levels 2\.5"), ({"lod": "many"}, "lod='many'.*wrong kind"),
     ({"quality": ["best"]}, "wrong kind"), ({"weights": 3}, "^3: expected the path"),
 ])  # fmt: skip
 def test_settings_that_cannot_be_are_refused_before_anything_is_drawn(given, said):
@@ -130,8 +130,10 @@ def test_settings_that_cannot_be_are_refused_before_anything_is_drawn(given, sai
 
 
 def test_what_is_no_camera_is_refused():
-    with pytest.raises(pointglass.InputError, match=r"expected a pointglass\.Camera"):
-        scan_of(1).render(np.eye(4))  # pyright: ignore
+    good = pointglass.look_at((0, 0, 0), (1, 0, 0))
+    for wrong in (np.eye(4), None, "a", [good, 3]):
+        with pytest.raises(pointglass.InputError, match=r"expected a pointglass\.Camera, as look_at makes one, or a list"):
+            scan_of(1).render(wrong)  # pyright: ignore
 
 
 def test_a_closed_scan_says_so_and_closes_again():
@@ -164,6 +166,42 @@ def test_several_files_and_converted_folders_open_like_one(tmp_path):
     convert([tmp_path / "a.ply"], tmp_path / "grid")
     with pointglass.open(tmp_path / "grid") as folder:
         assert folder.count == 500 and np.array_equal(folder.points.xyz, unpack(open_scene(tmp_path / "grid"))[0])
+
+
+def test_cameras_come_back_from_a_file_as_they_were_written(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    cameras = []
+    for number in range(5):
+        width, height = rng.integers(20, 4000, 2).tolist()
+        placed = pointglass.look_at(rng.normal(size=3) + (4.5e5, 5.2e6, 300), (4.5e5, 5.2e6, 300), size=(width, height))
+        lens = {"fx": placed.fx * rng.uniform(0.5, 2), "cx": width * rng.uniform(0.4, 0.6)}
+        cameras.append(replace(placed, **lens, name=f"view {number}"))
+    pointglass.write_cameras(tmp_path / "transforms.json", cameras)
+    for made, read in zip(cameras, pointglass.read_cameras(tmp_path / "transforms.json"), strict=True):
+        assert (read.width, read.height, read.fx, read.fy, read.cx, read.cy) == (
+            made.width, made.height, made.fx, made.fy, made.cx, made.cy)
+        assert np.array_equal(read.camera_to_world, made.camera_to_world) and read.name == made.name.replace(" ", "_")
+    with pytest.raises(pointglass.InputError, match=r"camera_path\.json: frame \d"):
+        pointglass.write_cameras(tmp_path / "camera_path.json", cameras)
+    assert not (tmp_path / "camera_path.json").exists()
+    film = [pointglass.look_at((n, 0, 0), (n, 5, 0), size=(320, 200), name=f"k{n}") for n in range(3)]
+    pointglass.write_cameras(tmp_path / "camera_path.json", film)
+    for made, read in zip(film, pointglass.read_cameras(tmp_path / "camera_path.json"), strict=True):
+        assert read.name == made.name and np.array_equal(read.camera_to_world, made.camera_to_world)
+        assert read.fx == pytest.approx(made.fx, rel=1e-12) and (read.width, read.cx) == (320, 160)
+
+
+@pytest.mark.parametrize("given, said", [
+    (([],), "no cameras to write"), (([1],), "^cameras: 1: expected a pointglass.Camera"),
+])  # fmt: skip
+def test_cameras_that_cannot_be_written_are_refused(given, said, tmp_path):
+    with pytest.raises(pointglass.InputError, match=said):
+        pointglass.write_cameras(tmp_path / "a.json", *given)
+    with pytest.raises(pointglass.InputError, match=r"^format 'colmap'"):
+        pointglass.write_cameras(tmp_path / "a.json", [], format="colmap")  # type: ignore[arg-type]
+    with pytest.raises(pointglass.InputError, match="cannot be written"):
+        pointglass.write_cameras(tmp_path / "no" / "a.json", pointglass.look_at((0, 0, 0), (1, 0, 0)))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_cameras_are_read_as_the_render_command_reads_them():

@@ -92,20 +92,22 @@ def scene_from_arrays(
     *,
     intensity: np.ndarray | None = None,
     scan: np.ndarray | None = None,
+    classification: np.ndarray | None = None,
     meta: dict | None = None,
     stages: dict[str, float] | None = None,
     noise: bool = True,
 ) -> Scene:
     """A scene in memory from points in memory.
 
-    xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.  meta: entries of
-    ``Scene.meta`` that replace the defaults.  stages: if given, receives the seconds each stage took.  noise: estimate the
-    noise of the colours.  Points that are not finite are left out.  Raises InputError naming the first array that does not fit.
+    xyz: (N, 3) float64, any frame.  rgb: (N, 3) uint8.  intensity: (N,) uint16.  scan: (N,) uint8.
+    classification: (N,) uint8.  meta: entries of ``Scene.meta`` that replace the defaults.  stages: if given, receives the
+    seconds each stage took.  noise: estimate the noise of the colours.  Points that are not finite are left out.
+    Raises InputError naming the first array that does not fit.
     """
     from ..readers.arrays import ArraySource
     from .two_passes import build_grid
 
-    source = ArraySource(xyz, rgb, intensity, scan)
+    source = ArraySource(xyz, rgb, intensity, scan, classification)
     known = {
         "sources": [], "format": "arrays", "units": "unknown", "metres_per_unit": None, "crs": None,
         "colour": {"source": "rgb", "bits": 8, "note": "8-bit colour"}, "warnings": [],

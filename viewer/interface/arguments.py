@@ -1,6 +1,9 @@
 """Checks of the arguments of the Python interface: each returns the value in its final type, or raises InputError."""
 
 import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from difflib import get_close_matches
 from pathlib import Path
@@ -9,10 +12,47 @@ from typing import Any, TypedDict
 import numpy as np
 import numpy.typing as npt
 
-from ..errors import InputError
-from ..settings import Settings
+from ..errors import InputError, PointglassError
+from ..settings import CHOICES, Settings
 
 PathLike = str | os.PathLike[str]
+
+_OPTION = re.compile(r"(?<![\w-])--([a-z][a-z-]*[a-z])(?: ([\w+.-]+))?")
+"""An option of the command line in a message, and the word behind it, which may be its value."""
+_VALUES = {**CHOICES, "exposures": ("matched", "as-scanned")}
+_FIELDS = {"filter strength": "filter_strength", "filter levels": "filter_levels", "level of detail": "lod",
+           "field of view": "fov"}  # fmt: skip
+"""How a message for the command line begins -> the argument's name in Python."""
+_OF_THE_COMMAND = ("help", "verbose", "log-file", "version")
+
+
+@contextmanager
+def python_names() -> Iterator[None]:
+    """Errors raised in the block name Python arguments, ``filter="off"``, where messages name options, ``--filter off``."""
+    try:
+        yield
+    except PointglassError as error:
+        if error.args:
+            error.args = (in_python(str(error)), *error.args[1:])
+        raise
+
+
+def in_python(text: str) -> str:
+    """A message with Python's names for arguments."""
+
+    def argument(found: re.Match[str]) -> str:
+        name, behind = found[1].replace("-", "_"), found[2] or ""
+        if found[1] in _OF_THE_COMMAND:
+            return found[0]
+        value = behind.rstrip(".,;:")
+        if value in _VALUES.get(name, ()):
+            return f'{name}="{value}"{behind[len(value) :]}'
+        return f"{'cache=False' if name == 'no_cache' else name}{' ' if behind else ''}{behind}"
+
+    for words, name in _FIELDS.items():
+        if text.startswith(f"{words} "):
+            text = name + text[len(words) :]
+    return _OPTION.sub(argument, text)
 
 
 class RenderSettings(TypedDict, total=False):
@@ -52,7 +92,8 @@ def settings_of(view: str, given: RenderSettings) -> Settings:
     if values.get("weights") is not None:
         values["weights"] = str(path_of(values["weights"]))
     try:
-        return Settings(view=view, **values)
+        with python_names():
+            return Settings(view=view, **values)
     except TypeError:  # compared with a number, or looked up in a table
         shown = ", ".join(f"{name}={value!r}" for name, value in {"view": view, **values}.items())
         raise InputError(f"render({shown}): a value is of the wrong kind; see pointglass.RenderSettings") from None
@@ -86,3 +127,10 @@ def numbers_of(index: object, count: int) -> npt.NDArray[np.int64]:
     if numbers.size and not (-count <= numbers.min() and numbers.max() < count):
         raise IndexError(f"points[{index!r}]: there are {count:,} points")
     return np.where(numbers < 0, numbers + count, numbers)
+
+
+def memory_of(gpu_memory: int | None) -> int | None:
+    """Bytes that points may take on the GPU, None: by the device."""
+    if gpu_memory is not None and not (isinstance(gpu_memory, int) and not isinstance(gpu_memory, bool) and gpu_memory > 0):
+        raise InputError(f"gpu_memory {gpu_memory!r}: expected a number of bytes, such as 4 << 30, or None")
+    return gpu_memory

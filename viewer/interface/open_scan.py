@@ -1,7 +1,10 @@
 """An open scan and its pictures, for Python."""
 
-from contextlib import ExitStack
-from dataclasses import dataclass
+import html
+import os
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, Self, Unpack, overload
 
@@ -10,47 +13,34 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..errors import DeviceError, InputError, is_opengl_error
-from ..settings import Memory, View
+from ..progress import progress
+from ..settings import Memory, Settings, View
+from ..text import counted
 from ..tools.provenance import provenance, views_with_mask
-from .arguments import PathLike, RenderSettings, path_of, settings_of
+from .arguments import PathLike, RenderSettings, memory_of, path_of, python_names, settings_of
 from .measured_points import Points
+from .pictures import Frame, Picture, as_picture
+from .scan_photographs import Photograph, photographs_of
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
     from ..render.renderer import Renderer
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """One picture and what is known about each of its pixels; arrays of your own, row 0 at the top.
-
-    image: (H, W, 4) uint8, sRGB premultiplied by alpha; alpha 0 is background.
-    depth: (H, W) float32, distance along the viewing axis in file units, of the foremost points; +inf where there are none.
-        Before the filter: it has a value where the mask is False because the points there are hidden.
-    mask: (H, W) bool, True where points were kept by the filter (it runs for the mask in the raw view too).
-    provenance: (H, W) uint8, a key of PROVENANCE: 0 background, 1 measured, 2 measured and repainted by the network, 3 filled.
-        In the raw view every pixel shown is 1, also where the mask is False.
-    stats: ``total_ms``, milliseconds by stage, points and cells drawn, network and device, approximations in force.
-    """
-
-    image: npt.NDArray[np.uint8]
-    depth: npt.NDArray[np.float32]
-    mask: npt.NDArray[np.bool_]
-    provenance: npt.NDArray[np.uint8]
-    stats: dict[str, Any]
-
-
 class Scan:
-    """An open scan; made by :func:`open`.  A context manager: leaving it closes the scan.
+    """An open scan; made by :func:`open` or :func:`from_points`.  A context manager: leaving it closes the scan.
 
-    The first picture makes an OpenGL context without a window, which lives until :meth:`close`; make all pictures of a scan on
-    one thread.  Several scans may be open and be rendered in turn.
+    The first picture makes an OpenGL context without a window, which lives until :meth:`close`.  A scan makes all its pictures
+    on the thread that made the first one, and in the process: another thread opens the scan once more, and processes are
+    started with "spawn".  Several scans may be open and be rendered in turn.
     """
 
     def __init__(self, scene: "Scene", name: str, memory: Memory):
         self._scene: Scene | None = scene
         self._name, self._memory = name, memory
         self._drawing: tuple[Any, Renderer] | None = None  # the context and what draws in it, once there is a picture
+        self._owner: tuple[int, threading.Thread] | None = None  # process and thread of the first picture
+        self._busy = threading.Lock()
 
     @property
     def count(self) -> int:
@@ -81,10 +71,15 @@ class Scan:
 
         return facts(self._open)
 
+    @property
+    def photographs(self) -> list[Photograph]:
+        """The photographs in the scan's E57 files, also those without a pose; their pictures are decoded when asked for."""
+        return photographs_of(self._open)
+
     @overload
     def render(
         self, camera: Camera, *, view: View = "neural", full: Literal[False] = False, **settings: Unpack[RenderSettings]
-    ) -> npt.NDArray[np.uint8]: ...
+    ) -> Picture: ...
 
     @overload
     def render(
@@ -94,50 +89,109 @@ class Scan:
     @overload
     def render(
         self, camera: Camera, *, view: View = "neural", full: bool, **settings: Unpack[RenderSettings]
-    ) -> "npt.NDArray[np.uint8] | Frame": ...
+    ) -> Picture | Frame: ...
+
+    @overload
+    def render(
+        self, camera: Iterable[Camera], *, view: View = "neural", full: Literal[False] = False,
+        **settings: Unpack[RenderSettings],
+    ) -> list[Picture]: ...  # fmt: skip
+
+    @overload
+    def render(
+        self, camera: Iterable[Camera], *, view: View = "neural", full: Literal[True], **settings: Unpack[RenderSettings]
+    ) -> list[Frame]: ...
+
+    @overload
+    def render(
+        self, camera: Iterable[Camera], *, view: View = "neural", full: bool, **settings: Unpack[RenderSettings]
+    ) -> list[Picture] | list[Frame]: ...
 
     def render(
-        self, camera: Camera, *, view: View = "neural", full: bool = False, **settings: Unpack[RenderSettings]
-    ) -> "npt.NDArray[np.uint8] | Frame":
-        """A picture of the scan, exact and waited for.
+        self, camera: Camera | Iterable[Camera], *, view: View = "neural", full: bool = False,
+        **settings: Unpack[RenderSettings],
+    ) -> Any:  # fmt: skip
+        """A picture of the scan, exact and waited for; of several cameras a list of pictures.
 
-        camera: from :func:`look_at` or :func:`read_cameras`, or a :class:`Camera` of your own; its size is the picture's.
+        camera: from :func:`look_at` or :func:`read_cameras`, or a :class:`Camera` of your own; its size is the picture's.  Of a
+        list, progress is shown on standard error; all pictures are held in memory, so render many large ones one by one.
         view: raw (every point that lands in a pixel), filtered (hidden points removed), filled (holes filled smoothly) or
         neural (repainted by the network).  settings: see :class:`RenderSettings`.
 
-        Returns (H, W, 4) uint8, sRGB premultiplied by alpha, row 0 at the top; with ``full`` a :class:`Frame` around it.
-        Raises InputError for a setting that does not exist or a closed scan, DeviceError where OpenGL 4.3, the device asked for
-        or its memory is missing.
+        Returns (H, W, 4) uint8, sRGB premultiplied by alpha, row 0 at the top, which notebooks show and ``save`` writes; with
+        ``full`` a :class:`Frame` around it.
+        Raises InputError for a setting that does not exist, a closed scan, or another thread than that of the first picture;
+        DeviceError where OpenGL 4.3, the device asked for or its memory is missing, and after a fork.
         """
         scene = self._open
-        if not isinstance(camera, Camera):
-            raise InputError(f"camera {camera!r}: expected a pointglass.Camera, as look_at makes one")
+        cameras = [camera] if isinstance(camera, Camera) else _cameras(camera)
         chosen = settings_of(view, settings)
-        if view == "neural":
-            prepare_network()
+        if not cameras:
+            return []
+        with python_names(), self._turn():
+            if view == "neural":
+                prepare_network()
+            if isinstance(camera, Camera):
+                return self._picture(scene, camera, chosen, full)
+            made = []
+            with progress(len(cameras), "rendering", " pictures") as meter:
+                for one in cameras:
+                    made.append(self._picture(scene, one, chosen, full))
+                    meter.update(1)
+            return made
+
+    def _picture(self, scene: "Scene", camera: Camera, chosen: Settings, full: bool) -> Picture | Frame:
+        from ..tools.shot_metadata import describe_shot
+
+        view = chosen.view
         try:
             context, renderer = self._drawing or self._begin(scene)
             with context:  # another scan's context, or somebody else's, may be the current one
                 frame = renderer.render(camera, chosen, views_with_mask(view) if full else (view,))
-                image = frame.image(view).copy()
+                shot = describe_shot(scene, camera, chosen, background="black",
+                                     exposures="matched" if scene.matched else "as-scanned")
+                image = as_picture(frame.image(view).copy(), shot)
                 if not full:
                     return image
                 mask = frame.mask()
-                return Frame(image, frame.depth().copy(), mask, provenance(view, image, mask), frame.stats)
+                return Frame(image, frame.depth().copy(), mask, provenance(view, np.asarray(image), mask), frame.stats)
         except Exception as error:
             if is_opengl_error(error):
                 size = f"{camera.width}x{camera.height}"
                 raise DeviceError(f"OpenGL: {error}; make a picture smaller than {size}, or give open a gpu_memory") from error
             raise
 
+    @contextmanager
+    def _turn(self) -> Iterator[None]:
+        """Refuses what OpenGL cannot do: to draw on two threads, or after a fork."""
+        from ..render.context import check_not_forked
+
+        check_not_forked()
+        if not self._busy.acquire(blocking=False):
+            raise InputError(f"{self._name}: another thread is using this scan; open the scan once in each thread")
+        try:
+            here = os.getpid(), threading.current_thread()
+            if self._drawing is not None and self._owner is not None and self._owner[1] is not here[1]:
+                raise InputError(f"{self._name}: made its first picture on the thread {self._owner[1].name}, this is "
+                                 f"{here[1].name}; a scan makes all its pictures on one thread: open it once in each")
+            self._owner = here
+            yield
+        finally:
+            self._busy.release()
+
     def close(self) -> None:
-        """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing."""
-        drawing, self._drawing, self._scene = self._drawing, None, None
-        if drawing is not None:
-            context, renderer = drawing
-            with context:
-                renderer.release()
-            context.release()
+        """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing.
+
+        Raises InputError on another thread than that of the first picture.
+        """
+        if self._drawing is not None and self._owner is not None and self._owner[0] == os.getpid():
+            with self._turn():
+                context, renderer = self._drawing
+                self._drawing = None
+                with context:
+                    renderer.release()
+                context.release()
+        self._drawing, self._scene = None, None  # a forked process leaves the context to its parent
 
     def __enter__(self) -> Self:
         return self
@@ -147,6 +201,20 @@ class Scan:
 
     def __repr__(self) -> str:
         return f"<pointglass.Scan {self._name}: {f'{self._scene.count:,} points' if self._scene else 'closed'}>"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        if self._scene is None:
+            return f"<p>{html.escape(repr(self))}</p>"
+        scene, meta = self._scene, self._scene.meta
+        extent = " × ".join(f"{side:.6g}" for side in np.ptp(scene.bounds, axis=0))
+        rows = [
+            ("scan", self._name), ("points", f"{scene.count:,}"), ("extent", extent), ("spacing", f"{scene.spacing:.3g}"),
+            ("unit", meta.get("units", "unknown")), ("CRS", meta.get("crs") or "unknown"),
+            ("stations", counted(len(scene.station_places), "station") if len(scene.station_places) else "not told apart"),
+        ]  # fmt: skip
+        cells = "".join(f"<tr><th>{name}</th><td>{html.escape(str(value))}</td></tr>" for name, value in rows)
+        return f"<table>{cells}</table>"
 
     @property
     def _open(self) -> "Scene":
@@ -187,11 +255,22 @@ def open(
     files = [path_of(path) for path in paths]
     if exposures not in ("matched", "as-scanned"):
         raise InputError(f"exposures {exposures!r}: expected matched or as-scanned")
-    if gpu_memory is not None and not (isinstance(gpu_memory, int) and gpu_memory > 0):
-        raise InputError(f"gpu_memory {gpu_memory!r}: expected a number of bytes, such as 4 << 30, or None")
-    scene = open_scene(files, cache=cache, match=exposures == "matched", columns=columns)
+    memory = Memory(gpu=memory_of(gpu_memory))
+    with python_names():
+        scene = open_scene(files, cache=cache, match=exposures == "matched", columns=columns)
     name = files[0].name + (f" and {len(files) - 1} more" if len(files) > 1 else "")
-    return Scan(scene, name, Memory(gpu=gpu_memory))
+    return Scan(scene, name, memory)
+
+
+def _cameras(given: object) -> list[Camera]:
+    wrong = given
+    if isinstance(given, Iterable) and not isinstance(given, (str, bytes, np.ndarray)):
+        cameras = list(given)
+        others = [camera for camera in cameras if not isinstance(camera, Camera)]
+        if not others:
+            return cameras
+        wrong = others[0]
+    raise InputError(f"camera {wrong!r}: expected a pointglass.Camera, as look_at makes one, or a list of them")
 
 
 @cache

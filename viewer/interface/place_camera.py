@@ -1,4 +1,7 @@
-"""Cameras from Python: placed by hand, or read from a file."""
+"""Cameras from Python: placed by hand, read from a file, written to one."""
+
+from collections.abc import Iterable
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -6,7 +9,7 @@ import numpy.typing as npt
 from ..camera import Camera, from_fov
 from ..camera import look_at as _pose
 from ..errors import InputError
-from .arguments import PathLike, path_of, vector_of
+from .arguments import PathLike, path_of, python_names, vector_of
 
 
 def look_at(
@@ -36,9 +39,10 @@ def look_at(
     try:
         degrees = float(fov)
     except (TypeError, ValueError):
-        raise InputError(f"field of view {fov!r}: expected degrees above 0 and below 180") from None
+        raise InputError(f"fov {fov!r}: expected degrees above 0 and below 180") from None
     Camera(width, height, 1, 1, 0, 0, np.eye(4), name)  # refuses a bad size in words before anything is computed from it
-    return from_fov(width, height, degrees, _pose(*places, axis), name)
+    with python_names():
+        return from_fov(width, height, degrees, _pose(*places, axis), name)
 
 
 def read_cameras(path: PathLike, *, size: tuple[int, int] | None = None) -> list[Camera]:
@@ -48,4 +52,33 @@ def read_cameras(path: PathLike, *, size: tuple[int, int] | None = None) -> list
     """
     from ..tools.camera_files import read_cameras as read
 
-    return read(path_of(path), size=size)
+    with python_names():
+        return read(path_of(path), size=size)
+
+
+def write_cameras(
+    path: PathLike, cameras: Camera | Iterable[Camera], *, format: Literal["transforms", "camera_path"] | None = None
+) -> None:
+    """Writes cameras as nerfstudio's JSON, from which :func:`read_cameras` and ``render --cameras`` read them; an existing file
+    is replaced, in one step.
+
+    format: transforms: transforms.json, which holds every camera as it is; camera_path: camera_path.json, as ``video --path``
+    takes it, for cameras of one size with square pixels and the principal point in the middle.  None: camera_path where the
+    file's name contains it, else transforms.
+    Names are read back where they are file names, each once; others are changed by :func:`read_cameras`.
+    Raises InputError naming the first camera that the format cannot hold.
+    """
+    from ..tools.camera_files import write_camera_path, write_transforms
+
+    file = path_of(path)
+    listed = [cameras] if isinstance(cameras, Camera) else list(cameras)
+    for camera in listed:
+        if not isinstance(camera, Camera):
+            raise InputError(f"cameras: {camera!r}: expected a pointglass.Camera")
+    chosen = format or ("camera_path" if "camera_path" in file.name else "transforms")
+    if chosen not in ("transforms", "camera_path"):
+        raise InputError(f"format {format!r}: expected transforms, camera_path or None")
+    try:
+        (write_camera_path if chosen == "camera_path" else write_transforms)(file, listed)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be written ({error.strerror or error})") from None

@@ -10,12 +10,12 @@ from .source import CHUNK, Chunk, ScanInfo, Source
 
 
 class ArraySource(Source):
-    """xyz (N, 3), rgb (N, 3) uint8, intensity (N,) uint16 or None, scan (N,) uint8 or None.
+    """xyz (N, 3), rgb (N, 3) uint8, intensity (N,) uint16, scan (N,) uint8, classification (N,) uint8, each of these or None.
 
     Raises InputError naming the first array whose shape or type does not fit.
     """
 
-    def __init__(self, xyz, rgb, intensity=None, scan=None):
+    def __init__(self, xyz, rgb, intensity=None, scan=None, classification=None):
         self._xyz = np.asarray(xyz)
         n = len(self._xyz)
         if self._xyz.ndim != 2 or self._xyz.shape[1] != 3 or self._xyz.dtype.kind not in "fiu":
@@ -23,6 +23,7 @@ class ArraySource(Source):
         self._rgb = _checked("rgb", rgb, (n, 3), np.uint8)
         self._intensity = None if intensity is None else _checked("intensity", intensity, (n,), np.uint16)
         self._scan = None if scan is None else _checked("scan", scan, (n,), np.uint8)
+        self._classes = None if classification is None else _checked("classification", classification, (n,), np.uint8)
         numbers = 0 if self._scan is None or n == 0 else int(self._scan.max())
         infos = [ScanInfo(f"scan {i}") for i in range(numbers + 1)]
         super().__init__(Path("arrays"), "arrays", count=n, scans=infos)
@@ -32,7 +33,9 @@ class ArraySource(Source):
         for start in range(0, len(self._xyz), CHUNK):
             rows = slice(start, start + CHUNK)
             intensity = None if self._intensity is None else self._intensity[rows]
-            yield Chunk(self._xyz[rows], self._rgb[rows], intensity, 0 if self._scan is None else self._scan[rows])
+            classes = None if self._classes is None else self._classes[rows]
+            scan = 0 if self._scan is None else self._scan[rows]
+            yield Chunk(self._xyz[rows], self._rgb[rows], intensity, scan, classification=classes)
 
 
 def _checked(name: str, array, shape: tuple[int, ...], dtype) -> np.ndarray:

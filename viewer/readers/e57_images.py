@@ -75,7 +75,7 @@ def read_photographs(path: Path, *, longest: int = 1024, most: int | None = None
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    """label: file and image, for messages.  node: the representation.  pose: (4, 4) camera -> file."""
+    """label: file and image, for messages.  node: the representation.  pose: (4, 4) camera -> file.  number: in images2D."""
 
     label: str
     name: str
@@ -84,6 +84,7 @@ class _Entry:
     pose: np.ndarray
     scan: int | None
     room: int
+    number: int
 
     @property
     def spherical(self) -> bool:
@@ -116,7 +117,7 @@ def listed_photographs(path: Path, root, read: tuple[str, ...] = ("pinhole", "sp
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = placed
             scan, room = scans.get(text_of(image, "associatedData3DGuid")), path.stat().st_size
-            entries.append(_Entry(label, name, kind, node, pose, scan, room))
+            entries.append(_Entry(label, name, kind, node, pose, scan, room, number))
     return entries, warnings
 
 

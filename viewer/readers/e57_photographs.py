@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .e57_images import decoded, listed_photographs, number_of
-from .e57_nodes import first_line, library, open_e57
+from .e57_images import decoded, listed_photographs, number_of, structures
+from .e57_nodes import first_line, library, open_e57, text_of
 from .formats import check_file
 
 KINDS = ("pinhole", "spherical", "cylindrical")
@@ -87,16 +87,54 @@ def read_station_photos(path: Path, *, longest: int = LONGEST) -> tuple[list[Sta
     return photos, warnings
 
 
+@dataclass(frozen=True, eq=False)
+class PinholeLens:
+    """width, height, fx, fy, cx, cy: pixels, as in the module's docstring.  camera_to_world: (4, 4) float64."""
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    camera_to_world: np.ndarray
+
+
+def pinhole_lenses(path: Path) -> tuple[dict[int, PinholeLens], dict[int, int], int]:
+    """By place in images2D the lens of each pinhole photograph with a pose, without decoding it, and the scan of each
+    photograph that names one; and how many scans the file has.  A photograph whose numbers are impossible has no lens."""
+    check_file(path)
+    with open_e57(path) as file:
+        root = file.root()
+        lenses: dict[int, PinholeLens] = {}
+        for entry in listed_photographs(path, root, ("pinhole",))[0]:
+            try:
+                width, height = int(number_of(entry, "imageWidth")), int(number_of(entry, "imageHeight"))
+                fx, fy, cx, cy = _lens(entry, width, height)
+            except (InputError, library().E57Exception):
+                continue
+            lenses[entry.number] = PinholeLens(width, height, fx, fy, cx, cy, entry.pose)
+        scans = {text_of(scan, "guid") or None: number for number, scan in enumerate(structures(root, "data3D"))}
+        named = [scans.get(text_of(image, "associatedData3DGuid")) for image in structures(root, "images2D")]
+        return lenses, {number: scan for number, scan in enumerate(named) if scan is not None}, len(scans)
+
+
+def _lens(entry, width: float, height: float) -> tuple[float, float, float, float]:
+    """fx, fy, cx, cy of a pinhole photograph.  Raises InputError where they are impossible."""
+    focal = number_of(entry, "focalLength")
+    fx, fy = focal / number_of(entry, "pixelWidth"), focal / number_of(entry, "pixelHeight")
+    if not (0.02 * width < fx < 200 * width and 0.02 * height < fy < 200 * height):
+        raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels; export it again")
+    cx, cy = (number_of(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
+    return fx, fy, cx, cy
+
+
 def _photo(entry, longest: int) -> StationPhoto:
     width, height = number_of(entry, "imageWidth"), number_of(entry, "imageHeight")
     pitch_x, pitch_y = number_of(entry, "pixelWidth"), number_of(entry, "pixelHeight")
     cx, cy = width / 2, height / 2
     if entry.kind == "pinhole":
-        focal = number_of(entry, "focalLength")
-        fx, fy = focal / pitch_x, focal / pitch_y
-        cx, cy = (number_of(entry, f"principalPoint{axis}", positive=False) for axis in "XY")
-        if not (0.02 * width < fx < 200 * width and 0.02 * height < fy < 200 * height):
-            raise InputError(f"{entry.label}: a focal length of {fx:g} x {fy:g} pixels; export it again")
+        fx, fy, cx, cy = _lens(entry, width, height)
     else:
         if entry.kind == "spherical" and width == 2 * height and max(width * pitch_x, height * pitch_y) < 0.1:
             pitch_x = pitch_y = 2 * np.pi / width  # impossible pixels of a whole sphere, as in viewer.readers.e57_images

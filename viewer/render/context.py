@@ -1,6 +1,7 @@
 """OpenGL contexts: a headless one through EGL, or the window's; and the properties of the device behind a context."""
 
 import ctypes.util
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -44,12 +45,39 @@ class Device:
         return max(self.storage_limit, _SOFTWARE_BUFFER) if self.software else self.storage_limit
 
 
+class _Process:
+    """opengl: whether a context was made in this process.  forked: whether this process is a copy of one that had made one."""
+
+    opengl = False
+    forked = False
+
+    def copied(self) -> None:
+        self.forked, self.opengl = self.forked or self.opengl, False
+
+
+_process = _Process()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_process.copied)
+
+
+def check_not_forked() -> None:
+    """Raises DeviceError in a process that was forked from one with OpenGL: the driver's threads are missing, and it would wait
+    for them without end."""
+    if _process.forked:
+        raise DeviceError(
+            "this process was forked after a picture had been made, and OpenGL does not survive that; start processes with "
+            'multiprocessing.set_start_method("spawn"), or mp_context=multiprocessing.get_context("spawn") of an executor'
+        )
+
+
 def create_context(*, headless: bool = True) -> "moderngl.Context":
     """An OpenGL 4.3 context: standalone through EGL, or that of the current window.  Raises DeviceError (exit code 3).
 
     With several GPUs the headless one is made on torch's CUDA device, so that its buffers can be mapped.
     """
     import moderngl
+
+    check_not_forked()
 
     try:
         if headless:
@@ -62,6 +90,7 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
             f"OpenGL 4.3 is needed and could not be had ({reason}); install a driver, or Mesa's software one "
             "(apt install libegl1 libgl1-mesa-dri), and see `pointglass doctor`"
         ) from None
+    _process.opengl = True
     context.gc_mode = None  # type: ignore[assignment]  # every resource here has an owner that releases it
     return context
 

@@ -102,6 +102,24 @@ def write_camera_path(path: Path, cameras: Iterable[Camera], *, fps: float = 24.
     })
 
 
+def write_transforms(path: Path, cameras: Iterable[Camera]) -> None:
+    """Writes nerfstudio's transforms.json, from which ``read_cameras`` reads the same cameras, to the bit.
+
+    A camera without a name is read back as frame_00000 and so on.  Raises InputError where there are none.
+    """
+    frames = [
+        {
+            **({"file_path": f"images/{camera.name}.png"} if camera.name else {}),
+            "w": camera.width, "h": camera.height, "fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy,
+            "transform_matrix": camera.camera_to_world.tolist(),
+        }
+        for camera in cameras
+    ]  # fmt: skip
+    if not frames:
+        raise InputError(f"{path}: no cameras to write")
+    write_json(path, {"camera_model": "PINHOLE", "frames": frames})
+
+
 def _named(cameras: list[Camera]) -> list[Camera]:
     """Cameras whose names are safe and unique as file names."""
     names = unique_names([camera.name for camera in cameras], "camera")

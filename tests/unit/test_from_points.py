@@ -1,0 +1,84 @@
+"""``pointglass.from_points``: arrays come back as points, and what does not fit is refused in words that name the argument."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import pointglass
+from pointglass.viewer.interface.arguments import in_python
+
+COUNT = 3_000
+
+
+def arrays(seed: int) -> dict:
+    rng = np.random.default_rng(seed)
+    return {
+        "xyz": rng.uniform(-2, 2, (COUNT, 3)) + (4.5e5, 5.2e6, 300), "rgb": rng.integers(0, 256, (COUNT, 3)).astype(np.uint8),
+        "intensity": rng.integers(0, 65536, COUNT), "station": rng.integers(0, 2, COUNT),
+        "stations": [[4.5e5, 5.2e6, 301.0], [np.nan] * 3],
+    }  # fmt: skip
+
+
+def test_arrays_come_back_as_points(seed):
+    given = arrays(seed)
+    with pointglass.from_points(**given, name="mine", metres_per_unit=0.3048) as scan:
+        assert scan.count == COUNT and repr(scan) == "<pointglass.Scan mine: 3,000 points>"
+        distance, row = cKDTree(given["xyz"]).query(scan.points.xyz)
+        assert distance.max() < 1e-4 and np.array_equal(np.sort(row), np.arange(COUNT))
+        for name in ("rgb", "intensity", "station"):
+            assert np.array_equal(getattr(scan.points, name), given[name][row]), name
+        assert np.array_equal(scan.stations, given["stations"], equal_nan=True)
+        assert scan.info["metres_per_unit"] == 0.3048 and "mine" in scan._repr_html_()
+
+
+@pytest.mark.parametrize("colours, expected", [
+    (np.full((4, 3), 0.5, np.float32), 128), (np.full((4, 3), 0x8000, np.uint16), 128), (np.full((4, 3), 7, np.int64), 7),
+    ([[200] * 3] * 4, 200),
+])  # fmt: skip
+def test_colours_of_other_types_are_taken_as_such_arrays_usually_are(colours, expected):
+    with pointglass.from_points(np.eye(4, 3), colours) as scan:
+        assert set(scan.points.rgb.ravel().tolist()) == {expected}
+
+
+def test_classes_are_kept_beside_intensities():
+    rng = np.random.default_rng(1)
+    with pointglass.from_points(rng.random((COUNT, 3)), rng.random((COUNT, 3)), intensity=np.arange(COUNT) % 200,
+                                classification=np.repeat([2, 6], COUNT // 2)) as scan:
+        assert scan.info["attributes"]["class"] == {"2": COUNT // 2, "6": COUNT // 2}
+
+
+@pytest.mark.parametrize("given, said", [
+    ({"xyz": np.zeros((COUNT, 2))}, r"^xyz: expected \(N, 3\) numbers, got shape \(3000, 2\)"),
+    ({"xyz": np.zeros((0, 3)), "rgb": np.zeros((0, 3))}, "^xyz: holds no points"),
+    ({"xyz": "house.laz"}, "^xyz: expected"), ({"xyz": [[1, 2, 3], [4, 5]]}, "^xyz: expected"),
+    ({"xyz": np.full((COUNT, 3), np.nan)}, "no points|finite|usable"),
+    ({"rgb": np.zeros((5, 3), np.uint8)}, r"^rgb: expected \(3,000, 3\) numbers, one colour for each row of xyz"),
+    ({"rgb": np.full((COUNT, 3), 200.0)}, "^rgb: floats from 200 to 200; expected floats from 0 to 1"),
+    ({"rgb": np.full((COUNT, 3), -1)}, "^rgb: int64 from -1 to -1"), ({"rgb": np.full((COUNT, 3), np.nan)}, "^rgb: floats"),
+    ({"intensity": np.full(COUNT, 0.25)}, "^intensity: float64 from 0.25 to 0.25; expected whole numbers from 0 to 65535"),
+    ({"intensity": np.full(COUNT, 70_000)}, "^intensity: int64 from 70000"),
+    ({"classification": np.full(COUNT, 256)}, "^classification: int64 from 256"),
+    ({"classification": np.zeros(3, int)}, r"^classification: expected \(3,000,\)"),
+    ({"station": np.full(COUNT, 2)}, "^station: row 2 of stations, which has 2 rows"),
+    ({"station": None}, "^station: missing; stations has 2 rows"), ({"stations": np.zeros((2, 2))}, "^stations: expected"),
+    ({"stations": np.zeros((300, 3))}, "^stations: 300 rows"), ({"stations": [[np.inf, 0, 0], [0, 0, 0]]}, "^stations: a pos"),
+    ({"metres_per_unit": 0}, "^metres_per_unit 0"), ({"metres_per_unit": "m"}, "^metres_per_unit 'm'"),
+    ({"gpu_memory": "4G"}, "^gpu_memory '4G'"),
+])  # fmt: skip
+def test_what_does_not_fit_is_refused_in_one_line(given, said):
+    with pytest.raises(pointglass.InputError, match=said) as caught:
+        pointglass.from_points(**{**arrays(1), **given})
+    assert "\n" not in str(caught.value) and "--" not in str(caught.value)
+
+
+@pytest.mark.parametrize("option, argument", [
+    ("use --filter off, or --quality best.", 'use filter="off", or quality="best".'),
+    ("choose another --quality, or train", "choose another quality, or train"),
+    ("--device cuda: no GPU", 'device="cuda": no GPU'), ("lower --gpu-memory", "lower gpu_memory"),
+    ("render take --no-cache)", "render take cache=False)"), ("a smaller --size, or raise", "a smaller size, or raise"),
+    ("give --columns x,y,z", "give columns x,y,z"), ("see `pointglass --help`", "see `pointglass --help`"),
+    ("--exposures as-scanned", 'exposures="as-scanned"'), ("a--b and a dash -- there", "a--b and a dash -- there"),
+    ("filter strength 0: expected", "filter_strength 0: expected"),
+])  # fmt: skip
+def test_messages_name_python_arguments(option, argument):
+    assert in_python(option) == argument

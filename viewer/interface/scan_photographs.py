@@ -1,0 +1,80 @@
+"""The photographs inside the E57 files of a scan, for Python; pictures are decoded when they are asked for."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..camera import Camera
+from ..errors import InputError
+from .pictures import Picture, as_picture
+
+if TYPE_CHECKING:
+    from ..grid.scene import Scene
+    from ..readers.e57_photographs import PinholeLens
+    from ..readers.e57_pictures import StoredPicture
+
+_LONGEST = 1 << 16
+"""Pixels of the longer side of a decoded photograph: larger than those of any scanner, so that none is reduced."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """A photograph in an E57 file.
+
+    name: as the file has it.  file: the E57.  kind: pinhole, spherical, cylindrical, or visualReference (no geometry).
+    size: (width, height) in pixels as the file declares them, (0, 0) where it does not.
+    camera: of a pinhole photograph with a pose, file coordinates; None of others.  Its size is ``size``, pixels need not be
+    square.  station: the row of ``Scan.stations`` it was taken from, None where the file does not say.
+    """
+
+    name: str
+    file: Path
+    kind: str
+    size: tuple[int, int]
+    camera: Camera | None
+    station: int | None
+    _stored: "StoredPicture" = field(repr=False)
+
+    @property
+    def image(self) -> Picture:
+        """(H, W, 3) uint8 sRGB, decoded each time it is asked for.  Raises InputError where it is damaged."""
+        from ..readers.e57_pictures import picture_of
+
+        return as_picture(picture_of(self._stored, _LONGEST)[0])
+
+    def _repr_png_(self) -> bytes | None:
+        from ..readers.e57_pictures import picture_of
+
+        return as_picture(picture_of(self._stored, 1024)[0])._repr_png_()
+
+
+def photographs_of(scene: "Scene") -> list[Photograph]:
+    """All photographs of the scene's E57 files, in the files' order.  Raises InputError where a file cannot be read."""
+    found: list[Photograph] = []
+    before: int | None = 0  # scans of the files before; None once they cannot be told
+    for source in map(Path, scene.meta.get("sources") or []):
+        if source.suffix.lower() != ".e57" or not source.is_file():
+            before = None
+            continue
+        from ..readers.e57_photographs import pinhole_lenses
+        from ..readers.e57_pictures import stored_pictures
+
+        lenses, scans, count = pinhole_lenses(source)
+        for stored in stored_pictures(source):
+            size = stored.width, stored.height
+            scan = scans.get(stored.number)
+            station = None if scan is None or before is None else before + scan
+            camera = _camera(lenses.get(stored.number), stored.name)
+            found.append(Photograph(stored.name, source, stored.kind, size, camera, station, stored))
+        before = None if before is None else before + count
+    return found
+
+
+def _camera(lens: "PinholeLens | None", name: str) -> Camera | None:
+    """None also where the lens is one that no picture can be made with."""
+    if lens is None:
+        return None
+    try:
+        return Camera(lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, lens.camera_to_world, name)
+    except InputError:
+        return None
