@@ -29,7 +29,7 @@ from .text import counted, escaped_output
 
 def _view(options: argparse.Namespace) -> int:
     for path in options.scans:
-        if not path.exists():
+        if not any(other.exists() for other in options.scans):
             raise InputError(f"{path}: no such file, folder or command (see `pointglass --help`)")
     if any(path.suffix.lower() == ".pointglass" for path in options.scans):
         from .tools.project import check_projects

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from .errors import InputError
-from .readers.formats import KNOWN_FILES, KNOWN_FOLDERS
+from .readers.formats import KNOWN_FILES, KNOWN_FOLDERS, refuse_address
 from .settings import CHOICES, MEMORY, Memory, Settings
 
 _VALUE = re.compile(r"-(?!-)")
@@ -41,6 +41,10 @@ class Parser(argparse.ArgumentParser):
             command = getattr(found, "command", None)
             of = f"{self.prog} {command}" if command else self.prog
             raise InputError(f"unrecognized arguments: {' '.join(left)} (see `{of} --help`)")
+        for value in vars(found).values():
+            for path in value if isinstance(value, list) else [value]:
+                if isinstance(path, Path):
+                    refuse_address(path)
         return found
 
     def _joined(self, args: Sequence[str]) -> list[str]:

@@ -269,8 +269,8 @@ def test_folders_are_opened_described_and_converted(tmp_path, monkeypatch, capsy
     assert main(["convert", "--each", "--out", str(tmp_path / "out"), str(scans)]) == 0
     assert [open_scene(tmp_path / "out" / name).count for name in ("north", "south", "west")] == [500, 600, 100]
     assert entry_of(scans) == scans
-    assert main(["info", str(scans)]) == 2
-    assert "Potree or EPT folder" in capsys.readouterr().err
+    assert main(["info", str(scans)]) == 0
+    assert "points   1,200" in capsys.readouterr().out
 
 
 def test_help_and_messages_name_every_format(tmp_path, capsys):

@@ -1,5 +1,6 @@
 """``pointglass convert``: writes the grid of scans into a folder, which can then be opened like a scan."""
 
+import logging
 import os
 from functools import partial
 from pathlib import Path
@@ -9,9 +10,10 @@ from ..errors import InputError
 from ..file_names import inside
 from ..text import counted
 from . import cache
-from .open_scene import as_paths, build_scene, each_once
+from .open_scene import as_paths, build_scene, each_once, present
 from .scene import Scene
 
+_log = logging.getLogger(__name__)
 _NAMED = 8  # scans that could not be read and are named in the message, besides the first; chosen by hand
 
 
@@ -22,11 +24,10 @@ def convert(paths: list[Path], out: Path, *, match: bool = True, columns: str | 
     replaced.  Raises InputError where ``out`` holds anything else, cannot be replaced or written or has no room, and for bad
     input; nothing partial is left behind.
     """
-    from ..readers.formats import check_file
-
     files, out = as_paths(paths), Path(out)
-    for file in files:
-        check_file(file)
+    files, left_out = present(files)
+    for line in left_out:
+        _log.warning("%s", line)
     place = _place_of(out)
     with made_folder(place, make=False):
         return cache.build_into(place, files, partial(build_scene, match=match, columns=columns), keep_old=True)

@@ -3,6 +3,7 @@
 Frame: file coordinates throughout; several files are taken to share one frame.
 """
 
+import logging
 import os
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -18,6 +19,7 @@ from .scene import Scene
 if TYPE_CHECKING:
     from ..readers.source import Source
 
+_log = logging.getLogger(__name__)
 _IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file; chosen by hand
 
 
@@ -31,8 +33,11 @@ def open_scene(
     black as missing colour.  A folder made by ``convert`` has the colours it was built with; it is refused where colours as
     scanned are asked for and it has others.
     columns: what the columns of text files are (viewer.readers.text_columns); None: they are recognised.
-    Raises InputError, one line, for anything wrong with the files or the cache folder; Cancelled where progress is cancelled.
+    Of several files those that cannot be opened are left out, with a warning that begins with LEFT_OUT.
+    Raises InputError, one line, where no file can be opened or the cache folder cannot be used; Cancelled where
+    progress is cancelled.
     """
+    from ..readers.formats import LEFT_OUT
     from . import cache as stored
 
     files = as_paths(paths)
@@ -42,25 +47,61 @@ def open_scene(
             raise InputError(f"{files[0]}: was built with matched exposures, colours as scanned are not in it; "
                              "give the scan itself, or convert it again with --exposures as-scanned")
         return scene
-    from ..readers.formats import check_file
-
-    for file in files:
-        check_file(file)
+    files, left_out = present(files)
     if not cache:
-        return build_scene(files, in_memory, match=match, columns=columns)
-    return stored.load_or_build(files, partial(build_scene, match=match, columns=columns), match=match, columns=columns)
+        scene = build_scene(files, in_memory, match=match, columns=columns)
+    else:
+        scene = stored.load_or_build(files, partial(build_scene, match=match, columns=columns), match=match, columns=columns)
+    if left_out:
+        scene.meta["warnings"] = [*scene.meta.get("warnings", []), *left_out]
+    for line in scene.meta.get("warnings", []):
+        if LEFT_OUT in line:
+            _log.warning("%s", line)
+    return scene
+
+
+def present(files: list[Path]) -> tuple[list[Path], list[str]]:
+    """The files that are there and not empty, and a line about each of the others.  Raises InputError where none is left, or
+    a file is given alone."""
+    from ..readers.formats import LEFT_OUT, check_file
+
+    found, left_out, first = [], [], None
+    for file in files:
+        try:
+            check_file(file)
+            found.append(file)
+        except InputError as error:
+            if file.is_dir():  # a folder made by convert, or without scans: not a file of the set that failed
+                raise
+            first = first or error
+            left_out.append(f"{LEFT_OUT}{error}")
+    if not found and first:
+        raise first if len(files) == 1 else InputError(f"none of the {len(files)} files can be opened; the first: {first}")
+    return found, left_out
 
 
 def build_scene(files: list[Path], allocate, *, match: bool = True, columns: str | None = None) -> Scene:
-    """Reads the files and builds their grid.  allocate: gives the array of packed points (viewer.grid.two_passes.Allocate)."""
+    """Reads the files, of several those that can be read, and builds their grid.
+
+    allocate: gives the arrays of the points (viewer.grid.two_passes.Allocate).
+    """
     from ..preprocess.point_colour import Colours
-    from ..readers.formats import open_sources
+    from ..readers.formats import LEFT_OUT, open_readable
     from .two_passes import build_grid
 
-    sources = open_sources(files, columns)
-    facts = facts_of(files, sources) | {"match": match, "warnings": _differences(sources)}
-    facts["records"] = {"files": [identity_of(file) for file in files], "columns": columns}
-    return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, facts=facts)
+    sources, left_out = open_readable(files, columns)
+    while True:
+        files = [source.path for source in sources]
+        facts = facts_of(files, sources) | {"match": match, "warnings": [*left_out, *_differences(sources)]}
+        facts["records"] = {"files": [identity_of(file) for file in files], "columns": columns}
+        try:
+            return build_grid(sources, colours=Colours(sources, match=match), allocate=allocate, facts=facts)
+        except InputError as error:  # damage that only reading all of its points finds
+            broken = next((source for source in sources if str(error).startswith(f"{source.path}:")), None)
+            if broken is None or len(sources) == 1:
+                raise
+            left_out.append(f"{LEFT_OUT}{error}")
+            sources, _ = open_readable([source.path for source in sources if source is not broken], columns)
 
 
 def _differences(sources: "Sequence[Source]") -> list[str]:
@@ -136,13 +177,14 @@ def in_memory(name: str, shape: tuple[int, ...], dtype: type) -> np.ndarray:
 
 
 def as_paths(paths: Sequence[Path | str] | Path | str) -> list[Path]:
-    """The given path or paths as a list, each file once, however its path is spelt.  Raises InputError for an empty list."""
+    """The given path or paths as a list, each file once, however its path is spelt; a folder of scans stands for the scans in
+    it.  Raises InputError for an empty list."""
     given = [paths] if isinstance(paths, (str, Path)) else list(paths)
     if not given:
         raise InputError("no scan given; name at least one file")
-    from ..readers.formats import entry_of
+    from ..readers.formats import entry_of, scans_inside
 
-    return each_once(entry_of(Path(path)) for path in given)
+    return each_once(entry_of(file) for path in given for file in scans_inside(Path(path)) or [Path(path)])
 
 
 def each_once(paths: Iterable[Path]) -> list[Path]:

@@ -43,14 +43,14 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
     have too few points.  columns: of text files, as for open_scene.
     """
     from ..preprocess.point_colour import height_colours
-    from ..readers.formats import open_sources
+    from ..readers.formats import open_readable
     from .open_scene import as_paths, facts_of, scene_from_arrays
 
     try:
         files = as_paths(paths)
         if sum(_size(file) for file in files) < least_bytes:
             return None
-        sources = open_sources(files, columns)
+        sources, _ = open_readable(files, columns)
         end = (time.monotonic() + seconds, time.monotonic() + 2 * seconds)
         parts = [_sampled(source, points // len(sources), end) for source in sources]
     except (InputError, OSError) as error:
@@ -71,7 +71,7 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
             scan.append(np.broadcast_to(np.minimum(np.asarray(chunk.scan) + first, 255), len(chunk.xyz)).astype(np.uint8))
         first += len(source.scans)
     scans = [{"name": info.name, "count": 0, "position": info.position} for source in sources for info in source.scans]
-    meta = facts_of(files, sources) | {"scans": scans, "preview": True}
+    meta = facts_of([source.path for source in sources], sources) | {"scans": scans, "preview": True}
     try:
         return scene_from_arrays(xyz, np.concatenate(rgb), intensity=np.concatenate(intensity), scan=np.concatenate(scan),
                                  meta=meta, noise=False)
@@ -82,7 +82,9 @@ def preview_scene(paths: Sequence[Path], *, points: int = 400_000, seconds: floa
 
 def _size(file: Path) -> int:
     """Bytes of a file.  For the file that describes a folder: of all files directly in the folder, and at least LEAST_BYTES."""
-    if file.name in ("cloud.js", "metadata.json", "ept.json"):
+    from ..readers.formats import folder_format
+
+    if folder_format(file):
         return sum(entry.stat().st_size for entry in os.scandir(file.parent) if entry.is_file()) + LEAST_BYTES
     return file.stat().st_size
 

@@ -4,6 +4,7 @@ The format of a file is recognised by its first bytes; text files of points have
 suffix.  Octrees of many files are folders (Potree, EPT), opened by the folder or by the file in it that describes them.
 """
 
+import re
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Format:
-    """names: as in messages.  reader: module in this package and class.  magic: first bytes of a file.
+    """names: as in messages.  reader: module in this package, and class or function.  magic: first bytes of a file.
     entry: for folders, the file that describes the folder, and other files of which one must be beside it."""
 
     names: tuple[str, ...]
@@ -34,8 +35,9 @@ FORMATS = (
     Format(("LAS", "LAZ", "COPC"), ("las", "LasSource"), (".las", ".laz"), (b"LASF",)),
     Format(("PLY",), ("ply", "PlySource"), (".ply",), (b"ply\n", b"ply\r")),
     Format(("PCD",), ("pcd", "PcdSource"), (".pcd",), (b"# .PCD", b"VERSION 0.", b"VERSION .")),
-    Format(("PTS",), ("pts", "PtsSource"), (".pts",), takes_columns=True),
+    Format(("PTS",), ("pts", "open_pts"), (".pts",), takes_columns=True),
     Format(("PTX",), ("ptx", "PtxSource"), (".ptx",)),
+    Format(("ESRI grid",), ("esri_grid", "EsriGridSource"), (".asc",), (b"ncols", b"NCOLS", b"nrows", b"NROWS")),
     Format(("XYZ", "TXT", "CSV", "ASC"), ("xyz", "XyzSource"), (".xyz", ".txt", ".csv", ".asc"), takes_columns=True),
     Format(("Potree",), ("potree1", "Potree1Source"), entry=("cloud.js", ())),
     Format(("Potree",), ("potree2", "Potree2Source"), entry=("metadata.json", ("octree.bin", "hierarchy.bin"))),
@@ -45,28 +47,51 @@ _FILES = [name for row in FORMATS if not row.entry for name in row.names]
 _FOLDERS = list(dict.fromkeys(name for row in FORMATS if row.entry for name in row.names))
 KNOWN = f"{', '.join(_FILES[:-1])} or {_FILES[-1]} file, or a {' or '.join(_FOLDERS)} folder"
 """The text after "give a" in messages."""
+LEFT_OUT = "left out: "
+"""The beginning of the warning about a file of several that could not be opened."""
 KNOWN_FILES = ", ".join(_FILES)
 """The formats that are single files, for the help."""
 KNOWN_FOLDERS = " or ".join(_FOLDERS)
 _TEXTS = tuple(suffix for row in FORMATS if not (row.magic or row.entry) for suffix in row.suffixes)
+_ADDRESS = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+(.*)", re.DOTALL)  # of one slash or more: a Path has lost one of two
+_GDAL_ADDRESS = re.compile(r"/vsi\w+/")
+_DESCRIBING = (".js", ".json")  # suffixes of files that describe a folder
+_MOST_DESCRIBING, _DESCRIPTION_BYTES = 20, 1 << 16
+"""Files of a folder that are looked at, and bytes of each, to find the one that describes it; chosen by hand."""
+_KEYS = {"potree1": (b"octreeDir", b"boundingBox"), "potree2": (b"hierarchy", b"encoding"), "ept": (b"schema", b"dataType")}
+"""JSON keys by which the file that describes a folder is recognised, by module of its reader."""
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # byte order marks
 _ANYTHING = (".txt", ".csv", ".asc")
 _HEAD = 64  # bytes read of a file to recognise its format
 
 
 def entry_of(path: Path) -> Path:
-    """The file that describes a Potree or EPT folder, where ``path`` is one; else ``path``."""
+    """The file that describes a Potree or EPT folder, where ``path`` is one; else ``path``.  It may have another name than
+    usual."""
     if path.is_dir():
         for row in FORMATS:
             if row.entry and (path / row.entry[0]).is_file() and _is_beside(path / row.entry[0], row):
                 return path / row.entry[0]
+        try:
+            files = [file for file in sorted(path.iterdir()) if file.suffix.lower() in _DESCRIBING][:_MOST_DESCRIBING]
+        except OSError:
+            return path
+        return next((file for file in files if folder_format(file)), path)
     return path
 
 
-def _folder_format(path: Path) -> Format | None:
-    """The format of the folder that ``path`` is the describing file of."""
-    named = (row for row in FORMATS if row.entry and row.entry[0] == path.name.lower())
-    return next((row for row in named if _is_beside(path, row)), None)
+def folder_format(path: Path) -> Format | None:
+    """The format of the folder that ``path`` is the describing file of, by its name, else by its contents."""
+    named = [row for row in FORMATS if row.entry and row.entry[0] == path.name.lower() and _is_beside(path, row)]
+    if named or path.suffix.lower() not in _DESCRIBING or not path.is_file():
+        return named[0] if named else None
+    try:
+        with path.open("rb") as file:
+            head = file.read(_DESCRIPTION_BYTES)
+    except OSError:
+        return None
+    rows = (row for row in FORMATS if row.entry and all(b'"%b"' % key in head for key in _KEYS[row.reader[0]]))
+    return next((row for row in rows if _is_beside(path, row)), None)
 
 
 def _is_beside(path: Path, row: Format) -> bool:
@@ -74,9 +99,19 @@ def _is_beside(path: Path, row: Format) -> bool:
     return not others or any((path.parent / other).exists() for other in others)
 
 
+def scans_inside(path: Path) -> list[Path]:
+    """The scans in a folder that is no scan itself, by name; none for any other path."""
+    if not path.is_dir() or is_grid(path) or entry_of(path) != path:
+        return []
+    try:
+        return [file for file in sorted(path.iterdir()) if not file.name.startswith(".") and is_scan(file)]
+    except OSError:
+        return []
+
+
 def name_of(path: Path) -> str:
     """The name of a scan: that of its file without the suffix, or that of its folder."""
-    return path.absolute().parent.name if _folder_format(path) else path.stem
+    return path.absolute().parent.name if folder_format(path) else path.stem
 
 
 def is_scan(path: Path) -> bool:
@@ -90,8 +125,23 @@ def is_scan(path: Path) -> bool:
     return suffix not in _ANYTHING and any(suffix in row.suffixes for row in FORMATS) and path.is_file()
 
 
+def refuse_address(path: Path) -> None:
+    """Raises InputError where ``path`` is an address, such as https://host/a.laz or s3://bucket/ept.json, and not a file."""
+    if path.exists():
+        return
+    address = str(path) if _GDAL_ADDRESS.match(str(path)) else None
+    if match := _ADDRESS.match(str(path)):
+        if match[1].lower() == "file":
+            raise InputError(f"file:///{match[2]}: give the path without file://")
+        address = f"{match[1]}://{match[2]}"
+    if address:
+        raise InputError(f"{address}: is an address; addresses are not read in this version, download it and give the path of "
+                         "the file or folder")  # fmt: skip
+
+
 def check_file(path: Path) -> None:
     """Raises InputError unless ``path`` is a readable file that is not empty."""
+    refuse_address(path)
     try:
         if not path.exists():
             raise InputError(f"{path}: no such file")
@@ -121,7 +171,13 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     suffix = path.suffix.lower()
-    row = _folder_format(path) or next((row for row in FORMATS if head.startswith(row.magic or (b"\0" * _HEAD,))), None)
+    row = folder_format(path) or next((row for row in FORMATS if head.startswith(row.magic or (b"\0" * _HEAD,))), None)
+    if row is None and suffix in _TEXTS:
+        from .esri_grid import is_grid_text, other_grid
+
+        if grid := other_grid(head):
+            raise InputError(f"{path}: is a {grid}, which is not read; export it as ESRI ASCII grid or as points x y z")
+        row = next(row for row in FORMATS if row.reader[0] == "esri_grid") if is_grid_text(head) else None
     if row is None:
         row = next((row for row in FORMATS if suffix in row.suffixes and not row.magic), None)
         if row is None or b"\0" in head or _packed(head):
@@ -141,10 +197,32 @@ def takes_columns(path: Path) -> bool:
 
 def open_sources(paths: list[Path], columns: str | None = None) -> "list[Source]":
     """The readers for several paths.  Raises InputError as open_source, and where columns are named and no file is text."""
+    _check_columns(paths, columns)
+    return [open_source(path, columns) for path in paths]
+
+
+def open_readable(paths: list[Path], columns: str | None = None) -> "tuple[list[Source], list[str]]":
+    """The readers for those of several paths that can be opened, and a line about each of the others.
+
+    Raises InputError where none can be opened, and where columns are named and no file is text.
+    """
+    _check_columns(paths, columns)
+    sources, left_out, first = [], [], None
+    for path in paths:
+        try:
+            sources.append(open_source(path, columns))
+        except InputError as error:
+            first = first or error
+            left_out.append(f"{LEFT_OUT}{error}")
+    if not sources and first:
+        raise first if len(paths) == 1 else InputError(f"none of the {len(paths)} files can be opened; the first: {first}")
+    return sources, left_out
+
+
+def _check_columns(paths: list[Path], columns: str | None) -> None:
     if columns is not None and not any(map(takes_columns, paths)):
         texts = ", ".join(name for row in FORMATS if row.takes_columns for name in row.names)
         raise InputError(f"{paths[0]}: --columns is for text files of points ({texts}); open this file without it")
-    return [open_source(path, columns) for path in paths]
 
 
 def _packed(head: bytes) -> str | None:

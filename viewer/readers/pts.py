@@ -10,9 +10,34 @@ from ..errors import InputError
 from ..text import counted, whole_number
 from .column_source import Columns, ColumnSource
 from .source import ScanInfo, surplus_warning
-from .text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, named_columns
+from .text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, fields_of, named_columns, separators
+from .text_numbers import number
 from .text_rows import ROWS, TextRows, quoted
 from .text_sample import TextRegion, sample_rows
+from .xyz import XyzSource
+
+_HEAD_BYTES = 1 << 12  # read to see whether there is a count; chosen by hand
+
+
+def open_pts(path: Path, columns: str | None = None) -> ColumnSource:
+    """The reader for a .pts file; one without the line of the count is read as rows of text, with a warning.
+
+    columns: as in XyzSource.  Raises InputError as PtsSource and XyzSource.
+    """
+    with path.open("rb") as file:
+        text = TextRows(path, file, block=_HEAD_BYTES)
+        first = text.line() or ""
+        lines = [first, text.line() or first]
+    delimiter, decimal = separators(lines)
+    rows = [fields_of(line, delimiter) for line in lines]
+    numbers = [sum(number(word, decimal) is not None for word in row) for row in rows]
+    if len(rows[0]) == 1 or max(numbers) < 3:
+        return PtsSource(path, columns)
+    known = LEICA_COLUMNS.get(len(rows[0])) if numbers[0] == len(rows[0]) else None
+    source = XyzSource(path, columns if columns or known is None else ",".join(known))
+    source.format = "PTS"
+    source.warnings.insert(0, f"{path.name}: has no line with the number of its points; all of its rows are read")
+    return source
 
 
 class PtsSource(ColumnSource):
@@ -38,8 +63,8 @@ class PtsSource(ColumnSource):
                 self._extents.append((begin, text.position))
             more = line is not None
         if not self._counts:
-            raise InputError(f"{path}: begins with {quoted(line or '')} where a PTS has the number of its points; where that "
-                             "is missing, rename it to .xyz")  # fmt: skip
+            raise InputError(f"{path}: begins with {quoted(line or '')} where a PTS has the number of its points; export it "
+                             "again")  # fmt: skip
         self.count = sum(self._counts)
         if self.count == 0:
             raise InputError(f"{path}: holds no points (its header says 0); export it again")

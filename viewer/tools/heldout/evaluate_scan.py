@@ -29,13 +29,17 @@ _IGNORED = {"perceptual": None, "exposures": "both", "outside": [], "flicker": T
 
 
 def is_scan(path: Path) -> bool:
-    """Whether a path is a scan for the viewer, that is a file or a folder made by ``convert``, and not the folder of a room.
+    """Whether a path is a scan for the viewer, that is a file, a folder made by ``convert`` or a Potree or EPT folder, and not
+    the folder of a room.
 
     A missing path counts as a file if its name has a suffix.
     """
     from ...grid.cache import is_grid
+    from ...readers.formats import entry_of
 
-    return is_grid(path) if path.is_dir() else path.exists() or bool(path.suffix)
+    if not path.is_dir():
+        return path.exists() or bool(path.suffix)
+    return is_grid(path) or entry_of(path) != path
 
 
 def run(options: argparse.Namespace) -> int:
