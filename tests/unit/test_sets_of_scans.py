@@ -125,9 +125,18 @@ GRID = "ncols 4\nnrows 3\nxllcorner 500000\nyllcorner 5800000\ncellsize 2\nNODAT
 HEIGHTS = ["1 2 3 4", "5 6 -9999 8", "9 10 11 12.5"]
 
 
-@pytest.mark.parametrize("header", [GRID, GRID.upper(), GRID.replace("xllcorner 500000", "xllcenter 500001").replace(
-    "yllcorner 5800000", "yllcenter 5800001"), GRID.replace("cellsize 2", "dx 2\ndy 2"), 
-    GRID.replace("NODATA_value -9999\n", ""), "\ufeff" + GRID.replace(" ", "\t").replace("\n", "\r\n"), "nrows 3\nncols 4\n" + GRID.split("\n", 2)[2]])  # fmt: skip
+GRIDS = [
+    GRID,
+    GRID.upper(),
+    GRID.replace("xllcorner 500000", "xllcenter 500001").replace("yllcorner 5800000", "yllcenter 5800001"),
+    GRID.replace("cellsize 2", "dx 2\ndy 2"),
+    GRID.replace("NODATA_value -9999\n", ""),
+    "\ufeff" + GRID.replace(" ", "\t").replace("\n", "\r\n"),
+    "nrows 3\nncols 4\n" + GRID.split("\n", 2)[2],
+]
+
+
+@pytest.mark.parametrize("header", GRIDS)
 @pytest.mark.parametrize("between", ["\n", " ", "\r\n"])
 @pytest.mark.parametrize("name", ["a.asc", "a.txt", "a.xyz"])
 def test_esri_grids_are_read_as_heights_at_the_centres_of_cells(tmp_path, header, between, name):
