@@ -5,6 +5,8 @@ from ..model.common.printable import escaped_output, printable
 
 __all__ = ["bytes_text", "counted", "escaped_output", "printable", "whole_number"]
 
+import math
+
 
 def counted(number: float, noun: str) -> str:
     """"1 frame", "2,000 frames", "0.5 points"."""
@@ -27,3 +29,19 @@ def whole_number(text: str) -> int | None:
     digits.
     """
     return int(text) if text.isascii() and text.isdecimal() and len(text) <= 18 else None
+
+
+def coordinate(value: float) -> str:
+    """A coordinate with the 15 digits that float64 is sure to hold, at least three decimals, and no zeros behind the third."""
+    digits = 15 - len(str(int(abs(value)))) if math.isfinite(value) else 3
+    whole, _, decimals = f"{value:.{min(max(digits, 3), 12)}f}".partition(".")
+    return f"{whole}.{decimals[:3]}{decimals[3:].rstrip('0')}"
+
+
+def plain(value: object) -> str:
+    """A value from a file as a person reads it."""
+    if isinstance(value, (list, tuple)):
+        return ", ".join(plain(part) for part in value)
+    if isinstance(value, float):
+        return f"{value:.12g}"
+    return str(value)

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-_MAX_STATIONS = 255
+MAX_STATIONS = 255
 """Stations that are distinguished: a point's station number has 8 bits, and later stations share one number."""
 
 
-def station_positions_of(positions: Iterable[Sequence[float] | None]) -> np.ndarray:
-    """(S, 3) float64 of positions (x, y, z) or None, S at most 255."""
-    return np.array([position or (np.nan,) * 3 for position in positions][:_MAX_STATIONS], np.float64).reshape(-1, 3)
+def station_positions_of(positions: Iterable[Sequence[float] | None], most: int | None = MAX_STATIONS) -> np.ndarray:
+    """(S, 3) float64 of positions (x, y, z) or None, S at most ``most``; None: of any number."""
+    return np.array([position or (np.nan,) * 3 for position in positions][:most], np.float64).reshape(-1, 3)
 
 
 def stations_differ(places: np.ndarray | None) -> bool:

@@ -12,8 +12,9 @@ from cloud_files import write_ply
 
 import pointglass
 from pointglass.viewer.grid.convert import convert
+from pointglass.viewer.grid.file_records import FileRecords
 from pointglass.viewer.grid.info import facts
-from pointglass.viewer.grid.open_scene import open_scene, scene_from_arrays
+from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
 from pointglass.viewer.settings import Memory, Settings
 from pointglass.viewer.tools.demo import demo_scan
@@ -70,7 +71,8 @@ def chosen(rng, count):
 def test_chosen_points_are_those_numpy_would_choose(seed):
     rng = np.random.default_rng(seed)
     scan = scan_of(seed)
-    everything = unpack(scan._open)
+    values = FileRecords(scan._open).of(slice(None))  # tests/unit/test_file_records.py compares these with the files
+    everything = values.xyz, unpack(scan._open)[1], values.columns["intensity"], values.station
     all_points = np.arange(scan.count)
     for first in chosen(rng, scan.count):
         points = scan.points[first]
@@ -159,13 +161,14 @@ def test_what_cannot_be_opened_is_refused_in_one_line(paths, given, said, tmp_pa
 
 def test_several_files_and_converted_folders_open_like_one(tmp_path):
     rng = np.random.default_rng(1)
-    for name in ("a", "b"):
-        write_ply(tmp_path / f"{name}.ply", rng.uniform(0, 2, (500, 3)), rng.integers(0, 256, (500, 3)).astype(np.uint8))
+    first = rng.uniform(0, 2, (500, 3))
+    for name, xyz in (("a", first), ("b", rng.uniform(0, 2, (500, 3)))):
+        write_ply(tmp_path / f"{name}.ply", xyz, rng.integers(0, 256, (500, 3)).astype(np.uint8))
     with pointglass.open(tmp_path / "a.ply", str(tmp_path / "b.ply"), cache=False) as both:
         assert both.count == 1_000 and repr(both) == "<pointglass.Scan a.ply and 1 more: 1,000 points>"
     convert([tmp_path / "a.ply"], tmp_path / "grid")
     with pointglass.open(tmp_path / "grid") as folder:
-        assert folder.count == 500 and np.array_equal(folder.points.xyz, unpack(open_scene(tmp_path / "grid"))[0])
+        assert folder.count == 500 and np.array_equal(np.sort(folder.points.xyz, axis=0), np.sort(first, axis=0))
 
 
 def test_cameras_come_back_from_a_file_as_they_were_written(seed, tmp_path):

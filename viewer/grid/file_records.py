@@ -87,12 +87,13 @@ class FileRecords:
 
     def names(self, index: Any) -> list[str]:
         """The names of the columns of points, by the first of them in each file."""
-        if self._records is None or (isinstance(index, np.ndarray) and len(index) == 0):
-            return list(self._of_grid(np.zeros(0, np.int64)))
-        source, _ = self._records.places(self._records.numbers(index))
-        _, first = np.unique(source, return_index=True)
-        places = np.arange(self._scene.count)[index] if isinstance(index, slice) else index
-        return list(self.of(places[first]).columns)
+        first = np.zeros(min(_length(index, self._scene.count), 1), np.int64)
+        if self._records is not None:
+            source = np.concatenate([self._records.places(self._records.numbers(part))[0].astype(np.int32)
+                                     for part in _parts(index, self._scene.count)] or [np.zeros(0, np.int32)])  # fmt: skip
+            _, first = np.unique(source, return_index=True)
+        values = self.of(_places(index, first, self._scene.count))
+        return [*([] if values.rgb is None else ["rgb"]), *values.columns]
 
     def stations(self, index: Any) -> np.ndarray:
         """(n,) int64: the number of the scan of each point, a place in ``meta["scans"]``, without the grid's limit of 255."""
@@ -248,10 +249,12 @@ def _streamed(source: Source, start: int, stop: int, lookup: Lookup, found: Gath
     plain = found.wants_only("xyz")
     for piece in source.chunks() if plain else source.record_chunks():
         records = Records(piece.xyz) if isinstance(piece, Chunk) else piece
-        taken, rows = lookup.rows(at, at + len(records.xyz))
+        for begin in range(0, len(records.xyz), _PICKED):  # small pieces, so that copies of them are small
+            end = min(begin + _PICKED, len(records.xyz))
+            taken, rows = lookup.rows(at + begin, at + end)
+            if len(rows):
+                yield records, taken + begin, rows
         at += len(records.xyz)
-        if len(rows):
-            yield records, taken, rows
     if at != stop:
         raise InputError(f"{source.path}: has {at - start:,} points, {stop - start:,} when its grid was built; open it again")
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...model.common.scanner_positions import station_positions_of
+from ...model.common.scanner_positions import MAX_STATIONS, station_positions_of
 from ...model.noise import NoiseModel
 from ..preprocess.point_attributes import AttributeLayout, layout_from
 from ..readers.source import Source
@@ -84,10 +84,15 @@ class Scene:
 
     @property
     def station_places(self) -> np.ndarray:
-        """(S, 3) float64 file coordinates: the scanner position of each scan number; NaN where it is unknown, or impossible:
-        farther outside the measured points than STATION_REACH times their extent.  S is at most 255: later scans share a
-        number."""
-        places = station_positions_of(scan.get("position") for scan in self.meta.get("scans") or [])
+        """(S, 3) float64: the first of :attr:`scan_places`, those of the scan numbers in packed points.  S is at most 255:
+        later scans share a number."""
+        return self.scan_places[:MAX_STATIONS]
+
+    @property
+    def scan_places(self) -> np.ndarray:
+        """(K, 3) float64 file coordinates: the scanner position of each scan; NaN where it is unknown, or impossible: farther
+        outside the measured points than STATION_REACH times their extent."""
+        places = station_positions_of((scan.get("position") for scan in self.meta.get("scans") or []), most=None)
         reach = STATION_REACH * np.ptp(self.bounds, axis=0).max()
         with np.errstate(invalid="ignore"):
             away = (places < self.bounds[0] - reach) | (places > self.bounds[1] + reach)

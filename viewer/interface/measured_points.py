@@ -1,24 +1,31 @@
-"""The measured points of a scan, decoded on demand."""
+"""The measured points of a scan: values of the files, read on demand."""
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import numpy.typing as npt
 
+from ..errors import InputError
 from .arguments import numbers_of
 
 if TYPE_CHECKING:
+    from ..grid.file_records import FileRecords
     from ..grid.scene import Scene
 
 Index = slice | int | Sequence[int] | npt.NDArray[np.integer[Any]] | npt.NDArray[np.bool_]
 
 
 class Points:
-    """The measured points of a scan, or some of them: a view that decodes an array each time one is asked for.
+    """The measured points of a scan, or some of them: a view that reads an array each time one is asked for.
 
-    ``points[index]`` takes slices, whole numbers and boolean masks, and decodes nothing; ``np.asarray(points)`` is ``xyz``.
+    ``points[index]`` takes slices, whole numbers and boolean masks, and reads nothing; ``np.asarray(points)`` is ``xyz``.
+    ``points["gps_time"]`` is an attribute by its name, see :attr:`attributes`.
     The order is the grid's: density layers, then place.  ``points[::100]`` thins evenly; ``points[:1000]`` is one corner.
+
+    Values are the files' own, read back from them: coordinates exact to the file's resolution, attributes in the file's type
+    and scale.  Where a file is gone or has changed, they are those of the grid, and :attr:`note` says so.  Few points are read
+    one by one; many are read by one pass over the files, in at most twice the memory of the result.
     """
 
     def __init__(self, scene: "Scene", chosen: "range | np.ndarray"):
@@ -27,8 +34,17 @@ class Points:
     def __len__(self) -> int:
         return len(self._chosen)
 
-    def __getitem__(self, index: Index) -> "Points":
-        """Raises IndexError beyond the last point, InputError where the index is of another kind."""
+    @overload
+    def __getitem__(self, index: Index) -> "Points": ...
+
+    @overload
+    def __getitem__(self, index: str) -> npt.NDArray[Any]: ...
+
+    def __getitem__(self, index: "Index | str") -> "Points | npt.NDArray[Any]":
+        """Some of the points, or an attribute by its name.  Raises IndexError beyond the last point, InputError where the index
+        is of another kind or no file has the attribute."""
+        if isinstance(index, str):
+            return self.attributes[index]
         if isinstance(index, slice):
             return Points(self._scene, self._chosen[index])
         numbers = numbers_of(index, len(self))
@@ -39,31 +55,58 @@ class Points:
 
     @property
     def xyz(self) -> npt.NDArray[np.float64]:
-        """(n, 3) float64 file coordinates, each at most half a step from the measured one; a step is 1/65536 of a grid cell."""
-        from ..grid.scene import packed, positions
-
-        return positions(self._scene, packed(self._scene, self._index), self._index)
+        """(n, 3) float64 file coordinates, exact to the file's resolution."""
+        found = self._column("xyz")
+        return np.zeros((len(self), 3)) if found is None else found
 
     @property
     def rgb(self) -> npt.NDArray[np.uint8]:
-        """(n, 3) uint8 sRGB, after exposure compensation unless the scan was opened with exposures="as-scanned"."""
+        """(n, 3) uint8 sRGB as drawn: after exposure compensation unless the scan was opened with exposures="as-scanned", by
+        intensity or height where the file has no colour.  ``points["rgb"]`` are the colours of the file, uint8 or uint16."""
         from ..grid.scene import colours, packed
 
         return colours(packed(self._scene, self._index))
 
     @property
-    def intensity(self) -> npt.NDArray[np.uint16]:
-        """(n,) uint16, 0 where the file holds none."""
-        from ..grid.scene import intensities, packed
-
-        return intensities(self._scene, packed(self._scene, self._index))
+    def intensity(self) -> npt.NDArray[Any]:
+        """(n,) in the file's own type and scale (uint16 in LAS, float in most E57 and PLY), 0 where the files hold none.
+        NaN where some of the files hold none."""
+        return self._or_zeros("intensity", np.uint16)
 
     @property
-    def station(self) -> npt.NDArray[np.uint8]:
-        """(n,) uint8, the row of ``Scan.stations`` and the place in ``Scan.info["scans"]``."""
-        from ..grid.scene import packed, scan_numbers
+    def classification(self) -> npt.NDArray[Any]:
+        """(n,) codes as in ASPRS LAS (2 ground, 6 building, ...) or the file's own, 0 where the files hold none."""
+        return self._or_zeros("classification", np.uint8)
 
-        return scan_numbers(packed(self._scene, self._index))
+    @property
+    def station(self) -> npt.NDArray[np.int64]:
+        """(n,) int64, the row of ``Scan.stations`` and the place in ``Scan.info["scans"]``, of any number of scans."""
+        return self._records.stations(self._index)
+
+    @property
+    def attributes(self) -> "Attributes":
+        """The attributes of the points by name, in the file's type and scale, each (n,) or (n, k), read when it is asked for:
+        "rgb", "intensity", "classification", "gps_time", "return_number", "point_source_id", ... as laspy names those of LAS;
+        other fields, such as extra dimensions, by their name in the file."""
+        return Attributes(self._records, self._index)
+
+    @property
+    def note(self) -> str | None:
+        """None where coordinates and attributes are those of the files; else why they are the grid's, and how precise."""
+        return self._records.of(self._index if len(self) < 1000 else self[:: len(self) // 1000]._index).note
+
+    def _or_zeros(self, name: str, kind: type) -> npt.NDArray[Any]:
+        found = self._column(name)
+        return np.zeros(len(self), kind) if found is None else found
+
+    def _column(self, name: str) -> npt.NDArray[Any] | None:
+        return self._records.column(self._index, name)[0]
+
+    @property
+    def _records(self) -> "FileRecords":
+        from ..grid.file_records import FileRecords
+
+        return FileRecords(self._scene)
 
     @property
     def _index(self) -> "slice | np.ndarray":
@@ -77,3 +120,35 @@ class Points:
 
     def __repr__(self) -> str:
         return f"<pointglass.Points: {len(self):,}>"
+
+
+class Attributes(Mapping[str, npt.NDArray[Any]]):
+    """Attributes of points by name; each is read from the files when it is asked for."""
+
+    def __init__(self, records: "FileRecords", index: "slice | np.ndarray"):
+        self._records, self._index, self._known = records, index, None
+
+    @property
+    def _names(self) -> list[str]:
+        if self._known is None:
+            self._known = self._records.names(self._index)
+        return self._known
+
+    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        """Raises InputError where no file has the attribute."""
+        found = self._records.column(self._index, name)[0] if isinstance(name, str) and name != "xyz" else None
+        if found is None:
+            raise InputError(f"points[{name!r}]: no such attribute; there are {', '.join(self._names) or 'none'}")
+        return found
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._names
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def __repr__(self) -> str:
+        return f"<pointglass.Attributes: {', '.join(self._names)}>"

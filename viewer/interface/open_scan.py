@@ -62,7 +62,7 @@ class Scan:
     def stations(self) -> npt.NDArray[np.float64]:
         """(S, 3) float64 file coordinates: where each scanner stood, NaN where it is not known; S is 0 where the files do not
         tell scans apart."""
-        return self._open.station_places.copy()
+        return self._open.scan_places.copy()
 
     @property
     def info(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .source import CHUNK, Chunk, ScanInfo, Source
+from .source import CHUNK, Chunk, Records, ScanInfo, Source
 
 
 class ArraySource(Source):
@@ -36,6 +36,16 @@ class ArraySource(Source):
             classes = None if self._classes is None else self._classes[rows]
             scan = 0 if self._scan is None else self._scan[rows]
             yield Chunk(self._xyz[rows], self._rgb[rows], intensity, scan, classification=classes)
+
+    @property
+    def has_quick_records(self) -> bool:
+        return True
+
+    def records(self, numbers: np.ndarray) -> Records:
+        """See Source."""
+        columns = {} if self._intensity is None else {"intensity": self._intensity[numbers]}
+        scan = 0 if self._scan is None else self._scan[numbers]
+        return Records(self._xyz[numbers].astype(np.float64), self._rgb[numbers], scan, columns)
 
 
 def _checked(name: str, array, shape: tuple[int, ...], dtype) -> np.ndarray:

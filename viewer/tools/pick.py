@@ -1,17 +1,19 @@
 """Picking: the nearest *measured* point around a position in the picture, with its exact coordinates.
 
 The frame's depth and keep-mask name the pixel: the one nearest to the pointer that holds points which the filter kept, never a
-filled pixel or one of background.  The exact point is then found among the scene's packed points whose projection lies in that
-pixel at that depth, so its coordinates are the file's own, within half a packed step (a 131,072nd of a cell).
+filled pixel or one of background.  The point is then found among the scene's packed points whose projection lies in that pixel
+at that depth.  Packed coordinates are rounded to half a step (a 131,072nd of a cell) and attributes to 16 bits; ``exactly``
+reads those of the file.
 Frame: positions in file coordinates, float64; pixels as in viewer.camera.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..grid.file_records import FileRecords
 from ..grid.scene import attributes_of, packed, positions, unpack
 
 if TYPE_CHECKING:
@@ -55,19 +57,25 @@ class Surface:
 
 @dataclass(frozen=True)
 class Picked:
-    """A measured point.  index: its running number in the scene.  position: file coordinates.  distance: from the camera, file
-    units.  rgb: sRGB levels.  intensity: in the file's values.  scan: its number; station: that scan's name.  pixel: column and
-    row of the picture in which it was found.  classification: LAS code, None where the scan has none."""
+    """A measured point.  index: its number in the scene.  position: file coordinates.  distance: from the camera, file
+    units.  rgb: sRGB levels as drawn.  intensity: in the file's values, None where the scan has none.  scan: its number;
+    station: that scan's name.  pixel: column and row of the picture in which it was found.  classification: LAS code, None
+    where the scan has none.
+    exact: whether position, intensity and classification are those of the file, not rounded by the grid; then ``attributes``
+    are all others, by name.  note: why they cannot be read from the file, and how precise they are."""
 
     index: int
     position: tuple[float, float, float]
     distance: float
     rgb: tuple[int, int, int]
-    intensity: int
+    intensity: float | None
     scan: int
     station: str
     pixel: tuple[int, int]
     classification: int | None = None
+    exact: bool = False
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+    note: str | None = None
 
 
 def nearest_pixel(measured: np.ndarray, depth: np.ndarray, at: tuple[float, float], radius: float = RADIUS,
@@ -139,14 +147,34 @@ def _points_of_pixel(scene: "Scene", camera: "Camera", pixel: tuple[int, int], f
 
 
 def describe(scene: "Scene", camera: "Camera", index: int, pixel: tuple[int, int]) -> Picked:
-    """What is known of a point by its running number."""
-    xyz, rgb, intensity, scan = unpack(scene, slice(index, index + 1))
+    """What the grid holds of a point by its number in the scene."""
+    xyz, rgb, _, _ = unpack(scene, slice(index, index + 1))
     x, y, z = (float(value) for value in xyz[0])
     red, green, blue = (int(value) for value in rgb[0])
     distance = float(np.linalg.norm(xyz[0] - camera.position))
-    number, classes = int(scan[0]), attributes_of(scene, slice(index, index + 1)).classification
-    return Picked(index, (x, y, z), distance, (red, green, blue), int(intensity[0]), number, station_name(scene, number), pixel,
-                  None if classes is None else int(classes[0]))
+    known, number = attributes_of(scene, slice(index, index + 1)), int(FileRecords(scene).stations(slice(index, index + 1))[0])
+    intensity, classes = known.intensity, known.classification
+    return Picked(index, (x, y, z), distance, (red, green, blue), None if intensity is None else int(intensity[0]), number,
+                  station_name(scene, number), pixel, None if classes is None else int(classes[0]))
+
+
+def is_quick(scene: "Scene", index: int) -> bool:
+    """Whether :func:`exactly` takes less than about 0.1 s for a point."""
+    return FileRecords(scene).is_quick(index)
+
+
+def exactly(scene: "Scene", camera: "Camera", picked: Picked) -> Picked:
+    """A picked point with the values of its file; where these cannot be read, with a ``note`` that says why."""
+    values = FileRecords(scene).of(np.array([picked.index]))
+    if not values.exact:
+        return replace(picked, note=values.note)
+    x, y, z = values.xyz[0].tolist()
+    columns = {name: column[0].tolist() for name, column in values.columns.items()}
+    intensity, classes = columns.pop("intensity", None), columns.pop("classification", None)
+    if values.rgb is not None and picked.rgb != tuple(values.rgb[0].tolist()):
+        columns["colour in the file"] = values.rgb[0].tolist()
+    return replace(picked, position=(x, y, z), distance=float(np.linalg.norm(values.xyz[0] - camera.position)),
+                   intensity=intensity, classification=classes, exact=True, attributes=columns)
 
 
 def station_name(scene: "Scene", scan: int) -> str:

@@ -17,6 +17,7 @@ from ..tools.history import History
 from ..tools.pick import Picked
 from ..tools.project import SUFFIX, project_among, read_project, relocated, scans_of, write_project
 from ..tools.reference import with_reference
+from .interaction.exact_points import ExactPoints
 from .photo_layer import ShownPhoto
 
 
@@ -25,6 +26,7 @@ class Work:
     shot_scale: times the sides of the picture that F12 saves.
     tint: whether pixels are coloured by provenance.  photo: the photograph shown over the view.
     under_pointer: the measured point under the pointer, None where there is none or something moves.
+    exact_points: picked points whose values are being read from their files.
     reference_problem: why the assigned reference system cannot be used, None where it can.
     located: path of a scan in a project -> where a person said it is, None: left out."""
 
@@ -33,6 +35,7 @@ class Work:
         self.project: Path | None = None
         self.tint = False
         self.under_pointer: Picked | None = None
+        self.exact_points = ExactPoints()
         self.photo: ShownPhoto | None = None
         self.shot_scale = 1
         self.reference_problem: str | None = None

@@ -4,9 +4,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...text import coordinate, plain
 from ...tools.look import CLASSES
 from ...tools.pick import Picked, surface_around
 from .editing import Pointing, unit_of
+from .exact_points import ExactPoints
 from .tool import Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
@@ -18,7 +20,9 @@ def lines_of(picked: Picked, context: ToolContext) -> list[str]:
     assert context.scene is not None
     unit, around = unit_of(context), surface_around(context.scene, picked.position)
     x, y, z = picked.position
-    lines = [f"x {x:.4f}   y {y:.4f}   z {z:.4f} {unit}", f"scan: {picked.station}", f"intensity: {picked.intensity}"]
+    lines = [f"x {coordinate(x)}   y {coordinate(y)}   z {coordinate(z)} {unit}", f"scan: {picked.station}"]
+    if picked.intensity is not None:
+        lines.append(f"intensity: {plain(picked.intensity)}")
     if picked.classification is not None:
         name = CLASSES.get(picked.classification, ("user-defined",))[0]
         lines.append(f"class: {picked.classification} ({name})")
@@ -30,16 +34,41 @@ def lines_of(picked: Picked, context: ToolContext) -> list[str]:
     return lines
 
 
+def more_lines_of(picked: Picked) -> list[str]:
+    """What the panel says besides: the other attributes in the file, and how precise the values are."""
+    lines = [f"{name.replace('_', ' ')}: {plain(value)}" for name, value in picked.attributes.items()]
+    if picked.note is not None:
+        lines.append(picked.note)
+    elif not picked.exact:
+        lines.append("Rounded by the grid; the file is being read.")
+    return lines
+
+
 class UnderPointer(Overlay):
-    """Keeps ``Work.under_pointer`` up to date while the picture is at rest, for the status bar.  Draws nothing itself."""
+    """Keeps ``Work.under_pointer`` up to date while the picture is at rest, for the status bar.  Draws nothing itself.
+
+    The point is shown with the grid's values until those of the file have been read, on a thread.
+    """
 
     name = "point under the pointer"
 
     def __init__(self) -> None:
-        self._pointing = Pointing()
+        self._pointing, self._reading = Pointing(), ExactPoints()
+        self._exact: Picked | None = None
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
-        context.session.work.under_pointer = self._pointing.at(context, context.session.pointer)
+        work = context.session.work
+        work.exact_points.poll()
+        self._reading.poll()
+        found = self._pointing.at(context, context.session.pointer)
+        if found is not None and self._exact is not None and self._exact.index == found.index:
+            found = self._exact
+        elif found is not None and not self._reading.busy:
+            self._reading.start(context, found, self._arrived)
+        work.under_pointer = found
+
+    def _arrived(self, exact: Picked) -> None:
+        self._exact = exact
 
 
 class InspectPoint(Tool):
@@ -54,18 +83,32 @@ class InspectPoint(Tool):
         self._pointing = Pointing()
         self.picked: Picked | None = None
         self._lines: list[str] = []
+        self._more: list[str] = []
 
     def pointer(self, event: PointerEvent, context: ToolContext) -> bool:
         if event.kind != "release" or event.button != "left" or event.clicks != 1:
             return False
-        self.picked = self._pointing.at(context, event.position)
-        self._lines = lines_of(self.picked, context) if self.picked is not None else []
-        if self.picked is None:
+        found = self._pointing.at(context, event.position)
+        if found is None:
+            self._show(None, context)
             context.toast("No measured point here: this pixel is filled or background")
+        else:
+            exact_points = context.session.work.exact_points
+            self._show(exact_points.of(context, found, lambda exact: self._arrived(exact, context)), context)
         return False
 
+    def _arrived(self, exact: Picked, context: ToolContext) -> None:
+        """The values of the file are there."""
+        if self.picked is not None and self.picked.index == exact.index:
+            self._show(exact, context)
+
+    def _show(self, picked: Picked | None, context: ToolContext) -> None:
+        self.picked = picked
+        self._lines = [] if picked is None else lines_of(picked, context)
+        self._more = [] if picked is None else more_lines_of(picked)
+
     def left(self, context: ToolContext) -> None:
-        self.picked, self._lines = None, []
+        self.picked, self._lines, self._more = None, [], []
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         hovered = context.session.work.under_pointer
@@ -79,8 +122,8 @@ class InspectPoint(Tool):
         if self.picked is None:
             ui.text_wrapped("Click a measured point. Filled pixels and background have none.")
             return
-        for line in self._lines:
+        for line in (*self._lines, *self._more):
             ui.text_wrapped(line)
         if ui.button("Copy coordinates"):
-            ui.set_clipboard_text("{:.6f} {:.6f} {:.6f}".format(*self.picked.position))
+            ui.set_clipboard_text(" ".join(coordinate(value) for value in self.picked.position))
             context.toast("Coordinates copied")

@@ -4,6 +4,7 @@ Points snap to measured points only.  A stored measurement is drawn by the overl
 in the document, so it is undone, saved and exported with it.
 """
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ import numpy as np
 from ...errors import PointglassError
 from ...tools.document import replaced, unique_name, without
 from ...tools.measure import KINDS, MeasuredPoint, Measurement, evaluate, fitted_plane, text_of, write_csv
+from ...tools.pick import Picked
 from .editing import Pointing, edit, measured_point, metres_per_unit, step, unit_of
 from .tool import KeyEvent, Overlay, PointerEvent, Tool, ToolContext
 
@@ -93,10 +95,23 @@ class Measure(Tool):
         if picked is None:
             context.toast("No measured point here: this pixel is filled or background")
             return False
-        self.points.append(measured_point(context, picked))
+        taken = context.session.work.exact_points.of(context, picked, lambda exact: self._moved(picked, exact, context))
+        self.points.append(measured_point(context, taken))
         if len(self.points) == KINDS[self.kind][1]:
             self._finish(context)
         return False
+
+    def _moved(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
+        """The exact place of a picked point is there: also where its measurement has been ended meanwhile."""
+
+        def at_place(points: Iterable[MeasuredPoint]) -> list[MeasuredPoint]:
+            return [replace(point, position=exact.position) if point.position == picked.position else point for point in points]
+
+        self.points = at_place(self.points)
+        history, document = context.session.work.history, context.document
+        made = tuple(replace(item, points=tuple(at_place(item.points))) for item in document.measurements)
+        if made != document.measurements:
+            history.replace(replace(document, measurements=made))
 
     def key_event(self, event: KeyEvent, context: ToolContext) -> bool:
         if event.kind == "release" or not self.points:

@@ -14,6 +14,7 @@ from ...errors import InputError
 from ...tools.clip import Slab, vector
 from ...tools.document import unique_name
 from ...tools.exporting.selection import Selection
+from ...tools.pick import Picked
 from ...tools.section.command import THICKNESS, paper_of, title_of
 from ...tools.section.cut import KINDS, Cut, along_line, elevation, plan
 from ...tools.up_axis import upright_axes
@@ -91,12 +92,20 @@ class SectionTool(Tool):
         if picked is None:
             context.toast("No measured point here: this pixel is filled or background")
             return False
-        place = np.array(picked.position)
+        taken = context.session.work.exact_points.of(context, picked, lambda exact: self._moved(picked, exact, context))
+        place = np.array(taken.position)
         if self.kind == "plan":
             self.height = float(place @ np.array(context.document.up))
         else:
             self.ends = [place] if len(self.ends) != 1 else [*self.ends, place]
         return False
+
+    def _moved(self, picked: Picked, exact: Picked, context: ToolContext) -> None:
+        """The exact place of a picked point is there."""
+        up = np.array(context.document.up)
+        if self.height == float(np.array(picked.position) @ up):
+            self.height = float(np.array(exact.position) @ up)
+        self.ends = [np.array(exact.position) if np.array_equal(end, picked.position) else end for end in self.ends]
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         for place in self.ends if self.kind == "line" else ():

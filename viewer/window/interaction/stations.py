@@ -37,7 +37,7 @@ def places_of(scene: "Scene") -> list[tuple[int, str, np.ndarray, bool]]:
     """(number, name, position, inferred) of each station whose place is known."""
     scans = scene.meta.get("scans") or []
     return [(number, station_name(scene, number), place, bool(scans[number].get("inferred")) if number < len(scans) else False)
-            for number, place in enumerate(scene.station_places) if np.isfinite(place).all()]
+            for number, place in enumerate(scene.scan_places) if np.isfinite(place).all()]
 
 
 def parts_of(scene: "Scene") -> list[tuple[int, str]]:

@@ -1,0 +1,72 @@
+"""The file's own values of picked points, without a frame that waits for them.
+
+A point whose record can be read quickly is read at once.  Otherwise a thread reads it, and the grid's values are used until it
+has ended.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from ...tools.pick import Picked, exactly, is_quick
+from ..worker import Worker
+
+if TYPE_CHECKING:
+    from .tool import ToolContext
+
+Arrived = Callable[[Picked], None]
+_AT_ONCE = 2
+"""Points that are read at the same time; chosen by hand: they may be in different files."""
+
+
+@dataclass(eq=False)
+class _Reading:
+    worker: Worker
+    picked: Picked
+    arrived: Arrived
+    started: bool = False
+
+
+class ExactPoints:
+    """Points that are being read, in the order in which they were asked for."""
+
+    def __init__(self) -> None:
+        self._waiting: list[_Reading] = []
+
+    @property
+    def busy(self) -> bool:
+        """Whether a point is being read."""
+        return bool(self._waiting)
+
+    def of(self, context: "ToolContext", picked: Picked, arrived: Arrived) -> Picked:
+        """The point with the values of its file, where they can be read quickly; else as it is, and ``arrived`` is called with
+        them by a later :meth:`poll`."""
+        if context.scene is None or picked.exact:
+            return picked
+        if is_quick(context.scene, picked.index):
+            return exactly(context.scene, context.camera, picked)
+        self.start(context, picked, arrived)
+        return picked
+
+    def start(self, context: "ToolContext", picked: Picked, arrived: Arrived) -> None:
+        """Reads a point on a thread."""
+        scene, camera = context.scene, context.camera
+        if scene is None:
+            return
+        worker = Worker(lambda: exactly(scene, camera, picked), "Reading the point", context.session.loads.wake, start=False)
+        self._waiting.append(_Reading(worker, picked, arrived))
+        self._start_next()
+
+    def poll(self) -> None:
+        """Hands over the points that have been read.  Called once a frame."""
+        for reading in [reading for reading in self._waiting if reading.worker.finished]:
+            self._waiting.remove(reading)
+            worker = reading.worker
+            reading.arrived(worker.result if worker.error is None else replace(reading.picked, note=worker.error))
+        self._start_next()
+
+    def _start_next(self) -> None:
+        for reading in self._waiting[:_AT_ONCE]:
+            if not reading.started:
+                reading.started = True
+                reading.worker.start()
