@@ -147,6 +147,10 @@ class E57Source(Source):
                 if done < scan.count:
                     raise self._truncated(number, done)
 
+    def colour_range(self, number: int) -> tuple[float, float]:
+        """Values of a black and of a full channel of a scan."""
+        return self._scans[number].zero, self._scans[number].full
+
     def placed(self, number: int, fields: list[RawField], raw: dict[str, np.ndarray]) -> tuple[np.ndarray | None, Chunk]:
         """Which records of a block are points, (n,) bool or None for all, and these points.  raw: fields of scan ``number`` as
         stored."""

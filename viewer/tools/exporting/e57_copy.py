@@ -13,7 +13,7 @@ import numpy as np
 
 from ...readers.e57 import E57Source
 from ...readers.e57_nodes import library, open_e57, text_of
-from ...readers.e57_records import BLOCK, arrays_for, buffers_of, fields_of, raw_blocks
+from ...readers.e57_records import BLOCK, RawField, arrays_for, buffers_of, fields_of, raw_blocks
 from .crs_records import Reference
 from .e57_file import NodeCopy, header, new_file, writer_of
 from .losses import Losses
@@ -33,9 +33,9 @@ _BY_RECORDS = ("cartesianBounds", "sphericalBounds", "pointGroupingSchemes")
 """Children of a scan that are not true of a part of its records."""
 
 
-def can_copy(stream: SourceRecords) -> bool:
-    """Whether all sources are E57 files, and their colours are copied as they are."""
-    return all(isinstance(source, E57Source) for source in stream.sources) and stream.colours is None
+def can_copy(sources: list) -> bool:
+    """Whether all sources are E57 files."""
+    return all(isinstance(source, E57Source) for source in sources)
 
 
 def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Losses) -> int:
@@ -139,9 +139,14 @@ class _Scans:
     ) -> tuple[int, int]:
         """Moves the selected records of a block to its beginning.  Returns the running number after it and their number."""
         raw = {name: values[:n] for name, values in arrays.items()}
-        if self._stream.everything:
+        if self._stream.everything and self._stream.colours is None:
             return running, n
         valid, chunk = self._source.placed(index, fields, raw)
+        if self._stream.colours is not None and chunk.rgb is not None:
+            shown = self._stream.colours[running : running + len(chunk.xyz)]
+            _recolour(fields, raw, slice(None) if valid is None else valid, shown, self._source.colour_range(index))
+        if self._stream.everything:
+            return running + len(chunk.xyz), n
         scans = self._stream.numbers.of(self._number, running, index, len(chunk.xyz))
         mask = self._stream.mask(running, chunk.xyz, scans)
         if valid is None:
@@ -154,6 +159,17 @@ class _Scans:
             arrays[name][:count] = values[kept]
         bounds.add(fields, arrays, count)
         return running + len(chunk.xyz), count
+
+
+def _recolour(fields: list[RawField], raw: dict[str, np.ndarray], valid, shown: np.ndarray, ends: tuple[float, float]) -> None:
+    """Replaces the stored colours of valid records.  shown: (n, 3) uint8.  ends: stored values of black and full."""
+    by_name = {field.name: field for field in fields}
+    for axis, name in enumerate(("colorRed", "colorGreen", "colorBlue")):
+        values = ends[0] + shown[:, axis] / 255.0 * (ends[1] - ends[0])
+        field = by_name[name]
+        if field.scale is not None:
+            values = (values - field.offset) / field.scale
+        raw[name][valid] = values if field.dtype.kind == "f" else np.rint(values).astype(field.dtype)
 
 
 class _Bounds:

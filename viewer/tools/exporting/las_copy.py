@@ -87,7 +87,7 @@ class _Facts:
     def __init__(self, stream: SourceRecords, layouts: list[LasLayout], losses: Losses):
         self.shade: list[int] = [1] * len(layouts)
         self.source_ids: list[int] = [0] * len(layouts)
-        if len(layouts) == 1:
+        if len(layouts) == 1 or stream.colours is not None:
             return
         largest, ids = [0] * len(layouts), False
         with stream.meter("looking at the files") as meter:
@@ -168,6 +168,10 @@ def _selected(stream: SourceRecords, layouts: list[LasLayout], facts: _Facts, co
             for chunk, records in source.native_chunks():
                 scans = stream.numbers.of(number, running, chunk.scan, len(records))
                 mask = stream.mask(running, chunk.xyz, scans)
+                if stream.colours is not None and chunk.rgb is not None:
+                    records = records.copy()
+                    for axis, name in enumerate(("red", "green", "blue")):
+                        records[name] = stream.colours[running : running + len(records), axis].astype(np.uint16) * 257
                 running += len(records)
                 found = records if mask is None else records[mask]
                 if common is not None and len(found):

@@ -5,16 +5,18 @@ Frame: file coordinates.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...errors import InputError
+from ...grid.point_records import identity_of
 from ...progress import progress
 from ...readers.source import Records, ScanInfo, Source
 from ..clip import contains
+from .selection import BLOCK
 
 if TYPE_CHECKING:
     from ...grid.scene import Scene
@@ -79,10 +81,12 @@ class SourceRecords:
 
         self.selection, self.scene = selection, selection.scene
         paths = [Path(path) for path in self.scene.meta["sources"]]
+        columns = columns or (self.scene.meta.get("records") or {}).get("columns")
         self.sources: list[Source] = list(self.scene.live) or open_sources(paths, columns)
         self.numbers = scan_numbers(self.scene, self.sources)
         self._ghosts = self._hidden_ghosts()
-        self.colours: np.ndarray | None = None
+        self.colours = _shown_colours(self.scene) if matched and self.scene.matched else None
+        """(N, 3) uint8 by running number, with matched exposures; None where those of the files are written."""
 
     @property
     def everything(self) -> bool:
@@ -110,11 +114,18 @@ class SourceRecords:
         running = 0
         with self.meter(label) as meter:
             for number, source in enumerate(self.sources):
-                for records in source.record_chunks():
+                for found in source.record_chunks():
+                    records = self._coloured(found, running)
                     scans = self.numbers.of(number, running, records.scan, len(records.xyz))
                     yield number, self.mask(running, records.xyz, scans), scans, records
                     running += len(records.xyz)
                     meter.update(len(records.xyz))
+
+    def _coloured(self, records: Records, first: int) -> Records:
+        """The records with matched exposures, where these are written and the records have colours."""
+        if self.colours is None or records.rgb is None:
+            return records
+        return replace(records, rgb=self.colours[first : first + len(records.xyz)])
 
     def meter(self, label: str):
         return progress(self.count or 0, label, "point")
@@ -145,6 +156,38 @@ class SourceRecords:
                 "convert the scan again, or show them"
             )
         return np.sort(records.numbers(marked.numbers))
+
+
+def why_gone(scene: "Scene") -> str | None:
+    """Why the files of a scene cannot be read again; None where they can."""
+    if scene.live:
+        return None
+    files = (scene.meta.get("records") or {}).get("files") or [[path] for path in scene.meta.get("sources") or []]
+    for name, *state in files:
+        try:
+            if identity_of(Path(name))[1:] != state and state:
+                return f"{Path(name).name} has changed since the grid was built"
+        except OSError as error:
+            return f"{Path(name).name} cannot be read ({error.strerror or error})"
+    return None if files else "the points were not read from files"
+
+
+def _shown_colours(scene: "Scene") -> np.ndarray:
+    """(N, 3) uint8, by running number: the colours of the grid; 0 for records that the grid leaves out."""
+    from ...grid.open_scene import in_memory
+    from ...grid.scene import colours, packed
+
+    if scene.records is None:
+        raise InputError(
+            "--exposures matched: this grid does not tell which points of the file its colours belong to; convert the "
+            "scan again, or export the colours of the file"
+        )
+    found = in_memory("colours", (int(scene.records.first[-1]), 3), np.uint8)
+    found[:] = 0
+    for start in range(0, scene.count, BLOCK):
+        rows = slice(start, min(start + BLOCK, scene.count))
+        found[scene.records.numbers(rows)] = colours(packed(scene, rows))
+    return found
 
 
 def refuse_empty(scene: "Scene") -> InputError:

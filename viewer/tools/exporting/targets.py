@@ -13,7 +13,7 @@ from .las_copy import copy_las
 from .las_writer import write_las
 from .losses import Losses
 from .ply_writer import write_ply
-from .record_stream import SourceRecords, refuse_empty
+from .record_stream import SourceRecords, refuse_empty, why_gone
 from .selection import Selection
 
 ENDINGS = (".las", ".laz", ".ply", ".e57")
@@ -37,22 +37,18 @@ def bytes_needed(path: Path, selection: Selection) -> int:
 def write(path: Path, selection: Selection, losses: Losses, *, columns: str | None, matched: bool, all_columns: bool) -> int:
     """Writes the file; returns the number of points.  Raises InputError, also where the selection leaves no point."""
     scene, kind = selection.scene, path.suffix.lower()
-    sources = [Path(source) for source in scene.meta.get("sources") or []]
-    gone = [source for source in sources if not source.exists()]
-    if gone or not (sources or scene.live):
-        if gone:
-            losses.add(
-                f"{gone[0].name} is gone: its points are written as the grid has them, {scene.step / 2:.2g} file units exact, "
-                "without its other columns"
-            )
-        return _write_columns(
-            path, GridColumns(selection), selection, without_sources(scene.meta), losses, 2.0**-53, all_columns
+    if (reason := why_gone(scene)) is not None:
+        losses.add(
+            f"{reason}: points are written as the grid has them, {scene.step / 2:.2g} file units exact, without other columns"
+            + (" and with matched exposures" if scene.matched else "")
         )
+        grid = GridColumns(selection)
+        return _write_columns(path, grid, selection, without_sources(scene.meta), losses, 2.0**-53, all_columns)
     records = SourceRecords(selection, columns, matched=matched)
     reference = reference_of(scene.meta, records.sources, losses)
     if kind in (".las", ".laz") and can_copy_las(records.sources):
         count = copy_las(path, records, reference, losses)
-    elif kind == ".e57" and can_copy_e57(records):
+    elif kind == ".e57" and can_copy_e57(records.sources):
         count = copy_e57(path, records, reference, losses)
     else:
         precision = max(source.precision for source in records.sources)
