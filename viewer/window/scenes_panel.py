@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
+from ..tools.scan_files import FilePart, files_of
 from . import theme
 from .session import Session
 from .status_bar import count_text, units_text
@@ -14,6 +15,8 @@ from .widgets import begin_docked, button, facts, heading, hint, link, rail_butt
 if TYPE_CHECKING:
     from .app import App
 
+_ROWS = 8
+"""Files that are listed without scrolling."""
 _RAIL_BESIDES_TOOLS = 4
 """Icons of the folded panel besides the tools: unfold, open, start viewpoint, notices."""
 
@@ -83,11 +86,14 @@ def _scans(session: Session, look: Theme) -> None:
     assert scene is not None
     sources = scene.meta.get("sources") or ["points in memory"]
     width = imgui.get_content_region_avail().x
-    for source in sources[:8]:
-        imgui.text_unformatted(fitted(Path(source).name, width))
-        hint(source, look)
-    if len(sources) > 8:
-        text_in(theme.DIM, f"and {len(sources) - 8} more")
+    if len(sources) > 1 and len(parts := files_of(scene)) == len(sources):
+        _files(session, look, parts)
+    else:
+        for source in sources[:_ROWS]:
+            imgui.text_unformatted(fitted(Path(source).name, width))
+            hint(source, look)
+        if len(sources) > _ROWS:
+            text_in(theme.DIM, f"and {len(sources) - _ROWS} more")
     imgui.push_font(look.regular, theme.SMALL)
     rows = [("points", f"{scene.count:,}".replace(",", "\u2009") if scene.count < 1e6 else count_text(scene.count))]
     rows.append(("format", str(scene.meta.get("format") or "unknown")))
@@ -99,6 +105,40 @@ def _scans(session: Session, look: Theme) -> None:
     imgui.pop_font()
     if session.visit.preview and session.loads.current is not None:
         small("Preview; all points follow.", look, theme.WARN)
+
+
+def _files(session: Session, look: Theme, parts: list[FilePart]) -> None:
+    """The files of the scene, each with a switch that shows it and a name that flies to it."""
+    style = imgui.get_style()
+    row = imgui.get_frame_height() + style.item_spacing.y
+    if len(parts) > _ROWS:
+        imgui.begin_child("files", ImVec2(0, _ROWS * row))
+    hidden = set(session.document.hidden_stations)
+    clipper = imgui.ListClipper()
+    clipper.begin(len(parts), row)
+    while clipper.step():
+        for number in range(clipper.display_start, clipper.display_end):
+            part = parts[number]
+            imgui.push_id(number)
+            imgui.begin_disabled(not part.apart)
+            on = not hidden.issuperset(part.numbers)
+            changed, on = imgui.checkbox("##file", on)
+            imgui.end_disabled()
+            hint("Show the points of this file" if part.apart else "This file shares its number with others in the grid: it "
+                 "cannot be hidden by itself", look)
+            if changed:
+                kept = hidden.difference(part.numbers) if on else hidden.union(part.numbers)
+                session.work.edit(f"{'Show' if on else 'Hide'} {Path(part.path).name}", hidden_stations=tuple(sorted(kept)))
+            imgui.same_line()
+            imgui.set_cursor_pos_y(imgui.get_cursor_pos_y() + style.frame_padding.y)
+            if link(fitted(Path(part.path).name, imgui.get_content_region_avail().x)) and not session.visit.show_file(
+                part, session.document, session.area.aspect
+            ):
+                session.notices.toast(f"{Path(part.path).name} has too few points to fly to")
+            hint(f"{part.path}\nA click flies to it", look)
+            imgui.pop_id()
+    if len(parts) > _ROWS:
+        imgui.end_child()
 
 
 def _open_buttons(app: "App", look: Theme) -> None:

@@ -268,9 +268,7 @@ class Session:
         self.arrange()  # the start viewpoint frames what the panels leave
         if not stays:
             visit.begin(document, self.area.aspect)
-            if document.view is not None:
-                self.view_settings.request(document.settings)
-                self.view_settings.background = document.background
+            self.view_settings.begin(document)
         elif loaded.follows_preview:
             visit.mend_start(document, self.area.aspect)
         self.picture.begin(loaded.scene.count)

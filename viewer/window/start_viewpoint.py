@@ -6,12 +6,13 @@ subsample.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..camera import Camera, from_fov
+from ..tools.scan_files import main_place
 from ..tools.standing_place import FIELD_OF_VIEW, SceneSample, sample_scene, standing_view
 from ..tools.up_axis import Z_UP, turned, up_axis_offer, upright_axes
 from .framing import from_outside
@@ -41,8 +42,13 @@ class Survey(SceneSample):
 def survey(scene: "Scene") -> Survey:
     """What the start needs to know of a scene."""
     seen = sample_scene(scene)
-    speed = max(seen.diagonal / _CROSSING, 5 * seen.spacing)
+    speed = speed_in(seen)
     return Survey(**vars(seen), speed=speed, limits=(min(seen.spacing, speed) / 4, 4 * seen.diagonal))
+
+
+def speed_in(seen: SceneSample) -> float:
+    """File units a second that suit a scan."""
+    return max(seen.diagonal / _CROSSING, 5 * seen.spacing)
 
 
 def darkness(seen: Survey) -> ScanNotice | None:
@@ -74,7 +80,23 @@ def start_state(scene: "Scene", seen: Survey, aspect: float, up: Sequence[float]
 
     aspect: width over height of the picture.  up: (3,) unit vector, file coordinates.
     """
-    return state_of(standing_view(scene, seen, upright_axes(up)), seen, aspect, up)
+    near = near_survey(seen)
+    return state_of(standing_view(scene, near, upright_axes(up)), near, aspect, up)
+
+
+def near_survey(seen: Survey) -> Survey:
+    """The survey of the place with most points, where the points lie far apart; else ``seen``.  Flying is as fast as there."""
+    near, places = main_place(seen)
+    return seen if places == 1 else replace(near, speed=speed_in(near))
+
+
+def far_apart(seen: Survey) -> ScanNotice | None:
+    """A notice about a scan whose points lie in several places far apart, else None."""
+    places = main_place(seen)[1]
+    if places == 1:
+        return None
+    return ScanNotice(f"The points lie in {places} places far apart. The view begins at the place with most points; a click on "
+                      "the name of a file shows that file.")
 
 
 def state_of(view: tuple[np.ndarray, np.ndarray] | None, seen: Survey, aspect: float, up: Sequence[float]) -> FlyState:

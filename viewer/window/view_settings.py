@@ -7,6 +7,7 @@ Where that fails, the choice is undone and a message says why.
 import operator
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from ..paths import own_weights
 from ..settings import VIEWS, Settings
@@ -14,6 +15,9 @@ from . import loading
 from .notices import Notices
 from .picture_plan import Picture
 from .worker import Worker
+
+if TYPE_CHECKING:
+    from ..tools.document import Document
 
 
 class ViewSettings:
@@ -41,6 +45,7 @@ class ViewSettings:
         self.split, self.split_at, self.left = False, 0.5, "raw"
         self.background = "plain"
         self._right = "filled"
+        self._put_aside: str | None = None  # the view before points were coloured by attribute
         self._left_wanted: str | None = None
         self.network_load: Worker | None = None
         self._loaded: tuple | None = None  # the key of what is loading
@@ -82,8 +87,30 @@ class ViewSettings:
         self.settings, self.wanted = settings, None
         self._picture.renew()
 
+    def begin(self, document: "Document") -> None:
+        """A document is opened: a project brings its settings; a scan in its own colours is not shown as the last one, where
+        that was coloured by attribute."""
+        if document.look.colour_by == "rgb":
+            self.show_colours()
+        if document.view is not None:
+            self.request(document.settings)
+            self.background = document.background
+
+    def show_points(self) -> None:
+        """Chooses a view that colours points by attribute; :meth:`show_colours` comes back to the present one."""
+        self._put_aside = self.shown_settings.view
+        self.request(replace(self.shown_settings, view="filtered"))
+
+    def show_colours(self) -> None:
+        """Points have their own colours again, or another scan is shown: the view that :meth:`show_points` put aside, unless
+        another was chosen meanwhile."""
+        view, self._put_aside = self._put_aside, None
+        if view is not None and self.shown_settings.view == "filtered":
+            self.request(replace(self.shown_settings, view=view))
+
     def show(self, view: str) -> None:
         """Chooses the view (in a comparison: the right side)."""
+        self._put_aside = None
         self.request(replace(self.shown_settings, view=view))
 
     def worked(self) -> None:

@@ -3,18 +3,20 @@
 Frame: file coordinates; up is the direction that the document calls up.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..camera import Camera
 from ..tools.document import Document
+from ..tools.scan_files import FilePart, sample_of_file
 from ..tools.standing_place import standing_view, viewpoint_worth
 from ..tools.up_axis import turned, upright_axes
 from .flight import Flight
 from .loading import Loaded, scan_notices
 from .navigation import FlyState, view_along
 from .notices import ScanNotice
-from .start_viewpoint import Survey, brightening, darkness, lying, start_state, state_of
+from .start_viewpoint import Survey, brightening, darkness, far_apart, lying, near_survey, speed_in, start_state, state_of
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
@@ -66,9 +68,10 @@ class Visit:
     def begin(self, document: Document, aspect: float) -> None:
         """Puts the camera where the visit of the scene begins.  aspect: width over height of the picture."""
         assert self.scene is not None and self._seen is not None
-        standing = standing_view(self.scene, self._seen, upright_axes(document.up))
+        near = near_survey(self._seen)
+        standing = standing_view(self.scene, near, upright_axes(document.up))
         self._inside = standing is not None
-        state = state_of(standing, self._seen, aspect, document.up)
+        state = state_of(standing, near, aspect, document.up)
         self._chosen = self.start is None and document.view is None
         if self.start is not None:
             state, self.start = _at(self.start, state), None
@@ -97,6 +100,14 @@ class Visit:
         if self.scene is not None and self._seen is not None:
             self._flight.begin(start_state(self.scene, self._seen, aspect, up), self._seen)
 
+    def show_file(self, part: FilePart, document: Document, aspect: float) -> bool:
+        """Flies to a view of one file, from outside.  Returns False where too few of its points are known."""
+        seen = None if self.scene is None or self._seen is None else sample_of_file(self.scene, self._seen, part)
+        if seen is None:
+            return False
+        self._flight.glide_to(state_of(None, replace(seen, speed=speed_in(seen)), aspect, document.up))
+        return True
+
     def end(self) -> None:
         """No scene is shown any more."""
         self.scene, self.paths, self.preview = None, (), False
@@ -110,7 +121,8 @@ class Visit:
     def notices(self, document: Document) -> list[ScanNotice]:
         """What there is to say about the scene, most important first."""
         assert self.scene is not None and self._seen is not None
-        offers = darkness(self._seen), lying(self._seen, document.up)
+        known = any(" places, " in text for text in self.scene.meta.get("warnings", []))
+        offers = None if known else far_apart(self._seen), darkness(self._seen), lying(self._seen, document.up)
         return scan_notices(self.scene.meta) + [offer for offer in offers if offer is not None]
 
     @property

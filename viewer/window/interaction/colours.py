@@ -100,8 +100,10 @@ class Colours(Tool):
                 if ui.selectable(name, name == look.colour_by)[0] and name != look.colour_by:
                     self._change(context, "colour_by", colour_by=name, low=None, high=None)
                     if name != "rgb" and context.session.view_settings.shown_settings.view not in POINT_VIEWS:
-                        context.session.view_settings.show("filtered")
+                        context.session.view_settings.show_points()
                         context.toast("Colours by attribute show in the raw and filtered views")
+                    elif name == "rgb":
+                        context.session.view_settings.show_colours()
                 ui.end_disabled()
                 if ui.is_item_hovered(ui.HoveredFlags_.allow_when_disabled):
                     ui.set_tooltip(why or what)
