@@ -1,5 +1,5 @@
-"""``python -m tests.hostile --minutes N --seed S [--formats las e57 ...] [--keep DIR]``: reads mutants of every file that the program
-reads, and says how many were read, refused in one line, or failed.  The exit code is 1 where one failed.
+"""``python -m tests.hostile --minutes N --seed S [--formats las e57 ...] [--keep DIR]``: reads mutants of every file that the
+program reads, and prints how many were read, refused in one line, or failed.  The exit code is 1 where one failed.
 
 The same seed gives the same mutants.  Failures are minimised and kept in DIR, the first of each cause.
 """
@@ -9,7 +9,6 @@ import os
 import sys
 import tempfile
 import time
-from collections import Counter
 from pathlib import Path
 
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"  # a fork has only one thread
@@ -24,7 +23,9 @@ def main() -> int:
     parser.add_argument("--mutants", type=int, default=None, help="how many of each format at most")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first mutant of each format")
-    parser.add_argument("--formats", nargs="+", choices=FORMATS, default=list(FORMATS), metavar="FORMAT", help=", ".join(FORMATS))
+    parser.add_argument(
+        "--formats", nargs="+", choices=FORMATS, default=list(FORMATS), metavar="FORMAT", help=", ".join(FORMATS)
+    )
     parser.add_argument("--keep", type=Path, default=KEPT, help="folder for minimised failures (default: %(default)s)")
     parser.add_argument("--every", type=float, default=60.0, help="seconds between lines about progress")
     options = parser.parse_args()

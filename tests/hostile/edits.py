@@ -9,26 +9,33 @@ import struct
 
 LARGEST = 2 << 20
 """Bytes of a mutant, at most: memory is allowed in proportion to the file."""
-_WHOLE = (0, 1, 2, 3, 7, 8, 15, 16, 31, 32, 63, 64, 100, 127, 128, 254, 255, 256, 1000, 1023, 1024, 4096, 32767, 32768, 65534, 65535,
-          65536, 2**20, 2**24, 2**31 - 1, 2**31, 2**32 - 2, 2**32 - 1, 2**32, 2**33, 2**48, 2**62, 2**63 - 1, 2**63, 2**64 - 1)  # fmt: skip
-_REAL = (0.0, -0.0, 1.0, -1.0, 1e-9, 1e-45, 1e-320, 0.1, 1e6, 1e9, 2.0**31, 1e15, 2.0**53, 2.0**63, 1e19, 3e38, 1e39, 1e155, 1e300,
-         1.7e308, float("inf"), float("-inf"), float("nan"))  # fmt: skip
+_WHOLE = (
+    0, 1, 2, 3, 7, 8, 15, 16, 31, 32, 63, 64, 100, 127, 128, 254, 255, 256, 1000, 1023, 1024, 4096, 32767, 32768, 65534,
+    65535, 65536, 2**20, 2**24, 2**31 - 1, 2**31, 2**32 - 2, 2**32 - 1, 2**32, 2**33, 2**48, 2**62, 2**63 - 1, 2**63,
+    2**64 - 1,
+)  # fmt: skip
+_REAL = (
+    0.0, -0.0, 1.0, -1.0, 1e-9, 1e-45, 1e-320, 0.1, 1e6, 1e9, 2.0**31, 1e15, 2.0**53, 2.0**63, 1e19, 3e38, 1e39, 1e155, 1e300,
+    1.7e308, float("inf"), float("-inf"), float("nan"),
+)  # fmt: skip
 WORDS = (
     b"0", b"1", b"-1", b"2", b"255", b"256", b"65536", b"2147483648", b"4294967295", b"4294967296", b"9223372036854775807",
-    b"18446744073709551616", b"99999999999999999999999999", b"1" + b"0" * 400, b"9" * 5000, b"1e5", b"1e308", b"1e309", b"-1e400",
-    b"1e-400", b"1.5D+02", b"nan", b"NaN", b"-nan(ind)", b"inf", b"-Infinity", b"1.#QNAN", b"0x10", b"1_000", b"+1", b"1,5", b"1.2.3",
-    b"", b" ", b"\0", b"-", b".", b"e", b"\xff", b"\xc3", b"\xc3\xa9", b"\xe2\x80\xae", b"\xed\xa0\x80", b"\x1b[31m", b"\x1b]0;x\x07",
-    b"\r", b"\n", b"\t", b"\"", b"'", b"<", b"&amp;", b"../../x", b"/etc/passwd", b"a" * 300, b"[" * 500, b"x", b"y", b"z", b"rgb",
-    b"Intensity", b"intensity", b"list", b"double", b"uchar", b"F", b"U", b"I", b"%s%n", b"{0}", b"True", b"\xd9\xa1\xd9\xa2", b"\xc2\xb2",
+    b"18446744073709551616", b"99999999999999999999999999", b"1" + b"0" * 400, b"9" * 5000, b"1e5", b"1e308", b"1e309",
+    b"-1e400", b"1e-400", b"1.5D+02", b"nan", b"NaN", b"-nan(ind)", b"inf", b"-Infinity", b"1.#QNAN", b"0x10", b"1_000",
+    b"+1", b"1,5", b"1.2.3", b"", b" ", b"\0", b"-", b".", b"e", b"\xff", b"\xc3", b"\xc3\xa9", b"\xe2\x80\xae",
+    b"\xed\xa0\x80", b"\x1b[31m", b"\x1b]0;x\x07", b"\r", b"\n", b"\t", b"\"", b"'", b"<", b"&amp;", b"../../x",
+    b"/etc/passwd", b"a" * 300, b"[" * 500, b"x", b"y", b"z", b"rgb", b"Intensity", b"intensity", b"list", b"double",
+    b"uchar", b"F", b"U", b"I", b"%s%n", b"{0}", b"True", b"\xd9\xa1\xd9\xa2", b"\xc2\xb2",
 )  # fmt: skip
 _RAW = ("1e999", "-1e999", "NaN", "-Infinity", "1" + "0" * 400, "9" * 5000, "-0", "1e-999", "0.1e1")
 """Numbers that json.dumps would not write."""
 _VALUES = (
-    None, True, False, 0, 1, -1, 2, 255, 256, 65536, 2**31, 2**32, 2**53, 2**63, 2**64, -(2**63), 10**18, 10**30, 0.5, -0.5, 1e-9, 1e-320,
-    1e9, 1e16, 1e155, 1e300, -1e308, "", "a", "0", "1e5", "nan", "..", "../../x", "/etc/passwd", "/", "a/b", "a\\b", "a\0b", "\x1b[31mred",
-    "\u202eabc", "\ud800", "é" * 60, "x" * 5000, "CON", "-rf", [], {}, [[]], [0], [0, 0, 0], [1, 2, 3], [None], ["a"], {"a": 1},
-    [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], [0] * 1000, [1e300, 1e300, 1e300], "EPSG:4326", "EPSG:99999999",
-    "+proj=utm +zone=99", "GEOGCS[", "int128", "double", "BROTLI", "laszip", "binary", "zstandard",
+    None, True, False, 0, 1, -1, 2, 255, 256, 65536, 2**31, 2**32, 2**53, 2**63, 2**64, -(2**63), 10**18, 10**30, 0.5, -0.5,
+    1e-9, 1e-320, 1e9, 1e16, 1e155, 1e300, -1e308, "", "a", "0", "1e5", "nan", "..", "../../x", "/etc/passwd", "/", "a/b",
+    "a\\b", "a\0b", "\x1b[31mred", "\u202eabc", "\ud800", "é" * 60, "x" * 5000, "CON", "-rf", [], {}, [[]], [0], [0, 0, 0],
+    [1, 2, 3], [None], ["a"], {"a": 1}, [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], [0] * 1000,
+    [1e300, 1e300, 1e300], "EPSG:4326", "EPSG:99999999", "+proj=utm +zone=99", "GEOGCS[", "int128", "double", "BROTLI",
+    "laszip", "binary", "zstandard",
 )  # fmt: skip
 
 
@@ -78,7 +85,9 @@ def put_number(out: bytearray, place: int, kind: str, rng: random.Random, order:
             struct.pack_into(order + kind, out, place, float("inf"))
         return
     before = int.from_bytes(out[place : place + size], "little" if order == "<" else "big")
-    value = rng.choice((rng.choice(_WHOLE), rng.choice(_WHOLE), before + rng.choice((-1, 1, -2, 2, 8, -8, 256)), before * 2, before // 2))
+    value = rng.choice(
+        (rng.choice(_WHOLE), rng.choice(_WHOLE), before + rng.choice((-1, 1, -2, 2, 8, -8, 256)), before * 2, before // 2)
+    )
     out[place : place + size] = (value % (1 << 8 * size)).to_bytes(size, "little" if order == "<" else "big")
 
 
@@ -106,8 +115,21 @@ def edited_text(data: bytes, rng: random.Random, span: tuple[int, int] | None = 
         case 9:
             lines[number] = rng.choice((b"# ", b"//", b";", b"", b"comment ")) + rng.choice(WORDS)
         case 10:
-            old, new = rng.choice(((b" ", b"\t"), (b".", b","), (b"\n", b"\r\n"), (b"\n", b"\r"), (b" ", b"  "), (b" ", b";"), (b",", b";"),
-                                   (b"0", b"\xd9\xa0"), (b"-", b"\xe2\x88\x92"), (b" ", b"\xc2\xa0"), (b" ", b"")))  # fmt: skip
+            old, new = rng.choice(
+                (
+                    (b" ", b"\t"),
+                    (b".", b","),
+                    (b"\n", b"\r\n"),
+                    (b"\n", b"\r"),
+                    (b" ", b"  "),
+                    (b" ", b";"),
+                    (b",", b";"),
+                    (b"0", b"\xd9\xa0"),
+                    (b"-", b"\xe2\x88\x92"),
+                    (b" ", b"\xc2\xa0"),
+                    (b" ", b""),
+                )
+            )
             return (data[:first] + text.replace(old, new) + data[last:])[:LARGEST]
         case 11:
             try:
@@ -162,7 +184,9 @@ def _changed(tree, rng: random.Random, raw: dict[str, str]):
         case 0:
             del holder[key]
         case 1 if isinstance(holder, dict):
-            holder[rng.choice(("", "\0", "x", "../x", "\x1b[31m", "__class__", "type", "a" * 300, str(key).upper()))] = holder.pop(key)
+            holder[rng.choice(("", "\0", "x", "../x", "\x1b[31m", "__class__", "type", "a" * 300, str(key).upper()))] = (
+                holder.pop(key)
+            )
         case 1 if isinstance(holder, list):
             holder.insert(key, value)
         case 2:
@@ -172,8 +196,19 @@ def _changed(tree, rng: random.Random, raw: dict[str, str]):
             holder[key] = [holder[key]]
         case 4 if isinstance(holder[key], (int, float)) and not isinstance(holder[key], bool):
             try:
-                holder[key] = rng.choice((-holder[key], holder[key] * 2, holder[key] * 1e6, holder[key] / 1e6, holder[key] + 1, holder[key] - 1,
-                                          float(holder[key]), int(holder[key]), str(holder[key])))  # fmt: skip
+                holder[key] = rng.choice(
+                    (
+                        -holder[key],
+                        holder[key] * 2,
+                        holder[key] * 1e6,
+                        holder[key] / 1e6,
+                        holder[key] + 1,
+                        holder[key] - 1,
+                        float(holder[key]),
+                        int(holder[key]),
+                        str(holder[key]),
+                    )
+                )
             except (OverflowError, ValueError):
                 holder[key] = value
         case 4 if isinstance(holder[key], list) and holder[key]:

@@ -218,7 +218,7 @@ def _command(*arguments: str) -> None:
     with redirect_stdout(out), redirect_stderr(err):
         code = main(list(arguments))
     said = err.getvalue()
-    lines = [line for line in said.splitlines() if not line.startswith("pointglass: warning: ")]
+    lines = [line for line in said.splitlines() if not line.startswith(("pointglass: warning: ", "pointglass: compiling "))]
     if code not in (0, 2) or (len(lines) != 1 if code == 2 else lines):
         raise Wrong(f"exit code {code}, standard error: {said[:300]!r}")
     for line in [*said.split("\n"), *out.getvalue().split("\n")]:

@@ -1,7 +1,7 @@
 """Runs mutants in forked children: the parent has imported the readers, so that a child starts in milliseconds.
 
-A child runs a batch, and reports each mutant through a pipe before and after; one that ends, hangs or takes too much memory costs
-its own child only.  A failure is confirmed alone in a fresh child.
+A child runs a batch, and reports each mutant through a pipe before and after; a crash, a hang or an excess of memory costs its
+own child only.  A failure is confirmed alone in a fresh child.
 """
 
 import gc
@@ -34,7 +34,7 @@ FAILURES = ("traceback", "signal", "hang", "memory", "noise")
 
 @dataclass(frozen=True)
 class Outcome:
-    """kind: read, refused, or one of FAILURES.  said: the line, or where and what.  memory: bytes at the peak, beyond the start."""
+    """kind: read, refused, or one of FAILURES.  said: the line, or where and what.  memory: bytes beyond those at the start."""
 
     kind: str
     said: str = ""
@@ -63,11 +63,11 @@ class ForkServer:
                 found[i] = again if again.failed else Outcome(outcome.kind, f"(not alone) {outcome.said}", outcome.memory)
         return found
 
-    def warm(self, seed: Seed, number: int) -> None:
-        """Reads a seed as it is in this process.  Raises what it raises."""
+    def warm(self, seed: Seed, number: int) -> str:
+        """Reads a seed as it is in this process; returns what exercise returns."""
         shutil.rmtree(self.folder, ignore_errors=True)
         _write(self.folder, dict(seed.files))
-        exercise(seed.kind, self.folder / seed.entry, number)
+        return exercise(seed.kind, self.folder / seed.entry, number)
 
     def check(self, seed: Seed, changed: dict[str, bytes | None], number: int) -> Outcome:
         """The outcome of these contents in a child of its own."""

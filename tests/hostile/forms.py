@@ -30,8 +30,19 @@ def edited(name: str, data: bytes, rng: random.Random) -> bytes:
         return edited_json(data, rng)
     if suffix in _TEXTS:
         return edited_text(data, rng)
-    form = {".e57": _e57, ".las": _las, ".laz": _las, ".ply": _ply, ".pcd": _pcd, ".png": _png, ".npy": _npy, ".gz": _gzip,
-            ".zst": _zstd, ".safetensors": _safetensors, ".bin": _words}.get(suffix, edited_bytes)  # fmt: skip
+    form = {
+        ".e57": _e57,
+        ".las": _las,
+        ".laz": _las,
+        ".ply": _ply,
+        ".pcd": _pcd,
+        ".png": _png,
+        ".npy": _npy,
+        ".gz": _gzip,
+        ".zst": _zstd,
+        ".safetensors": _safetensors,
+        ".bin": _words,
+    }.get(suffix, edited_bytes)
     try:
         return form(data, rng)[:LARGEST]
     except (ValueError, struct.error, IndexError, KeyError, OverflowError):  # an earlier edit broke the form
@@ -39,8 +50,25 @@ def edited(name: str, data: bytes, rng: random.Random) -> bytes:
 
 
 # ---- LAS, LAZ
-_LAS = ((4, "H"), (6, "H"), (24, "B"), (25, "B"), (94, "H"), (96, "I"), (100, "I"), (104, "B"), (105, "H"), (107, "I"), (111, "I"),
-        *((131 + 8 * i, "d") for i in range(12)), (227, "Q"), (235, "Q"), (243, "I"), (247, "Q"), (255, "Q"))  # fmt: skip
+_LAS = (
+    (4, "H"),
+    (6, "H"),
+    (24, "B"),
+    (25, "B"),
+    (94, "H"),
+    (96, "I"),
+    (100, "I"),
+    (104, "B"),
+    (105, "H"),
+    (107, "I"),
+    (111, "I"),
+    *((131 + 8 * i, "d") for i in range(12)),
+    (227, "Q"),
+    (235, "Q"),
+    (243, "I"),
+    (247, "Q"),
+    (255, "Q"),
+)
 
 
 def _las(data: bytes, rng: random.Random) -> bytes:
@@ -81,6 +109,8 @@ def _e57(data: bytes, rng: random.Random) -> bytes:
     logical = bytearray(b"".join(page[:1020] for page in pages))
     place, length = struct.unpack_from("<2Q", logical, 24)
     begin = place // 1024 * 1020 + place % 1024
+    if not 48 <= begin <= begin + length <= len(logical):
+        raise ValueError("its XML is elsewhere")
     xml = bytes(logical[begin : begin + length])
     if rng.random() < 0.55:
         xml = _xml(xml, rng)
@@ -100,8 +130,10 @@ def _e57(data: bytes, rng: random.Random) -> bytes:
     logical += bytes(-len(logical) % 1020)
     if rng.random() < 0.9:
         struct.pack_into("<Q", logical, 16, len(logical) // 1020 * 1024)
-    return b"".join(bytes(page) + struct.pack(">I", _page_sum(bytes(page)))
-                    for page in (logical[i : i + 1020] for i in range(0, len(logical), 1020)))  # fmt: skip
+    return b"".join(
+        bytes(page) + struct.pack(">I", _page_sum(bytes(page)))
+        for page in (logical[i : i + 1020] for i in range(0, len(logical), 1020))
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -130,12 +162,26 @@ def _xml(xml: bytes, rng: random.Random) -> bytes:
         case 6:
             found = rng.choice(list(re.finditer(rb"(?<=</)\w+|(?<=<)\w+", xml)) or [None])
             if found is not None:
-                name = rng.choice((b"a", b"points", b"cartesianX", b"colorRed", b"intensity", b"pose", b"data3D", found.group()[::-1], b"\xff"))
+                name = rng.choice(
+                    (
+                        b"a",
+                        b"points",
+                        b"cartesianX",
+                        b"colorRed",
+                        b"intensity",
+                        b"pose",
+                        b"data3D",
+                        found.group()[::-1],
+                        b"\xff",
+                    )
+                )
                 return xml.replace(b"<" + found.group(), b"<" + name).replace(b"</" + found.group(), b"</" + name)
         case 7:
             found = rng.choice(list(re.finditer(rb"(?<=>)[^<>]*(?=<)", xml)) or [None])
             if found is not None:
-                word = rng.choice((*WORDS, b"<a>" * 50 + b"</a>" * 50, b"<a>" * 3000, b"<![CDATA[" + b"x" * 100 + b"]]>", b"&#0;", b"&lol;"))
+                word = rng.choice(
+                    (*WORDS, b"<a>" * 50 + b"</a>" * 50, b"<a>" * 3000, b"<![CDATA[" + b"x" * 100 + b"]]>", b"&#0;", b"&lol;")
+                )
                 return xml[: found.start()] + word + xml[found.end() :]
     return edited_bytes(xml, rng)
 
@@ -197,18 +243,45 @@ def _png(data: bytes, rng: random.Random) -> bytes:
             case 2:
                 chunks.remove(chunk)
             case 3:
-                chunk[0] = rng.choice((b"iTXt", b"tEXt", b"zTXt", b"IDAT", b"PLTE", b"iCCP", b"eXIf", b"acTL", b"fdAT", b"\0\0\0\0", b"IEND"))
-    return data[:8] + b"".join(struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body))
-                               for name, body in chunks)  # fmt: skip
+                chunk[0] = rng.choice(
+                    (b"iTXt", b"tEXt", b"zTXt", b"IDAT", b"PLTE", b"iCCP", b"eXIf", b"acTL", b"fdAT", b"\0\0\0\0", b"IEND")
+                )
+    return data[:8] + b"".join(
+        struct.pack(">I", len(body)) + name + body + struct.pack(">I", zlib.crc32(name + body)) for name, body in chunks
+    )
 
 
 # ---- NumPy arrays, grid headers, weights
 def _npy(data: bytes, rng: random.Random) -> bytes:
     (size,) = struct.unpack_from("<H", data, 8)
     if rng.random() < 0.6:
-        head = edited_text(data[10 : 10 + size].replace(b",", b" , "), rng) if rng.random() < 0.5 else re.sub(
-            rb"'<?\|?[a-z]\d+'|\d+|True|False", lambda found: found.group() if rng.random() < 0.6 else rng.choice(
-                (b"0", b"-1", b"1", b"4294967296", b"'|O'", b"'<f8'", b"'<M8[s]'", b"'V9999999'", b"True", b"()", b"None")), data[10 : 10 + size])
+        head = (
+            edited_text(data[10 : 10 + size].replace(b",", b" , "), rng)
+            if rng.random() < 0.5
+            else re.sub(
+                rb"'<?\|?[a-z]\d+'|\d+|True|False",
+                lambda found: (
+                    found.group()
+                    if rng.random() < 0.6
+                    else rng.choice(
+                        (
+                            b"0",
+                            b"-1",
+                            b"1",
+                            b"4294967296",
+                            b"'|O'",
+                            b"'<f8'",
+                            b"'<M8[s]'",
+                            b"'V9999999'",
+                            b"True",
+                            b"()",
+                            b"None",
+                        )
+                    )
+                ),
+                data[10 : 10 + size],
+            )
+        )
         if len(head) < 65536:
             return data[:8] + struct.pack("<H", len(head)) + head + data[10 + size :]
     body = edited_bytes(data[10 + size :], rng)

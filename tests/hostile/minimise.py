@@ -72,8 +72,14 @@ def keep(folder: Path, mutant: Mutant, changed: dict[str, bytes | None], outcome
     place = folder / f"{seed.format}-{re.sub(r'[^a-z0-9]+', '_', seed.name.lower())}-{name}"
     place.mkdir(parents=True, exist_ok=True)
     small = sum(len(data or b"") for data in changed.values()) <= LARGEST_KEPT
-    case = {"format": seed.format, "seed": seed.name, "number": mutant.number, "run": run, "was": f"{outcome.kind}: {outcome.said[:200]}",
-            "removed": [name for name, data in changed.items() if data is None] if small else None}  # fmt: skip
+    case = {
+        "format": seed.format,
+        "seed": seed.name,
+        "number": mutant.number,
+        "run": run,
+        "was": f"{outcome.kind}: {outcome.said[:200]}",
+        "removed": [name for name, data in changed.items() if data is None] if small else None,
+    }
     (place / "case.json").write_text(json.dumps(case, indent=1) + "\n")
     for name, data in changed.items() if small else ():
         if data is not None:
@@ -91,6 +97,6 @@ def kept_case(place: Path) -> tuple[Seed, dict[str, bytes | None], int]:
 
         return seed, mutant(case["format"], case["run"], case["number"]).changed(), case["number"]
     files = place / "files"
-    changed: dict[str, bytes | None] = {name: None for name in case["removed"]}
+    changed: dict[str, bytes | None] = dict.fromkeys(case["removed"])
     changed |= {str(file.relative_to(files)): file.read_bytes() for file in files.rglob("*") if file.is_file()}
     return seed, changed, case["number"]

@@ -8,7 +8,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -60,7 +60,9 @@ def _las14(path: Path) -> None:
     header.add_extra_dim(laspy.ExtraBytesParams("reflectance", np.float32))
     header.add_extra_dim(laspy.ExtraBytesParams("ring", np.uint8, scales=np.array([0.5]), offsets=np.array([1.0])))
     header.vlrs.append(laspy.VLR("LASF_Projection", 2112, "", b'GEOGCS["x",DATUM["y",SPHEROID["z",6378137,298.25]]]\0'))
-    header.vlrs.append(laspy.VLR("LASF_Projection", 34735, "", struct.pack("<12H", 1, 1, 0, 2, 3072, 0, 1, 25832, 3076, 0, 1, 9001)))
+    header.vlrs.append(
+        laspy.VLR("LASF_Projection", 34735, "", struct.pack("<12H", 1, 1, 0, 2, 3072, 0, 1, 25832, 3076, 0, 1, 9001))
+    )
     las = laspy.LasData(header)
     xyz, rgb = surface(POINTS)
     las.x, las.y, las.z = xyz.T
@@ -105,8 +107,10 @@ def _copc(path: Path) -> None:
     places.append(out.tell())
     compressor.done()
     data = bytearray(out.getvalue())
-    hierarchy = b"".join(struct.pack("<iiiiQii", level, 0, 0, 0, place, after - place, size)
-                         for level, place, after, size in zip((0, 1, 1), places, places[1:], sizes))
+    hierarchy = b"".join(
+        struct.pack("<iiiiQii", level, 0, 0, 0, place, after - place, size)
+        for level, place, after, size in zip((0, 1, 1), places, places[1:], sizes)
+    )
     struct.pack_into("<QQ", data, 375 + 54 + 40, len(data), len(hierarchy))
     path.write_bytes(bytes(data) + hierarchy)
     _dated(path)
@@ -114,8 +118,8 @@ def _copc(path: Path) -> None:
 
 def _e57(path: Path, **changes) -> None:
     xyz, rgb = surface(POINTS, origin=(0, 0, 3))
-    made = dict(xyz=xyz, rgb=rgb, intensity=np.linspace(0, 1, POINTS), quaternion=(1, 0, 0, 0), translation=(5, 6, 7), name="one")
-    write_e57(path, [E57Scan(**(made | changes)), E57Scan(xyz + 1, name="two", kind="float")])
+    good = E57Scan(xyz, rgb, np.linspace(0, 1, POINTS), (1, 0, 0, 0), (5, 6, 7), name="one")
+    write_e57(path, [replace(good, **changes), E57Scan(xyz + 1, name="two", kind="float")])
 
 
 def _e57_photographs(path: Path) -> None:
@@ -129,19 +133,22 @@ def _texts() -> dict[str, bytes]:
     plain, coloured = text_rows([points.xyz]), text_rows([points.xyz, points.rgb])
     return {
         "a.pts": f"{POINTS}\n{text_rows([points.xyz, points.intensity, points.rgb])}".encode(),
-        "b.xyz": plain.encode(), "c.txt": ("//X Y Z R G B\n" + coloured).encode(),
+        "b.xyz": plain.encode(),
+        "c.txt": ("//X Y Z R G B\n" + coloured).encode(),
         "d.csv": ("x,y,z,r,g,b,intensity\n" + text_rows([points.xyz, points.rgb, points.intensity], ",")).encode(),
         "e.asc": text_rows([points.xyz, points.intensity], ";").encode(),
         "f.csv": ("X;Y;Z\n" + text_rows([points.xyz], ";").replace(".", ",")).encode(),
-    }  # fmt: skip
+    }
 
 
 ONE_FILE: dict[str, dict[str, Callable[[Path], object]]] = {
-    "las": {"a.las": lambda p: _dated(write_las(p, *surface(POINTS), np.arange(POINTS), wkt="LOCAL_CS[\"x\"]")), "b.las": _las14},
+    "las": {"a.las": lambda p: _dated(write_las(p, *surface(POINTS), np.arange(POINTS), wkt='LOCAL_CS["x"]')), "b.las": _las14},
     "laz": {"a.laz": lambda p: _dated(write_las(p, *surface(POINTS), np.arange(POINTS))), "b.laz": _las14, "c.copc.laz": _copc},
     "e57": {
-        "a.e57": _e57, "b.e57": lambda p: _e57(p, spherical=True, invalid=np.arange(POINTS) % 3),
-        "c.e57": lambda p: _e57(p, kind="scaled", colour_full=65535, limits=False), "d.e57": _e57_photographs,
+        "a.e57": _e57,
+        "b.e57": lambda p: _e57(p, spherical=True, invalid=np.arange(POINTS) % 3),
+        "c.e57": lambda p: _e57(p, kind="scaled", colour_full=65535, limits=False),
+        "d.e57": _e57_photographs,
     },
     "ply": {
         "a.ply": lambda p: write_ply(p, *surface(POINTS), order="ascii", extra=True),
@@ -150,23 +157,30 @@ ONE_FILE: dict[str, dict[str, Callable[[Path], object]]] = {
         "d.ply": lambda p: write_ply(p, *surface(POINTS), faces_first=True),
     },
     "pcd": {
-        "a.pcd": lambda p: write_pcd(p, some(POINTS), "ascii"), "b.pcd": lambda p: write_pcd(p, some(POINTS), "binary", pad=True),
+        "a.pcd": lambda p: write_pcd(p, some(POINTS), "ascii"),
+        "b.pcd": lambda p: write_pcd(p, some(POINTS), "binary", pad=True),
         "c.pcd": lambda p: write_pcd(p, some(POINTS), "binary_compressed", packed="U"),
         "d.pcd": lambda p: write_pcd(p, some(POINTS), "binary_compressed", packed=None, pad=True),
     },
     "ptx": {"a.ptx": lambda p: write_ptx(p, [PtxScan(some(20)), PtxScan(some(20, 1), empty=3)])},
-}  # fmt: skip
+}
 FOLDERS: dict[str, dict[str, Callable[[Path], object]]] = {
     "potree1": {
-        "1.7": lambda p: write_potree1(p, some(POINTS), version="1.7"), "1.4": lambda p: write_potree1(p, some(POINTS), version="1.4"),
+        "1.7": lambda p: write_potree1(p, some(POINTS), version="1.7"),
+        "1.4": lambda p: write_potree1(p, some(POINTS), version="1.4"),
         "laz": lambda p: write_potree1(p, some(12), version="1.8", form="laz"),
     },
-    "potree2": {"plain": lambda p: write_potree2(p, some(POINTS)), "brotli": lambda p: write_potree2(p, some(POINTS), encoding="BROTLI")},
-    "ept": {
-        "binary": lambda p: write_ept(p, some(POINTS), data="binary"), "zst": lambda p: write_ept(p, some(POINTS), data="zstandard"),
-        "gzip": lambda p: write_ept(p, some(POINTS), data="binary", hierarchy="gzip", real=True), "laz": lambda p: write_ept(p, some(12)),
+    "potree2": {
+        "plain": lambda p: write_potree2(p, some(POINTS)),
+        "brotli": lambda p: write_potree2(p, some(POINTS), encoding="BROTLI"),
     },
-}  # fmt: skip
+    "ept": {
+        "binary": lambda p: write_ept(p, some(POINTS), data="binary"),
+        "zst": lambda p: write_ept(p, some(POINTS), data="zstandard"),
+        "gzip": lambda p: write_ept(p, some(POINTS), data="binary", hierarchy="gzip", real=True),
+        "laz": lambda p: write_ept(p, some(12)),
+    },
+}
 
 
 # ---- what is not a scan
@@ -200,12 +214,20 @@ def _cameras(folder: Path) -> dict[str, Seed]:
     files = {
         ("nerfstudio", "a"): {"transforms.json": json.dumps(transforms(applied_transform=np.eye(4)[:3].tolist())).encode()},
         ("nerfstudio", "b"): {"transforms.json": json.dumps({"frames": [lens, {**lens, "camera_angle_x": 0.7}]}).encode()},
-        ("nerfstudio", "c"): {"camera_path.json": json.dumps(shots({"aspect": 1.3}, {}, {}, fps=24, seconds=2.5, camera_type="perspective")).encode()},
-        ("colmap", "text"): _read(text), ("colmap", "binary"): _read(binary), ("colmap", "plain"): _read(folder / "plain"),
+        ("nerfstudio", "c"): {
+            "camera_path.json": json.dumps(
+                shots({"aspect": 1.3}, {}, {}, fps=24, seconds=2.5, camera_type="perspective")
+            ).encode()
+        },
+        ("colmap", "text"): _read(text),
+        ("colmap", "binary"): _read(binary),
+        ("colmap", "plain"): _read(folder / "plain"),
         ("tum", "a"): {"trajectory.txt": b"# t x y z qx qy qz qw\n" + tum.encode(), "intrinsics.txt": b"100 100 40 30 80 60\n"},
-    }  # fmt: skip
-    return {f"{form} {name}": Seed(form, name, "cameras", found, "" if form == "colmap" else next(iter(found)))
-            for (form, name), found in files.items()}  # fmt: skip
+    }
+    return {
+        f"{form} {name}": Seed(form, name, "cameras", found, "" if form == "colmap" else next(iter(found)))
+        for (form, name), found in files.items()
+    }
 
 
 def _png(text: str, size: tuple[int, int] = (5, 4)) -> bytes:
@@ -226,34 +248,38 @@ def _window_files() -> list[Seed]:
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "a.pointglass"
-        write_project(path, random_document(np.random.default_rng(5), [str(path.parent / "floor.ply")]))
+        document = random_document(np.random.default_rng(5), [str(path.parent / "floor.ply")])
+        write_project(path, replace(document, scans=(replace(document.scans[0], visible=True, crs="EPSG:25832"),)))
         project = path.read_bytes()
         scan = write_ply(path.with_name("floor.ply"), *surface(60)).read_bytes()
-    from dataclasses import asdict, replace
-
     from pointglass.viewer.tools.document import Alterations
     from pointglass.viewer.tools.look import Look
 
     plain = shot()
-    altered = replace(plain, alterations=Alterations(look=Look(point_size=2.0)), other_view="raw", split_at=0.4)
-    recent = [{"paths": ["/scans/floor.ply"], "title": "floor", "points": 60}, {"paths": ["/a", "/b"], "title": "x", "points": 5}]
+    altered = replace(plain, alterations=Alterations(look=Look(point_size=2)), other_view="raw", split_at=0.4)
+    recent = [
+        {"paths": ["/scans/floor.ply"], "title": "floor", "points": 60},
+        {"paths": ["/a", "/b"], "title": "x", "points": 5},
+    ]
     film = {"version": "1", "scans": ["a"], "points": 5, "size": [8, 8], "path": [[1.0] * 16]}
     return [
         Seed("like", "plain", "like", {"a.png": _png(plain.text())}, "a.png"),
         Seed("like", "altered", "like", {"a.png": _png(altered.text())}, "a.png"),
         Seed("project", "a", "project", {"a.pointglass": project, "floor.ply": scan}, "a.pointglass", ("floor.ply",)),
         Seed("state", "window", "preferences", {"window.json": json.dumps(asdict(Preferences())).encode()}, ""),
-        Seed("state", "recent", "recent", {"recent.json": json.dumps(recent).encode(), "thumbnail.png": _png("x", (20, 32))}, ""),
+        Seed(
+            "state", "recent", "recent", {"recent.json": json.dumps(recent).encode(), "thumbnail.png": _png("x", (20, 32))}, ""
+        ),
         Seed("state", "film", "film", {"film.json": json.dumps(film).encode()}, "film.json"),
-    ]  # fmt: skip
+    ]
 
 
 def _weights(folder: Path) -> Seed:
     """The smallest network."""
+    import torch
+
     from pointglass.model.unet import make_network
     from pointglass.model.weights import save_weights
-
-    import torch
 
     torch.manual_seed(0)
     save_weights(folder / "fast.safetensors", make_network("fast"), "fast", filtered=True)
@@ -267,7 +293,10 @@ def _rooms(folder: Path) -> list[Seed]:
     make_room(folder / "room", face=8, view=(6, 8), views=1)
     write_nerfstudio(folder / "rgbd", PLAIN)
     write_tum(folder / "tum")
-    return [Seed("rooms", name, kind, _read(folder / name), "") for name, kind in (("room", "room"), ("rgbd", "rgbd"), ("tum", "rgbd"))]
+    return [
+        Seed("rooms", name, kind, _read(folder / name), "")
+        for name, kind in (("room", "room"), ("rgbd", "rgbd"), ("tum", "rgbd"))
+    ]
 
 
 @cache

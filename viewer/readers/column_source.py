@@ -87,7 +87,7 @@ class ColumnSource(Source):
         """ranges: called only where the types of the columns do not tell their range."""
         columns, xyz, invalid = self._placed(scan, columns)
         rgb = intensity = classes = None
-        if "r" in columns:
+        if columns.keys() >= set("rgb"):
             rgb = np.stack([columns[name] for name in "rgb"], axis=1)
             rgb = rgb if _is_level(rgb) else colour_levels(rgb, max(ranges()[name][1] for name in "rgb"))
         if "i" in columns:

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from .e57_packets import PAGE, PAGE_DATA
+from ..text import whole_number
+from .e57_packets import PAGE, PAGE_DATA, bits_of, most_points
 
 
 def library() -> Any:
@@ -66,13 +67,23 @@ def xml_of(path: Path) -> ElementTree.Element | None:
 
 
 def check_prototypes(path: Path, root: ElementTree.Element | None) -> None:
-    """Raises InputError where points have no prototype, which declares their fields: libe57 would end the process over that.
+    """Raises InputError where points have no prototype, which declares their fields: libe57 would end the process over that;
+    and where more points are stated than the file can hold.
 
     root: of the file's XML.
     """
+    size = path.stat().st_size
     for node in root.iter() if root is not None else ():
-        if node.get("type") == "CompressedVector" and node.find("{*}prototype") is None:
+        if node.get("type") != "CompressedVector":
+            continue
+        prototype = node.find("{*}prototype")
+        if prototype is None:
             raise InputError(f"{path}: damaged: points without a prototype, so without fields; copy or export it again")
+        stated = node.get("recordCount", "0").strip()
+        count = whole_number(stated)
+        if count is not None and count > most_points(size, sum(map(bits_of, prototype))):
+            raise InputError(f"{path}: truncated or damaged: {count:,} points do not fit into its {size:,} bytes; copy or "
+                             "export it again")
 
 
 def child(node, name: str, kind: str) -> Any:

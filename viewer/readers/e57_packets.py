@@ -53,12 +53,14 @@ class PacketReader:
     """
 
     def __init__(self, path: Path, file: BinaryIO, vector: ElementTree.Element):
-        self._path, self._file = path, file
+        self._path, self._file, self._size = path, file, path.stat().st_size
         prototype = vector.find("{*}prototype")
         if prototype is None:
             raise UnknownPacking("no prototype")
         self.fields = [_field(node) for node in prototype]
         self.count = _whole(vector, "recordCount", 0)
+        if self.count > most_points(self._size, sum(field.bits for field in self.fields)):
+            raise self._damaged(f"{self.count:,} points do not fit into its {self._size:,} bytes")
         self._places, self._before = self._packets(_whole(vector, "fileOffset", 0))
 
     def _packets(self, section: int) -> tuple[np.ndarray, np.ndarray]:
@@ -118,6 +120,8 @@ class PacketReader:
 
     def _bytes(self, place: int, length: int) -> bytes:
         first, last = place // PAGE_DATA, (place + length - 1) // PAGE_DATA
+        if first * PAGE >= self._size:
+            raise self._damaged(f"byte {place:,} of its points is behind the end of the file")
         self._file.seek(first * PAGE)
         pages = self._file.read((last + 1 - first) * PAGE)
         if len(pages) < (last + 1 - first) * PAGE:
@@ -130,8 +134,22 @@ class PacketReader:
         return InputError(f"{self._path}: damaged: {what}; copy or export it again")
 
 
+def most_points(size: int, bits: int) -> int:
+    """Points of so many bits that a file of ``size`` bytes can hold.  Points of 0 bits, all of whose values are equal, count
+    as one bit, so that a small file cannot state any number."""
+    return 8 * size // max(bits, 1)
+
+
 def _logical(physical: int) -> int:
     return physical // PAGE * PAGE_DATA + physical % PAGE
+
+
+def bits_of(node: ElementTree.Element) -> int:
+    """Bits of a value of the field that an element of the prototype declares; 0 where its size is not known."""
+    try:
+        return _field(node).bits
+    except UnknownPacking:
+        return 0
 
 
 def _field(node: ElementTree.Element) -> Field:

@@ -142,12 +142,27 @@ def joined(parts: Sequence[Records]) -> Records:
     if len(parts) == 1:
         return parts[0]
     scans = [np.broadcast_to(np.asarray(part.scan), len(part.xyz)) for part in parts]
+    names = dict.fromkeys(name for part in parts for name in part.columns)
     return Records(
         np.concatenate([part.xyz for part in parts]) if parts else np.empty((0, 3)),
-        np.concatenate([part.rgb for part in parts if part.rgb is not None]) if parts and parts[0].rgb is not None else None,
+        _joined_rgb(parts),
         np.concatenate(scans) if parts else 0,
-        {name: np.concatenate([part.columns[name] for part in parts]) for name in (parts[0].columns if parts else ())},
+        {name: _joined_column(parts, name) for name in names},
     )
+
+
+def _joined_rgb(parts: Sequence[Records]) -> np.ndarray | None:
+    """Colours of all parts, black where a part has none; None where no part has any."""
+    if all(part.rgb is None for part in parts):
+        return None
+    return np.concatenate([np.zeros((len(part.xyz), 3), np.uint8) if part.rgb is None else part.rgb for part in parts])
+
+
+def _joined_column(parts: Sequence[Records], name: str) -> np.ndarray:
+    """A column of all parts, NaN where a part (a scan of an E57, say) does not have it."""
+    shape = next(part.columns[name].shape[1:] for part in parts if name in part.columns)
+    return np.concatenate([part.columns[name] if name in part.columns else np.full((len(part.xyz), *shape), np.nan)
+                           for part in parts])
 
 
 def surplus_warning(path: Path, count: int | None) -> str:

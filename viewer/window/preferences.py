@@ -58,7 +58,7 @@ def read_preferences() -> Preferences:
         return Preferences(**{name: value for name, value in found.items() if type(value) is kinds.get(name)})
     except FileNotFoundError:
         return Preferences()
-    except (OSError, ValueError, AttributeError, InputError) as error:
+    except (OSError, ValueError, AttributeError, OverflowError, RecursionError, InputError) as error:
         _log.warning("%s is not used: %s", path, error)
         return Preferences()
 

@@ -7,6 +7,7 @@ unreadable list counts as empty: it is a convenience, and the next scan writes i
 import hashlib
 import io
 import json
+import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -39,7 +40,7 @@ class RecentScan:
     @property
     def missing(self) -> str:
         """Why it cannot be opened, "" where all of its files are there."""
-        gone = [path for path in self.paths if not Path(path).exists()]
+        gone = [path for path in self.paths if not os.path.exists(path)]  # also where no file can have this name
         return f"{gone[0]} is not there any more" if gone else ""
 
 
@@ -48,7 +49,7 @@ def recent_scans() -> list[RecentScan]:
     try:
         rows = json.loads((state_dir() / _FILE).read_text("utf-8"))
         return [RecentScan(tuple(map(str, row["paths"])), str(row["title"]), int(row["points"])) for row in rows][:MOST]
-    except (OSError, ValueError, TypeError, KeyError):
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return []
 
 
@@ -89,10 +90,12 @@ def _save_thumbnail(path: Path, picture: np.ndarray) -> None:
 
 def load_thumbnail(scan: RecentScan) -> np.ndarray | None:
     """(H, W, 3) uint8, or None where there is no readable picture."""
-    from PIL import Image
+    from PIL.PngImagePlugin import PngImageFile
 
     try:
-        with Image.open(scan.thumbnail) as image:
+        with PngImageFile(scan.thumbnail) as image:  # the plug-in itself, which does not warn of large pictures
+            if image.width > THUMBNAIL[0] or image.height > THUMBNAIL[1]:
+                return None
             return np.asarray(image.convert("RGB"))
-    except (OSError, ValueError):
+    except Exception:  # Pillow raises nearly anything for damaged pictures
         return None

@@ -106,6 +106,6 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
 def _read(record: Path) -> dict:
     try:
         found = json.loads(record.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}
