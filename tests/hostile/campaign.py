@@ -66,8 +66,9 @@ class Campaign:
             kinds[kind] += count
         causes = len(self.failures)
         failed = ", ".join(f"{kinds[kind]:,} {kind}" for kind in FAILURES)
+        good = f"{kinds['read']:,} read, {kinds['refused']:,} refused in one line"
         return (
-            f"{sum(kinds.values()):,} mutants: {kinds['read']:,} read, {kinds['refused']:,} refused, {failed} ({causes} causes), "
+            f"{sum(kinds.values()):,} mutants: {good}, {failed} ({causes} causes), "
             f"at most {self.most_memory / 1e6:.0f} MB"
         )
 

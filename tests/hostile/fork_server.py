@@ -71,7 +71,7 @@ class ForkServer:
 
     def check(self, seed: Seed, changed: dict[str, bytes | None], number: int) -> Outcome:
         """The outcome of these contents in a child of its own."""
-        return self._batch([_Given(number, seed, changed)])[0]
+        return self._batch([Given(number, seed, changed)])[0]
 
     def _batch(self, mutants: Sequence) -> list[Outcome]:
         """Outcomes up to the first one that ended the child."""
@@ -113,7 +113,9 @@ class ForkServer:
 
 
 @dataclass(frozen=True)
-class _Given:
+class Given:
+    """A seed with these contents in place of its own, read as the mutant of this number is."""
+
     number: int
     seed: Seed
     contents: dict[str, bytes | None]
@@ -130,6 +132,7 @@ def _child(folder: Path, mutants: Sequence, sending: int):
         output = os.open(_output_file(folder), os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         for stream in (1, 2):
             os.dup2(output, stream)
+        sys.stdout, sys.stderr = (open(stream, "w", closefd=False) for stream in (1, 2))  # noqa: SIM115  (until the end)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         limit = _status()["VmSize"] + ROOM
         resource.setrlimit(resource.RLIMIT_AS, (limit, limit))

@@ -299,9 +299,14 @@ def _rooms(folder: Path) -> list[Seed]:
     ]
 
 
-@cache
 def seeds(form: str) -> tuple[Seed, ...]:
-    """The seeds of one format, made in a child process: lazrs' threads, once started, are missing in every fork."""
+    """The seeds of one format."""
+    return tuple(seed for seed in _group(next((group for group in _GROUPS if form in group), form)) if seed.format == form)
+
+
+@cache
+def _group(form: str | tuple[str, ...]) -> tuple[Seed, ...]:
+    """The seeds of formats that are made together, in a child process, since lazrs' threads are missing in forks."""
     with tempfile.NamedTemporaryFile() as file:
         child = os.fork()
         if child == 0:
@@ -317,7 +322,11 @@ def seeds(form: str) -> tuple[Seed, ...]:
         return pickle.loads(Path(file.name).read_bytes())
 
 
-def _made(form: str) -> tuple[Seed, ...]:
+_GROUPS = (("nerfstudio", "colmap", "tum"), ("like", "project", "state"))
+"""Formats whose seeds are made together: what makes them takes long to import."""
+
+
+def _made(form: str | tuple[str, ...]) -> tuple[Seed, ...]:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         if form in ONE_FILE:
@@ -335,10 +344,10 @@ def _made(form: str) -> tuple[Seed, ...]:
         if form == "grid":
             _grid(folder)
             return (Seed(form, "grid", "grid", _read(folder / "grid"), ""),)
-        if form in ("nerfstudio", "colmap", "tum"):
-            return tuple(seed for seed in _cameras(folder).values() if seed.format == form)
-        if form in ("like", "project", "state"):
-            return tuple(seed for seed in _window_files() if seed.format == form)
+        if form == _GROUPS[0]:
+            return tuple(_cameras(folder).values())
+        if form == _GROUPS[1]:
+            return tuple(_window_files())
         if form == "weights":
             return (_weights(folder),)
         if form == "rooms":
