@@ -4,6 +4,7 @@ A child runs a batch, and reports each mutant through a pipe before and after; a
 own child only.  A failure is confirmed alone in a fresh child.
 """
 
+import faulthandler
 import gc
 import json
 import os
@@ -128,6 +129,7 @@ def _child(folder: Path, mutants: Sequence, sending: int):
     """Never returns."""
     try:
         gc.disable()
+        faulthandler.disable()  # of pytest, which reports a crash itself
         os.setsid()
         output = os.open(_output_file(folder), os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
         for stream in (1, 2):
