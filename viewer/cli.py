@@ -108,11 +108,12 @@ def _render(options: argparse.Namespace) -> int:
     _end_of_start()
     try:
         count = export_pictures(renderer, cameras, settings, options.out, aux=options.aux, background=background,
-                                exposures=exposures, like=shot)
+                                exposures=exposures, like=shot, resume=options.resume)
     finally:
         renderer.release()
         context.release()
-    print(f"{counted(count, 'picture')} in {options.out}")
+    there = f" ({counted(len(cameras) - count, 'picture')} already there)" if count < len(cameras) else ""
+    print(f"{counted(len(cameras), 'picture')} in {options.out}{there}")
     return 0
 
 

@@ -39,6 +39,9 @@ def _render_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--background", choices=list(BACKGROUNDS), default="black",
                         help=f"what is shown where there is no surface: {texts} (default black)")
     parser.add_argument("--shard", metavar="i/n", help="render only every n-th camera, starting with camera i (from 0)")
+    parser.add_argument("--resume", action="store_true",
+                        help="leave out cameras whose files in DIR are complete and were made from the same scan, camera and "
+                             "settings")
     add_settings(parser)
     add_memory(parser)
 

@@ -11,11 +11,13 @@ from ..settings import Settings
 from ..text import whole_number
 from .background import as_saved
 from .files import out_folder, write_array, write_json, write_png, write_together
+from .finished_pictures import is_finished
 from .provenance import provenance, views_with_mask
 from .shot_metadata import KEY, Shot, describe_shot
 
 if TYPE_CHECKING:
     from ..camera import Camera
+    from ..grid.scene import Scene
     from ..render.frame import Frame
     from ..render.renderer import Renderer
 
@@ -40,9 +42,10 @@ def parse_shard(text: str) -> tuple[int, int]:
 
 def export_pictures(
     renderer: "Renderer", cameras: list["Camera"], settings: Settings, out: Path, *, aux: bool = False,
-    background: str = "black", exposures: str = "matched", like: Shot | None = None,
+    background: str = "black", exposures: str = "matched", like: Shot | None = None, resume: bool = False,
 ) -> int:  # fmt: skip
-    """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask, provenance and stats.  Returns how many.
+    """Renders every camera into ``out/NAME.png``; with ``aux`` also depth, mask, provenance and stats.  Returns how many were
+    rendered: with ``resume`` without those whose files are complete and have the same description.
 
     background: behind the pictures, a key of viewer.settings.BACKGROUNDS.  exposures: how the scene was opened.
     like: a saved picture, whose alterations and comparison are applied to each camera (not with ``aux``).  Each picture says
@@ -54,16 +57,27 @@ def export_pictures(
     if aux and like and like.shows_project:
         raise InputError("--aux: the picture shows clips, colours or a comparison of a project; leave --aux out")
     views = views_with_mask(settings.view) if aux else (settings.view,)
+    rendered = 0
     with out_folder(out), progress(len(cameras), "rendering", "picture") as meter:
         for camera in cameras:
             shot = describe_shot(renderer.scene, camera, settings, background=background, exposures=exposures,
                                  **(like.project_fields if like else {}))
+            if resume and is_finished(out, shot, newer_than=_newest(renderer.scene), aux=aux):
+                meter.update(1)
+                continue
+            rendered += 1
             if shot.shows_project:
                 write_together(out, _altered_file(renderer, shot))
             else:
                 write_together(out, _files(renderer.render(camera, settings, views), shot, aux=aux))
             meter.update(1)
-    return len(cameras)
+    return rendered
+
+
+def _newest(scene: "Scene") -> float:
+    """Time of change of the scan file that was changed last: a picture from before it shows another scan."""
+    files = [Path(source) for source in scene.meta.get("sources") or []]
+    return max((file.stat().st_mtime for file in files if file.exists()), default=0.0)
 
 
 def _altered_file(renderer: "Renderer", shot: Shot) -> dict[str, Callable[[Path], object]]:

@@ -1,0 +1,77 @@
+"""Progress in a pipe: a line every few seconds of long work, nothing of short work, nothing beside the window's sink."""
+
+import io
+import sys
+
+import pytest
+
+from pointglass.viewer import progress as module
+from pointglass.viewer.errors import Cancelled
+from pointglass.viewer.progress import duration_text, progress, set_sink
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(module, "monotonic", lambda: now[0])
+    return now
+
+
+def test_long_work_writes_a_line_every_few_seconds(clock, capsys):
+    with progress(200, "rendering", "picture") as meter:
+        for _ in range(200):
+            clock[0] += 0.5
+            meter.update(1)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "pointglass: rendering: 16 of 200 pictures (8 %), about 1 min 32 s left"
+    assert lines[1] == "pointglass: rendering: 26 of 200 pictures (13 %), about 1 min 27 s left"
+    assert len(lines) == 19 and all(line.startswith("pointglass: rendering: ") for line in lines)
+
+
+def test_short_work_is_silent(clock, capsys):
+    with progress(10, "rendering", "picture") as meter:
+        for _ in range(10):
+            clock[0] += 0.7
+            meter.update(1)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_a_total_that_is_not_known_or_passed_is_not_promised(clock, capsys):
+    for total in (0, 3):
+        with progress(total, "reading \x1b[31m", " points") as meter:
+            clock[0] += 20
+            meter.update(5)
+    assert capsys.readouterr().err.splitlines() == [
+        "pointglass: reading \\x1b[31m: 5 points, 20 s", "pointglass: reading \\x1b[31m: 3 of 3 points, 20 s"]
+
+
+def test_the_windows_sink_is_told_instead(clock, capsys):
+    told = []
+    set_sink(lambda *state: told.append(state) or len(told) < 2)
+    try:
+        with pytest.raises(Cancelled), progress(9, "reading") as meter:
+            for _ in range(9):
+                clock[0] += 60
+                meter.update(1)
+    finally:
+        set_sink(None)
+    assert told == [("reading", 1, 9), ("reading", 2, 9)] and capsys.readouterr().err == ""
+
+
+def test_a_reader_that_has_gone_does_not_stop_the_work(clock, monkeypatch):
+    gone = io.StringIO()
+    gone.close()
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with progress(9, "reading") as meter:
+        monkeypatch.setattr(sys, "stderr", gone)
+        clock[0] += 60
+        meter.update(1)
+    monkeypatch.setattr(sys, "stderr", None)  # pythonw
+    with progress(9, "reading") as meter:
+        clock[0] += 60
+        meter.update(1)
+
+
+@pytest.mark.parametrize("seconds, text", [(0.2, "1 s"), (59.4, "59 s"), (72, "1 min 12 s"), (12_000, "3 h 20 min")])
+def test_durations(seconds, text):
+    assert duration_text(seconds) == text
