@@ -43,12 +43,17 @@ def logging_to(*, verbose: bool, file: Path | None, arguments: Sequence[str]) ->
         logger.setLevel(logging.DEBUG if file is not None else screen.level)
         for handler in handlers:
             logger.addHandler(handler)
+    logging.captureWarnings(True)  # NumPy's and others' go to the log alone, not beside the one line of an error
+    others = logging.getLogger("py.warnings")
+    others.propagate, others.level = False, logging.DEBUG
+    others.handlers = handlers[1:] or [logging.NullHandler()]
     try:
         logging.getLogger("pointglass").debug(
             "pointglass %s, Python %s, %s, arguments: %s", __version__, platform.python_version(), platform.platform(),
             " ".join(arguments))
         yield
     finally:
+        logging.captureWarnings(False)
         for name, level in before.items():
             logger = logging.getLogger(name)
             logger.setLevel(level)

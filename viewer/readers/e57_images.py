@@ -22,6 +22,9 @@ from .formats import check_file
 
 MOST_PIXELS = 1 << 28
 """Pixels of a stored picture; larger ones are refused before decoding; chosen by hand: 800 MB as RGB."""
+_LEAST_MOST, _PIXELS_A_BYTE = 1 << 26, 8
+"""Pixels that any picture may have, and further ones for each of its bytes: real photographs have 1 to 5, an empty picture a
+thousand.  Chosen by hand."""
 _LEAST_SPAN = 1e-3  # radians that a panorama spans at least: a millimetre at a distance of a metre; chosen by hand
 FACES = {
     "front": ((1, 0, 0), (0, 0, 1)), "left": ((0, 1, 0), (0, 0, 1)), "back": ((-1, 0, 0), (0, 0, 1)),
@@ -160,8 +163,9 @@ def _header(entry: _Entry, name: str, data: io.BytesIO):
         image = kind(data)  # the plug-in itself, without Pillow's own limit, which is lower
     except (OSError, SyntaxError, ValueError, UnidentifiedImageError) as error:
         raise InputError(f"{entry.label}: its {name} cannot be decoded ({error}); export it again") from None
-    if image.size[0] * image.size[1] > MOST_PIXELS:
-        raise InputError(f"{entry.label}: {image.size[0]}x{image.size[1]} pixels, more than {MOST_PIXELS:,}; export it smaller")
+    if image.size[0] * image.size[1] > min(MOST_PIXELS, _LEAST_MOST + _PIXELS_A_BYTE * len(data.getvalue())):
+        raise InputError(f"{entry.label}: {image.size[0]}x{image.size[1]} pixels are more than its bytes, or this "
+                         "program, can hold; export it smaller")
     if image.size != declared:
         raise InputError(f"{entry.label}: its {name} has {image.size[0]}x{image.size[1]} pixels, its camera "
                          f"{declared[0]}x{declared[1]}; export it again")  # fmt: skip

@@ -9,17 +9,20 @@ import re
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from ..errors import InputError
 from .column_source import Columns
 from .octree import TYPES, OctreeSource, as_object, columns_of, pieces, read_json, vector, whole
+from .own_folder import may_unpack, own_path, refuse_link_out
 
 _SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
 _NODE = re.compile(r"\d{1,3}-\d{1,19}-\d{1,19}-\d{1,19}")
 _ELSEWHERE = -1  # in place of a number of points: another file of the hierarchy describes the node
 _LARGEST = 256 << 20  # bytes of a part of the hierarchy, unpacked; chosen by hand
+_LEAST_LARGE, _GZIP = 16 << 20, 50  # bytes that any part may unpack to, and times its size for others; chosen by hand
 _COLUMNS = {"x": "X", "y": "Y", "z": "Z", "r": "Red", "g": "Green", "b": "Blue", "i": "Intensity", "c": "Classification",
             "s": "PointSourceId"}  # fmt: skip
 _KINDS = {"signed": "i", "unsigned": "u", "float": "f", "floating": "f"}
@@ -48,6 +51,7 @@ class EptSource(OctreeSource):
         self._schema, self._dtype = {}, np.dtype([])
         if self._data != "laszip":
             self._read_schema(meta.get("schema"))
+        own_path(self.path, "ept-data")
         self._counts = self._hierarchy(str(meta.get("hierarchyType", "json")))
         self.count = sum(self._counts.values())
         if self.count == 0:
@@ -87,7 +91,7 @@ class EptSource(OctreeSource):
         waiting, found, read = ["0-0-0-0"], {}, set()
         while waiting:
             root = waiting.pop()
-            path = self.path / "ept-hierarchy" / f"{root}.json{'.gz' if kind == 'gzip' else ''}"
+            path = own_path(self.path, f"ept-hierarchy/{root}.json{'.gz' if kind == 'gzip' else ''}")
             nodes = self._unzipped(path) if kind == "gzip" else read_json(path)
             read.add(root)
             for name, count in nodes.items():
@@ -103,13 +107,14 @@ class EptSource(OctreeSource):
 
     def _unzipped(self, path: Path) -> dict:
         try:
+            most = min(_LARGEST, max(_LEAST_LARGE, path.stat().st_size * _GZIP))
             with gzip.open(path) as file:
-                data = file.read(_LARGEST + 1)
+                data = file.read(most + 1)
         except (EOFError, zlib.error, gzip.BadGzipFile):
             raise self._damaged("its gzip data cannot be unpacked", path) from None
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror or error}; copy the whole folder again") from None
-        if len(data) > _LARGEST:
+        if len(data) > most:
             raise self._damaged("it is too long for a part of a hierarchy", path)
         return as_object(path, data)
 
@@ -119,6 +124,7 @@ class EptSource(OctreeSource):
     def _check(self, node: str) -> None:
         """Raises InputError where the file of a node is missing, or its length differs from that of its points."""
         file, count = self._file(node), self._counts[node]
+        refuse_link_out(self.entry.parent, file)
         try:
             size = file.stat().st_size
         except OSError as error:
@@ -126,6 +132,8 @@ class EptSource(OctreeSource):
         if self._data == "binary" and size != count * self._dtype.itemsize:
             have = min(size // self._dtype.itemsize, count)
             raise InputError(f"{file}: truncated or damaged: {have:,} of {count:,} points could be read; copy it again")
+        if self._data == "zstandard" and not may_unpack(size, count * self._dtype.itemsize):
+            raise self._damaged(f"its {size:,} bytes cannot hold {count:,} points", file)
 
     def _nodes(self) -> Iterator[tuple[int, Columns]]:
         for node, count in self._counts.items():
@@ -141,11 +149,16 @@ class EptSource(OctreeSource):
         if self._data == "laszip":
             yield from self._from_las(node, count)
             return
-        data = self._file(node).read_bytes() if self._data == "binary" else self._unpacked(node, count)
-        if len(data) != count * self._dtype.itemsize:
+        done = 0
+        with self._file(node).open("rb") as file:
+            for records in pieces(file, self._dtype) if self._data == "binary" else self._unpacked(node, file):
+                done += len(records)
+                if done <= count:
+                    yield 0, self._columns(records)
+                else:
+                    break
+        if done != count:
             raise self._damaged(f"does not hold the {count:,} points that the hierarchy says", self._file(node))
-        for records in pieces(np.frombuffer(data, self._dtype)):
-            yield 0, self._columns(records)
 
     def _from_las(self, node: str, count: int) -> Iterator[tuple[int, Columns]]:
         from .las import LasSource
@@ -156,17 +169,15 @@ class EptSource(OctreeSource):
         for chunk in source.chunks():
             yield 0, columns_of(chunk)
 
-    def _unpacked(self, node: str, count: int) -> bytes:
+    def _unpacked(self, node: str, file: BinaryIO) -> Iterator[np.ndarray]:
+        """The records of a node, unpacked in steps."""
         try:
             import zstandard
         except ImportError:
             raise InputError(f"{self.entry}: its points are compressed with zstandard; pip install zstandard, or convert it to "
                              "laszip") from None  # fmt: skip
-        expected = count * self._dtype.itemsize
         try:
-            with self._file(node).open("rb") as file:
-                unpacking = zstandard.ZstdDecompressor(max_window_size=_WINDOW).stream_reader(file)
-                return unpacking.read(expected + 1)  # not more than expected, so that damaged data cannot exhaust memory
+            yield from pieces(zstandard.ZstdDecompressor(max_window_size=_WINDOW).stream_reader(file), self._dtype)
         except zstandard.ZstdError:
             raise self._damaged("its compressed points cannot be unpacked", self._file(node)) from None
 

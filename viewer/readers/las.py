@@ -25,8 +25,10 @@ from .record_blocks import RecordBlocks, even_blocks
 from .sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
 from .source import CHUNK, Chunk, Records, ScanInfo, Source, surplus_warning
 
-_AT_ONCE = 1 << 30  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
+_AT_ONCE = 1 << 26  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
 
+_BLOCK = 128 << 20
+"""Bytes of records that are read at once; a record has 20 to 65,535."""
 _MOST_DECODED = 1_000_000
 """Points decoded for a sample of a file with few chunks; chosen by hand."""
 
@@ -105,7 +107,7 @@ class LasSource(Source):
             # one step of rounding on either side: some writers round the bounds, some the points
             low, high = reader.header.mins - reader.header.scales, reader.header.maxs + reader.header.scales
             names = set(reader.header.point_format.dimension_names)
-            iterator = reader.chunk_iterator(CHUNK)
+            iterator = reader.chunk_iterator(max(1, min(CHUNK, _BLOCK // reader.header.point_format.size)))
             while done < (self.count or 0):
                 with decoding(partial(self._truncated, done)):
                     points = next(iterator, None)
@@ -168,6 +170,8 @@ class LasSource(Source):
         import laspy
 
         lazrs: Any = import_module("lazrs")  # compiled, without type declarations
+        if count * header.point_format.size > 2 * _BLOCK:
+            raise self._truncated(start, f"a chunk of {count:,} points is larger than any program writes")
         records = np.empty(count, header.point_format.dtype())
         with self.path.open("rb") as file:
             file.seek(place)

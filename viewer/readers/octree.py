@@ -6,7 +6,7 @@ Every point is in exactly one node of these octrees, so all nodes of all levels 
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from .sampling import sampled_nodes
 from .source import CHUNK, Chunk, ScanInfo
 
 _LARGEST_JSON = 256 << 20  # bytes of a JSON file; chosen by hand: real ones are far smaller
+PIECE = 64 << 20
+"""Bytes of records that are read at once; a point may have thousands."""
 _BATCH = 1 << 18  # points of small nodes that are gathered to a chunk; chosen by hand
 TYPES = {"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4", "int64": "i8",
          "uint64": "u8", "float": "f4", "float32": "f4", "double": "f8", "float64": "f8"}  # fmt: skip
@@ -131,7 +133,12 @@ def columns_of(chunk: Chunk) -> Columns:
     return columns | {column: values for column, values in known if values is not None}
 
 
-def pieces(records: np.ndarray) -> Iterator[np.ndarray]:
-    """Records in runs of up to CHUNK."""
-    for start in range(0, len(records), CHUNK):
-        yield records[start : start + CHUNK]
+def pieces(file: BinaryIO, dtype: np.dtype) -> Iterator[np.ndarray]:
+    """The records of a file or stream in runs of up to CHUNK, and of up to PIECE bytes.  A torn last record is left out."""
+    step, rest = max(1, min(CHUNK, PIECE // dtype.itemsize)) * dtype.itemsize, b""
+    while data := file.read(step - len(rest)):
+        rest += data
+        whole_bytes = len(rest) // dtype.itemsize * dtype.itemsize
+        if whole_bytes:
+            yield np.frombuffer(rest[:whole_bytes], dtype)
+            rest = rest[whole_bytes:]

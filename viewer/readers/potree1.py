@@ -16,6 +16,7 @@ import numpy as np
 from ..errors import InputError
 from .column_source import Columns
 from .octree import TYPES, OctreeSource, columns_of, read_json, vector, whole
+from .own_folder import own_path, refuse_link_out
 from .source import CHUNK
 
 _NODE_FILE = re.compile(r"(r[0-7]*)\.(bin|las|laz|hrc)", re.IGNORECASE)
@@ -49,7 +50,7 @@ class Potree1Source(OctreeSource):
             raise self._damaged("its boundingBox and scale are not numbers")
         self._low, self._size, self._scale = corners[0], corners[1] - corners[0], scale
         folder = meta.get("octreeDir")
-        self._files = self._listed(path.parent / folder if isinstance(folder, str) else path.parent / "data")
+        self._files = self._listed(own_path(path.parent, folder if isinstance(folder, str) else "data"))
         stated = meta.get("pointAttributes")
         self._suffix = "bin" if isinstance(stated, list) else "laz" if str(stated).upper() == "LAZ" else "las"
         self._dtype = self._records(stated) if isinstance(stated, list) else None
@@ -72,6 +73,7 @@ class Potree1Source(OctreeSource):
         for place, _, names in os.walk(folder):
             for name in names:
                 if match := _NODE_FILE.fullmatch(name):
+                    refuse_link_out(self.entry.parent, Path(place) / name)
                     found[match[1], match[2].lower()] = Path(place) / name
         return found
 
@@ -163,8 +165,8 @@ class Potree1Source(OctreeSource):
                 if len(data) % dtype.itemsize:
                     raise self._damaged(f"its last point has {len(data) % dtype.itemsize} bytes", path)
                 records = np.frombuffer(data, dtype)
-                xyz = records["POSITION_CARTESIAN"].astype(np.float64)
                 with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
+                    xyz = records["POSITION_CARTESIAN"].astype(np.float64)
                     xyz = (xyz * self._scale if self._scale is not None and self._integers else xyz) + corner
                 columns = {axis: xyz[:, i] for i, axis in enumerate("xyz")}
                 if colour := next((field for field in _COLOURS if field in (dtype.names or ())), None):

@@ -14,7 +14,9 @@ import numpy as np
 
 from ..errors import InputError
 from .column_source import Columns
-from .octree import TYPES, OctreeSource, pieces, read_json, vector, whole
+from .octree import PIECE, TYPES, OctreeSource, read_json, vector, whole
+from .own_folder import MOST_RATIO, own_path
+from .source import CHUNK
 
 _NODE = np.dtype([("type", "u1"), ("children", "u1"), ("points", "<u4"), ("place", "<i8"), ("bytes", "<i8")])
 _PROXY = 2
@@ -22,6 +24,8 @@ _MOST_ELEMENTS = 64  # of an attribute; chosen by hand
 _RGB, _POSITION = ("rgb", "rgba"), ("position", "position_cartesian")
 _MORTON_BYTES = {"position": 16, "rgb": 8}  # per point, of attributes with interleaved bits
 _COLUMNS = {"intensity": "i", "classification": "c", "point source id": "s"}
+_MOST_NODE = 256 << 20
+"""Bytes of a node's columns, which are unpacked together; chosen by hand: nodes of the converter have a few megabytes."""
 _SLACK = 1024  # bytes by which compressed data may exceed the plain data; chosen by hand: brotli needs 5 in 16 MiB
 
 
@@ -40,8 +44,8 @@ class Potree2Source(OctreeSource):
         self._scale, self._offset = scale, offset
         self._attributes = self._attributes_of(meta.get("attributes"))
         self._dtype = np.dtype([(f"{i}", *kind) for i, (_, *kind) in enumerate(self._attributes)])
-        self._octree = path.parent / "octree.bin"
-        self._places, self._depths = self._hierarchy(path.parent / "hierarchy.bin", meta.get("hierarchy"))
+        self._octree = own_path(path.parent, "octree.bin")
+        self._places, self._depths = self._hierarchy(own_path(path.parent, "hierarchy.bin"), meta.get("hierarchy"))
         self.count = int(self._places["points"].sum(dtype=np.int64))
         if self.count == 0:
             raise InputError(f"{path}: holds no points; convert the scan again")
@@ -102,6 +106,7 @@ class Potree2Source(OctreeSource):
         if self._encoding == "BROTLI":
             stored = nodes["points"].astype(np.int64) * sum(width for _, width in self._widths())
             wrong = nodes["bytes"] > stored + stored // 64 + _SLACK
+            wrong |= (stored > _MOST_NODE) | (stored > np.maximum(1 << 20, nodes["bytes"] * MOST_RATIO))
         else:
             wrong = nodes["bytes"] != lengths
         if wrong.any():
@@ -129,11 +134,13 @@ class Potree2Source(OctreeSource):
 
     def _points_of(self, file: BinaryIO, node: np.ndarray) -> Iterator[tuple[int, Columns]]:
         """node: of type _NODE."""
-        data, count = self._read(file, int(node["place"]), int(node["bytes"])), int(node["points"])
+        place, length, count = int(node["place"]), int(node["bytes"]), int(node["points"])
         if self._encoding == "BROTLI":
-            yield 0, self._interleaved(self._unpacked(data, count), count)
+            yield 0, self._interleaved(self._unpacked(self._read(file, place, length), count), count)
             return
-        for records in pieces(np.frombuffer(data, self._dtype)):
+        step = max(1, min(CHUNK, PIECE // self._dtype.itemsize)) * self._dtype.itemsize
+        for start in range(0, length, step):
+            records = np.frombuffer(self._read(file, place + start, min(step, length - start)), self._dtype)
             named = {name: records[f"{i}"] for i, (name, *_) in enumerate(self._attributes)}
             yield 0, self._columns(named)
 
@@ -184,7 +191,8 @@ class Potree2Source(OctreeSource):
         return self._columns(named)
 
     def _columns(self, named: dict[str, np.ndarray]) -> Columns:
-        columns = {axis: named["position"][:, i] * self._scale[i] + self._offset[i] for i, axis in enumerate("xyz")}
+        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
+            columns = {axis: named["position"][:, i] * self._scale[i] + self._offset[i] for i, axis in enumerate("xyz")}
         if "rgb" in named:
             columns |= {channel: named["rgb"][:, i] for i, channel in enumerate("rgb")}
         return columns | {_COLUMNS[name]: named[name] for name in named if name in _COLUMNS and named[name].ndim == 1}

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import DeviceError
 from .device_class import device_class
+from .driver_messages import messages_logged
 from .egl import device_order
 from .shader import EXTENDED_VERSION, EXTENSIONS
 
@@ -80,10 +81,8 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
     check_not_forked()
 
     try:
-        if headless:
-            context = _standalone()
-        else:
-            context = moderngl.create_context(require=REQUIRED)
+        with messages_logged():
+            context = _standalone() if headless else moderngl.create_context(require=REQUIRED)
     except Exception as error:  # moderngl and glcontext raise plain Exception for every cause
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DeviceError(

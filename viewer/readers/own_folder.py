@@ -1,0 +1,43 @@
+"""What a folder of many files may read: itself.  Its description may name files; none of them may lie outside, by name or by
+link.
+
+Also how far compressed data may unpack: what a few kilobytes claim to hold must not take gigabytes of memory.
+"""
+
+import os
+from pathlib import Path
+
+from ..errors import InputError
+from ..file_names import leads_elsewhere
+
+MOST_RATIO = 1000
+"""Times its size to which compressed data may unpack; constant columns of real points reach a few hundred.  Chosen by hand."""
+_LEAST = 1 << 20
+"""Bytes to which anything may unpack; chosen by hand."""
+
+
+def own_path(folder: Path, name: str) -> Path:
+    """The path ``name`` below ``folder``.  Raises InputError where it leads out of it."""
+    path = folder / name
+    if leads_elsewhere(name) or "\0" in name or not is_inside(folder, path):
+        raise InputError(f"{folder}: {name!r:.80} leads out of this folder; only what lies inside is read, copy it there")
+    return path
+
+
+def is_inside(folder: Path, path: Path) -> bool:
+    """Whether a path leads, links followed, to something inside ``folder``."""
+    try:
+        return Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+    except (OSError, ValueError):
+        return False
+
+
+def refuse_link_out(folder: Path, file: Path) -> None:
+    """Raises InputError where ``file``, which lies directly in a folder inside ``folder``, is a link that leads out of it."""
+    if file.is_symlink() and not is_inside(folder, file):
+        raise InputError(f"{file}: is a link that leads out of its folder; only what lies inside is read, copy it there")
+
+
+def may_unpack(packed: int, unpacked: int) -> bool:
+    """Whether ``packed`` bytes may hold ``unpacked``."""
+    return unpacked <= max(_LEAST, packed * MOST_RATIO)
