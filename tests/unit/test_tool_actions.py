@@ -200,7 +200,7 @@ def test_a_project_saved_and_opened_is_as_it_was_left(context, tmp_path):
     path = tmp_path / "wall.pointglass"
     assert str(path) in context.toasts[-1] and not work.history.changed
     other = Work()
-    assert other.begin([path]) == [scan] and other.opens_project
+    assert other.begin([path]) == [scan] and other.opens_other
     document = other.accept()
     assert document == work.document and other.project == path
     assert document.view is not None

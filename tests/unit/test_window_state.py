@@ -21,6 +21,7 @@ from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
 from pointglass.viewer.window.loading import Loaded, expanded, open_each
 from pointglass.viewer.window.present import split_column
 from pointglass.viewer.window.save_actions import SaveActions
+from pointglass.viewer.window.scan_notice_actions import act_on_notice
 from pointglass.viewer.window.session import Session
 from pointglass.viewer.window.start_viewpoint import survey
 
@@ -158,7 +159,7 @@ def test_colours_as_scanned_are_asked_of_the_load_and_the_camera_stays():
 
     made, _ = session()
     made.loads.open_scene = opened
-    for action in (lambda: made.open([Path("a.laz")]), lambda: made.act_on_notice("as_scanned")):
+    for action in (lambda: made.open([Path("a.laz")]), lambda: act_on_notice(made, "as_scanned")):
         action()
         assert made.loads.current is not None and made.loads.current.join(20)
         loaded = made.poll()

@@ -8,6 +8,7 @@ folders up lead to them; else absolute.  ``places`` has both kinds of path of ea
 
 import contextlib
 import dataclasses
+import hashlib
 import json
 import logging
 import os
@@ -42,13 +43,29 @@ def is_project(path: Path) -> bool:
 def write_project(path: Path, document: Document) -> None:
     """Writes a document so that an older file stays as it was on any failure.  Raises InputError naming the file."""
     places = [dataclasses.asdict(place_of(scan.path, path)) for scan in document.scans]
-    data = {"pointglass_project": VERSION, "document": to_json(_with_paths(document, lambda p: _relative(p, path.parent))),
+    data = {"pointglass_project": VERSION, "document": to_json(with_paths(document, lambda p: _relative(p, path.parent))),
             "places": places}
     text = json.dumps(data, indent=1, allow_nan=False) + "\n"
     try:
-        write_atomic(path, lambda beside: beside.write_text(text, encoding="utf-8"))
+        write_atomic(path, lambda beside: write_durably(beside, text))
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); save the project elsewhere") from None
+
+
+def write_durably(path: Path, text: str) -> None:
+    """Writes a text and waits until the disk has it: a rename that follows survives a power failure.  Raises OSError."""
+    with path.open("w", encoding="utf-8") as file:
+        file.write(text)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 of a file, which tells whether another program has changed it; "" where it cannot be read."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
 
 def read_project(path: Path) -> Document:
@@ -86,7 +103,7 @@ def _read(path: Path) -> tuple[Document, dict[str, ScanPlace]]:
         document = document_from_json(data.get("document"))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-    document, found, places = _with_paths(document, lambda p: str(path.parent / p)), [], places_from(data.get("places"))
+    document, found, places = with_paths(document, lambda p: str(path.parent / p)), [], places_from(data.get("places"))
     for scan, place in zip(document.scans, places + [ScanPlace()] * len(document.scans)):
         there = str(found_scan(path, scan.path, place))
         if there != scan.path and (path, there) not in _told:
@@ -146,7 +163,8 @@ def _relative(path: str, folder: Path) -> str:
     return whole.as_posix()
 
 
-def _with_paths(document: Document, change: typing.Callable[[str], str]) -> Document:
+def with_paths(document: Document, change: typing.Callable[[str], str]) -> Document:
+    """The document with every path of a file changed."""
     scans = tuple(dataclasses.replace(scan, path=change(scan.path)) for scan in document.scans)
     settings = document.settings
     if settings.weights is not None:

@@ -28,7 +28,7 @@ def _centre() -> None:
 
 
 def draw_message(session: Session, look: Theme) -> None:
-    """The dialog of ``session.notices.message``; its button, Enter and Esc close it."""
+    """The dialog of ``session.notices.message``; its buttons and Esc close it, Enter presses the first one."""
     message, is_open = session.notices.message, imgui.is_popup_open("message")
     if message is None and not is_open:
         return
@@ -49,10 +49,18 @@ def draw_message(session: Session, look: Theme) -> None:
     imgui.text_unformatted(message.text)
     imgui.pop_text_wrap_pos()
     imgui.dummy(ImVec2(width, look.px(4)))
-    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + width - look.px(110))
-    enter = imgui.is_key_pressed(imgui.Key.enter) or imgui.is_key_pressed(imgui.Key.keypad_enter)
-    if button("OK", look, width=look.px(110), primary=True) or enter:
-        session.notices.message = None
+    gap = look.px(8)
+    widths = [max(look.px(110), imgui.calc_text_size(answer.label).x + look.px(28)) for answer in message.answers]
+    imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + width - sum(widths) - gap * (len(widths) - 1))
+    enter = imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)
+    pressed = 0 if enter and not imgui.is_window_appearing() else None
+    for number, answer in enumerate(message.answers):
+        if number:
+            imgui.same_line(0, gap)
+        if button(f"{answer.label}##{number}", look, width=widths[number], primary=number == 0):
+            pressed = number
+    if pressed is not None:
+        session.notices.answer(pressed)
         imgui.close_current_popup()
     imgui.end_popup()
 

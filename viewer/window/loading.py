@@ -15,6 +15,7 @@ from .worker import Worker
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
+    from .recovery import Recoverable
 
 
 _SMALLER = {"fast": (), "balanced": ("fast",), "best": ("balanced", "fast"), "paper": ("fast",)}
@@ -160,21 +161,21 @@ class ScanLoads:
         self._notices, self._wake = notices, wake
         self.wake = wake
         self.open_scene, self.preview_scene = open_scene, preview_scene
-        self.prepare: Callable[[Sequence[Path]], list[Path]] = list
+        self.prepare: Callable[[Sequence[Path], Recoverable | None], list[Path]] = lambda paths, _: list(paths)
         self.current: Worker | None = None
         self.missing: MissingScans | None = None
         self._preview: Loaded | None = None
         self._shown = threading.Event()
         self._abandoned: list[Worker] = []
 
-    def open(self, paths: Sequence[Path], *, as_scanned: bool = False) -> None:
+    def open(self, paths: Sequence[Path], *, as_scanned: bool = False, recovered: "Recoverable | None" = None) -> None:
         """Starts loading ``paths`` as one scene, instead of a load under way; the present scene stays until then.
 
-        as_scanned: colours are left as the files have them, whatever was chosen at the start.
+        as_scanned: colours are left as the files have them, whatever was chosen at the start.  recovered: given to prepare.
         """
         self.cancel()
         try:
-            given, colours = self.prepare(paths), {"match": False} if as_scanned else {}
+            given, colours = self.prepare(paths, recovered), {"match": False} if as_scanned else {}
         except MissingScans as error:
             self.missing = error
             return

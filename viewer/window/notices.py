@@ -19,11 +19,20 @@ def in_window(text: str) -> str:
 
 
 @dataclass(frozen=True)
+class Answer:
+    """A button of a question.  do: called in a later turn of the loop; None: nothing is done, as by Esc."""
+
+    label: str
+    do: Callable[[], object] | None = None
+
+
+@dataclass(frozen=True)
 class Message:
-    """A dialog: something a person has to read."""
+    """A dialog: something a person has to read, or to answer.  answers: its buttons, the one for Enter first."""
 
     title: str
     text: str
+    answers: tuple[Answer, ...] = (Answer("OK"),)
 
 
 @dataclass(frozen=True)
@@ -51,12 +60,28 @@ class Notices:
     def __init__(self, clock: Callable[[], float]):
         self._clock = clock
         self.message: Message | None = None
+        self._answered: Callable[[], object] | None = None
         self.toasts: list[Toast] = []
         self.of_scan: list[ScanNotice] = []
 
     def say(self, title: str, text: str) -> None:
         """Opens a dialog.  text: as for the command line."""
         self.message = Message(title, in_window(text))
+
+    def ask(self, title: str, text: str, answers: tuple[Answer, ...]) -> None:
+        """Opens a dialog with several buttons.  Esc closes it without an answer."""
+        self.message = Message(title, text, answers)
+
+    def answer(self, number: int = 0) -> None:
+        """Presses a button of the dialog, which closes."""
+        if self.message is not None:
+            self._answered, self.message = self.message.answers[number].do, None
+
+    def take_answer(self) -> None:
+        """Does what was answered since the last call."""
+        do, self._answered = self._answered, None
+        if do is not None:
+            do()
 
     def toast(
         self, text: str, *, seconds: float = TOAST_SECONDS, instead_of: str | None = None, of_scene: bool = False

@@ -7,6 +7,7 @@ from imgui_bundle import ImVec2, imgui
 
 from ..tools.scan_files import FilePart, files_of
 from . import theme
+from .scan_notice_actions import act_on_notice
 from .session import Session
 from .status_bar import count_text, units_text
 from .theme import Theme, fitted, packed, text_in
@@ -179,6 +180,6 @@ def _notices(session: Session, look: Theme) -> None:
         imgui.push_id(number)
         small(notice.text, look, theme.TEXT)
         if notice.action and link(notice.label):
-            session.act_on_notice(notice.action)
+            act_on_notice(session, notice.action)
         imgui.dummy(ImVec2(0, look.px(2)))
         imgui.pop_id()

@@ -30,7 +30,7 @@ from .capture import FrameTimes
 from .flight import Flight
 from .notices import Notices, ScanNotice
 from .picture_plan import Picture, Plan
-from .scan_notice_actions import act_on_notice
+from .recovery import Recoverable
 from .screen_state import ScreenState
 from .view_settings import ViewSettings
 from .visit import Visit
@@ -73,13 +73,13 @@ class Session:
         self.area = WindowArea(size, clock)
         self.notices = Notices(clock)
         self.loads = loading.ScanLoads(self.notices, open_scene, wake, preview_scene)
-        self.loads.prepare = lambda paths: self.work.begin(paths)
         self.flight = Flight(clock)
         self.visit = Visit(self.flight, start)
         self.picture = Picture()
         self.view_settings = ViewSettings(settings, self.picture, self.notices, load_network, wake)
         self.screen = ScreenState(self.picture, self.view_settings, self.flight, self.visit, self.area, lambda: self.spec)
         self.work = Work()
+        self.loads.prepare = self.work.begin
         self._followed: tuple | None = None
         self.pointer: tuple[float, float] | None = None
         self.point: np.ndarray | None = None
@@ -238,17 +238,17 @@ class Session:
 
     # -- scenes ------------------------------------------------------------------------------------------------------
 
-    def open(self, paths: Sequence[Path], start: Camera | None = None) -> None:
+    def open(self, paths: Sequence[Path], start: Camera | None = None, recovered: Recoverable | None = None) -> None:
         """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.
 
-        start: where the visit begins.
+        start: where the visit begins.  recovered: an autosave, whose scans are opened instead.
         """
         self.visit.start = start or self.visit.start
-        self.loads.open(paths)
+        self.loads.open(paths, recovered=recovered)
 
-    def act_on_notice(self, action: str) -> None:
-        """Does what a ScanNotice offers."""
-        act_on_notice(self, action)
+    def keeps_work(self, loaded: loading.Loaded) -> bool:
+        """Whether the document stays where ``loaded`` is shown."""
+        return loaded.variant or (self.visit.shows_scan_of(loaded) and not self.work.opens_other)
 
     def poll(self) -> loading.Loaded | None:
         """News from the workers: a scene to upload, or None.  Errors become dialogs."""
@@ -260,15 +260,17 @@ class Session:
 
     def accept(self, loaded: loading.Loaded) -> None:
         """The scene was uploaded: visit it."""
-        visit, stays = self.visit, self.visit.continues_with(loaded)
+        visit, kept = self.visit, self.keeps_work(loaded)
+        stays = kept and visit.continues_with(loaded)
         visit.show(loaded, stays=stays)
         self._shown_at.clear()
         self.point = None
-        document = self.work.document if stays and not self.work.opens_project else self.work.accept()
+        document = self.work.document if kept else self.work.accept()
         self.arrange()  # the start viewpoint frames what the panels leave
         if not stays:
             visit.begin(document, self.area.aspect)
-            self.view_settings.begin(document)
+            if not kept:
+                self.view_settings.begin(document)
         elif loaded.follows_preview:
             visit.mend_start(document, self.area.aspect)
         self.picture.begin(loaded.scene.count)
@@ -287,6 +289,7 @@ class Session:
     def close_scene(self) -> None:
         """Back to the start page.  The viewport must release its renderer before."""
         self.loads.cancel()
+        self.work.leave()
         self.visit.end()
         self.point = None
         self.notices.leave_scene()

@@ -48,10 +48,16 @@ class Visit:
         """
         if loaded.variant:
             return True
-        stays = self.scene is not None and (loaded.follows_preview or (bool(loaded.paths) and loaded.paths == self.paths))
+        stays = self.shows_scan_of(loaded)
         if stays and loaded.follows_preview and self._flight.at_home and not self._inside:
             stays = standing_view(loaded.scene, loaded.seen) is None
         return stays
+
+    def shows_scan_of(self, loaded: Loaded) -> bool:
+        """Whether the scan shown is that of ``loaded``: its preview, or the same files."""
+        if loaded.follows_preview:
+            return self.preview and set(loaded.paths) <= set(self.paths)
+        return self.scene is not None and bool(loaded.paths) and loaded.paths == self.paths
 
     def variant(self, scene: "Scene") -> Loaded:
         """The scene shown with other marks, as something loaded that :meth:`continues_with`."""

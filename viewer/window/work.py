@@ -15,10 +15,11 @@ from ..tools.altered_pictures import edits_of
 from ..tools.document import Document, ScanFile, moved
 from ..tools.history import History
 from ..tools.pick import Picked
-from ..tools.project import SUFFIX, project_among, read_project, relocated, scans_of, write_project
+from ..tools.project import SUFFIX, digest_of, project_among, read_project, relocated, scans_of, write_project
 from ..tools.reference import with_reference
 from .interaction.exact_points import ExactPoints
 from .photo_layer import ShownPhoto
+from .recovery import Opening, Recoverable, opening_of
 
 
 class Work:
@@ -28,7 +29,9 @@ class Work:
     under_pointer: the measured point under the pointer, None where there is none or something moves.
     exact_points: picked points whose values are being read from their files.
     reference_problem: why the assigned reference system cannot be used, None where it can.
-    located: path of a scan in a project -> where a person said it is, None: left out."""
+    located: path of a scan in a project -> where a person said it is, None: left out.
+    digest: of the project's file as it was read or written here.  recovered: where the document was read from, if that was an
+    autosave, until somebody takes it over."""
 
     def __init__(self) -> None:
         self.history = History(Document())
@@ -40,8 +43,12 @@ class Work:
         self.shot_scale = 1
         self.reference_problem: str | None = None
         self.located: dict[str, str | None] = {}
+        self.digest = ""
+        self.recovered: Recoverable | None = None
         self._facts: tuple[dict, tuple[ScanFile, ...], dict] | None = None
-        self._next: tuple[Document, Path | None] = Document(), None  # what is being opened
+        self._next = Opening(Document())
+        self._saved = Document()
+        self._content: tuple[tuple, Document] | None = None
 
     @property
     def document(self) -> Document:
@@ -80,30 +87,61 @@ class Work:
         return self.history.redo()
 
     @property
-    def opens_project(self) -> bool:
-        """Whether what is being opened is a project."""
-        return self._next[1] is not None
+    def opens_other(self) -> bool:
+        """Whether what is being opened has a document of its own: a project or an autosave."""
+        return self._next.project is not None or self._next.recovered is not None
 
-    def begin(self, paths: Sequence[Path]) -> list[Path]:
-        """Scans, or one project, are to be opened.  Returns the scans to read: of a project those that are visible.
+    def begin(self, paths: Sequence[Path], recovered: "Recoverable | None" = None) -> list[Path]:
+        """Scans, or one project, are to be opened, or the scans of an autosave.  Returns the scans to read: of a project those
+        that are visible.
 
         Raises InputError where a project is damaged, holds no visible scan, or is not alone; MissingScans where scans are not
         there and nobody has located them.
         """
+        if recovered is not None:
+            opening = opening_of(recovered)
+            opening = replace(opening, document=relocated(opening.document, self.located))
+            scans = scans_of(Path(recovered.unsaved.title), opening.document)
+            self._next = opening
+            return scans
         project = project_among(paths)
         if project is None:
-            self._next = Document(tuple(ScanFile(str(path)) for path in paths)), None
+            self._next = Opening(Document(tuple(ScanFile(str(path)) for path in paths)))
             return list(paths)
-        document = relocated(read_project(project), self.located)
+        digest, saved = digest_of(project), read_project(project)
+        document = relocated(saved, self.located)
         scans = scans_of(project, document)
-        self._next = document, project
+        self._next = Opening(document, project, digest, saved)
         return scans
 
     def accept(self) -> Document:
         """What :meth:`begin` began is shown now.  Returns its document."""
-        document, self.project = self._next
-        self.history, self.under_pointer, self._next = History(document), None, (Document(), None)
-        return document
+        opened, self._next = self._next, Opening(Document())
+        self.project, self.digest, self.recovered = opened.project, opened.digest, opened.recovered
+        saved = opened.document if opened.saved is None else opened.saved
+        self.history, self.under_pointer, self._saved = History(saved), None, replace(saved, view=None)
+        self.history.do("Restore unsaved work", opened.document)
+        return self.document
+
+    def leave(self) -> None:
+        """No scan is open any more."""
+        self._next = Opening(Document())
+        self.accept()
+
+    def content(self, settings: Settings, background: str) -> Document:
+        """What counts as work: the document without the place of the camera.  Of a project also how it is looked at; a scan
+        that is only looked at has nothing to be saved."""
+        key = self.document, settings, background, self.project
+        if self._content is None or any(a is not b for a, b in zip(self._content[0], key)):
+            document = replace(self.document, view=None)
+            if self.project is not None:
+                document = replace(document, settings=settings, background=background)
+            self._content = key, document
+        return self._content[1]
+
+    def changed(self, settings: Settings, background: str) -> bool:
+        """Whether there is work that is not saved: what would be saved now is not what was opened or saved last."""
+        return self.content(settings, background) != self._saved
 
     @property
     def project_path(self) -> Path | None:
@@ -113,10 +151,18 @@ class Work:
         first = Path(self.document.scans[0].path)
         return first.with_name(first.stem + SUFFIX)
 
+    def as_saved(self, camera: Camera, settings: Settings, background: str) -> Document:
+        """The document with what the window shows now."""
+        return replace(moved(self.document, camera), settings=settings, background=background)
+
+    @property
+    def changed_on_disk(self) -> bool:
+        """Whether another program has written the project's file since it was read or written here."""
+        return self.project is not None and digest_of(self.project) not in ("", self.digest)
+
     def save_project(self, path: Path, camera: Camera, settings: Settings, background: str) -> None:
         """Writes the document with what the window shows now.  Raises InputError naming the file."""
-        document = replace(moved(self.document, camera), settings=settings, background=background)
+        document = self.as_saved(camera, settings, background)
         write_project(path, document)
         self.history.replace(document)
-        self.history.saved()
-        self.project = path
+        self.project, self.digest, self._saved = path, digest_of(path), replace(document, view=None)
