@@ -188,17 +188,16 @@ def test_turning_four_times_a_quarter_is_nothing():
 
 
 def test_a_project_saved_and_opened_is_as_it_was_left(context, tmp_path):
-    from pointglass.viewer.window.interaction.editing import save_project
-
     scan = tmp_path / "wall.ply"
     scan.touch()
     work = context.session.work
     assert work.begin([scan]) == [scan]
     work.accept()
     ClipTool().add(context, "upright")
-    save_project(context)
     path = tmp_path / "wall.pointglass"
-    assert str(path) in context.toasts[-1] and not work.history.changed
+    assert work.project_path == path and work.changed(Settings(), "sky")
+    work.save_project(path, context.camera, Settings(), "sky")
+    assert not work.changed(Settings(), "sky")
     other = Work()
     assert other.begin([path]) == [scan] and other.opens_other
     document = other.accept()

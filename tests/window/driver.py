@@ -84,6 +84,8 @@ class Driver:
         self.session = self.app.session
         self.release = threading.Event()
         self.session.loads.open_scene = self._open
+        self.app.projects.leave = lambda then: then()  # unsaved work is given up; test_unsaved_work.py has the questions
+        self.app.projects.may_replace = lambda loaded: True
 
     def _open(self, paths):
         from pointglass.viewer.grid.open_scene import open_scene

@@ -1,5 +1,6 @@
 """Keys and clicks as events of the X server, as a person's keyboard makes them: xdotool's XTEST, not calls of callbacks."""
 
+import ctypes
 import shutil
 import subprocess
 
@@ -29,3 +30,23 @@ def keys_of(control_key: str) -> str:
     """xdotool's name of a key of the table of controls: "CTRL_SHIFT_S" is ctrl+shift+s."""
     *held, letter = control_key.split("_")
     return "+".join([*(name.lower() for name in held), letter.lower()])
+
+
+class _ClientMessage(ctypes.Structure):
+    """XClientMessageEvent of Xlib.h."""
+
+    _fields_ = [("type", ctypes.c_int), ("serial", ctypes.c_ulong), ("send_event", ctypes.c_int), ("display", ctypes.c_void_p),
+                ("window", ctypes.c_ulong), ("message_type", ctypes.c_ulong), ("format", ctypes.c_int),
+                ("data", ctypes.c_long * 5), ("padding", ctypes.c_long * 24)]
+
+
+def request_close(display: str, window: int) -> None:
+    """Sends WM_DELETE_WINDOW, as the window manager does where its close button is pressed."""
+    x = ctypes.CDLL("libX11.so.6")
+    x.XOpenDisplay.restype = ctypes.c_void_p
+    x.XInternAtom.restype = ctypes.c_ulong
+    handle = ctypes.c_void_p(x.XOpenDisplay(display.encode()))
+    protocols, delete = (x.XInternAtom(handle, name, 0) for name in (b"WM_PROTOCOLS", b"WM_DELETE_WINDOW"))
+    event = _ClientMessage(33, 0, 1, None, window, protocols, 32, (ctypes.c_long * 5)(delete))
+    x.XSendEvent(handle, ctypes.c_ulong(window), 0, ctypes.c_long(0), ctypes.byref(event))
+    x.XCloseDisplay(handle)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from ..tools.project import SUFFIX
 from .gamepad import SPEED_NOTCHES
-from .interaction.editing import copy_camera, paste_camera, save_project, step
+from .interaction.editing import copy_camera, paste_camera, step
 from .interaction.fly import Fly
 
 if TYPE_CHECKING:
@@ -42,8 +42,8 @@ def actions(app: "App") -> "dict[str, Callable[[], object]]":
         "redo": partial(step, app.tools, redo=True),
         "copy_camera": partial(copy_camera, app.tools),
         "paste_camera": partial(paste_camera, app.tools),
-        "save": partial(save_project, app.tools),
-        "save_as": partial(save_project, app.tools),
+        "save": app.projects.save,
+        "save_as": app.projects.save_as,
     }
     for tool in app.toolbox.tools:
         if tool.key:
@@ -62,11 +62,11 @@ def _open_scans(app: "App") -> None:
 
     scans = tuple(dict.fromkeys(suffix for row in FORMATS for suffix in row.suffixes))
     app.files.open("scans", "Open scans or a project", {"Scans and projects": (*scans, SUFFIX), "Projects": (SUFFIX,)},
-                   app.session.open, many=True)
+                   app.open, many=True)
 
 
 def _open_folder(app: "App") -> None:
-    app.files.open_folder("scans", "Open a folder of scans", lambda folder: app.session.open([folder]))
+    app.files.open_folder("scans", "Open a folder of scans", lambda folder: app.open([folder]))
 
 
 def _open_demo(app: "App") -> None:
@@ -74,6 +74,6 @@ def _open_demo(app: "App") -> None:
     from ..tools.demo import demo_camera, demo_scan
 
     try:
-        app.session.open([demo_scan()], demo_camera())
+        app.open([demo_scan()], demo_camera())
     except InputError as error:
         app.session.notices.say("The demo cannot be opened", str(error))

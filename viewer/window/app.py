@@ -7,6 +7,7 @@ framebuffer.
 """
 
 import ctypes
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -29,6 +30,7 @@ from .interaction.tool import ToolContext
 from .interface import draw_interface
 from .loading import Loaded, open_scene, preview_scene
 from .missing_scans import MissingScansDialog
+from .project_flow import ProjectFlow
 from .recent import RecentScan, remember
 from .save_actions import SaveActions
 from .session import Session
@@ -90,6 +92,9 @@ class App:
         self.tools.files = self.files
         self.save_actions = SaveActions(self.session, self.viewport, self.files, folder)
         self.tools.saves = self.save_actions
+        self.projects = ProjectFlow(self.session, self.files, glfw.post_empty_event)
+        self.tools.save_project = self.projects.save
+        self._title = ""
         self._settle = _SETTLE
         self._awake_until = 0.0
         self._actions = actions(self)
@@ -167,15 +172,22 @@ class App:
 
     def open_recent(self, scan: RecentScan) -> None:
         """Opens a scan of the start page."""
-        self.session.open([Path(path) for path in scan.paths])
+        self.open([Path(path) for path in scan.paths])
+
+    def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None:
+        """Opens scans or a project instead of what is open, once that is saved or given up."""
+        self.projects.leave(lambda: self.session.open(paths, start))
 
     def close_scan(self) -> None:
-        """Back to the start page."""
+        """Back to the start page, once the work is saved or given up."""
+        self.projects.leave(self._close_scan)
+
+    def _close_scan(self) -> None:
         self._remember_scan()
         self.session.close_scene()
         self.viewport.clear()
         self.start_page.renew()
-        self.glfw.set_window_title(self.window, "pointglass")
+        self.projects.look_for_offers()
 
     def _remember_scan(self) -> None:
         """Puts the scan that is being left among the recent ones, with the picture on the screen."""
@@ -201,8 +213,12 @@ class App:
             self.session.escape()
 
     def request_close(self) -> None:
-        """Closes the window."""
-        self.glfw.set_window_should_close(self.window, True)
+        """Closes the window, once the work is saved or given up."""
+        self.wake()
+        self.glfw.set_window_should_close(self.window, False)  # GLFW sets it before it tells
+        if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.changed:
+            self.glfw.restore_window(self.window)  # the question must be seen
+        self.projects.leave(lambda: self.glfw.set_window_should_close(self.window, True))
 
     # -- the loop ----------------------------------------------------------------------------------------------------
 
@@ -219,7 +235,7 @@ class App:
         change = session.next_change()
         loading = session.loads.current is not None or session.view_settings.network_load is not None
         stirring = loading or self.files.polls or perf_counter() < self._awake_until
-        busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0
+        busy = arriving or session.screen.needs_picture or self._settle > 0 or change == 0.0 or session.notices.answered
         with finish_before_interrupt():  # Ctrl-C in what GLFW calls back would be a traceback, and forgotten
             if wait and (not busy or min(session.area.window_size) == 0):
                 nap = POLL if self.gamepad.connected else _NAP
@@ -229,6 +245,7 @@ class App:
         if self.gamepad.connected:
             self._follow_gamepad()
         message = session.notices.message
+        session.notices.take_answer()
         if self.files.poll():
             self.wake()
         self.missing_scans.follow(self)
@@ -238,6 +255,10 @@ class App:
             self.linger()
         self.toolbox.follow(self.tools)
         self.save_actions.follow()
+        self.projects.follow()
+        if self.projects.title != self._title:
+            self._title = self.projects.title
+            glfw.set_window_title(self.window, self._title)
         if session.advance():
             self.wake()
         if stirring:
@@ -267,10 +288,13 @@ class App:
 
     def _upload(self, loaded: Loaded) -> None:
         self.wake()
+        if not self.projects.may_replace(loaded):  # the work was changed since the person was asked
+            if not loaded.preview:
+                self.projects.leave(lambda: self._upload(loaded))
+            return
         if loaded.paths != self.session.visit.paths:
             self._remember_scan()
-        if self.viewport.upload(loaded):
-            self.glfw.set_window_title(self.window, printable(f"{self.session.visit.title} · pointglass"))
+        self.viewport.upload(loaded)
 
     def _draw(self) -> None:
         """Draws the picture and the interface on the canvas, and copies that to the screen."""
@@ -283,6 +307,7 @@ class App:
         if self.session.recording is not None:
             self.save_actions.record()
         self._remember_scan()
+        self.projects.close()
         self.save_actions.close()
         self.toolbox.close()
         self.gamepad.close()

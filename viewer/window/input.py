@@ -3,7 +3,7 @@
 Pointer positions arrive in logical pixels from the window's top left; tools receive pixels of the picture.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -37,6 +37,8 @@ class Host(Protocol):
     def wake(self) -> None: ...
     def linger(self) -> None: ...
     def act(self, action: str) -> None: ...
+    def open(self, paths: Sequence[Path]) -> None: ...
+    def request_close(self) -> None: ...
     def interface_scale(self) -> float: ...
 
 
@@ -77,6 +79,7 @@ class Input:
         glfw.set_window_focus_callback(window, self.on_focus)
         glfw.set_framebuffer_size_callback(window, self.on_resize)
         glfw.set_window_content_scale_callback(window, self.on_scale)
+        glfw.set_window_close_callback(window, lambda _: self._host.request_close())
         glfw.set_window_refresh_callback(window, lambda _: self._host.wake())
 
     # -- keyboard ----------------------------------------------------------------------------------------------------
@@ -244,7 +247,7 @@ class Input:
     def on_drop(self, _window, paths: list[str]) -> None:
         self._host.wake()
         if paths:
-            self._host.session.open([Path(path) for path in paths])
+            self._host.open([Path(path) for path in paths])
 
     def on_focus(self, _window, focused: int) -> None:
         self._host.wake()

@@ -77,6 +77,11 @@ class Notices:
         if self.message is not None:
             self._answered, self.message = self.message.answers[number].do, None
 
+    @property
+    def answered(self) -> bool:
+        """Whether an answer waits for take_answer."""
+        return self._answered is not None
+
     def take_answer(self) -> None:
         """Does what was answered since the last call."""
         do, self._answered = self._answered, None

@@ -67,6 +67,7 @@ class ProjectFlow:
         if (found := work.recovered) is not None:
             work.recovered = None
             self._take_over(found)
+            self._left_off = None
         if not self.changed:
             self._left_off = None
             self.autosave.follow(None)
@@ -75,6 +76,7 @@ class ProjectFlow:
             unsaved = UnsavedWork(work.as_saved(session.camera, *self._shown), project, work.digest, self.name)
             self._left_off = work.content(*self._shown), unsaved
             self.autosave.follow(unsaved)
+        self._offer()
         if self.autosave.problem != self._problem:
             self._problem = self.autosave.problem
             if self._problem:
@@ -103,10 +105,11 @@ class ProjectFlow:
                 self._write(path, then)
         elif work.changed_on_disk:
             project = work.project
-            self._session.notices.ask("Replace the project?", f"{project} was changed by another window or program since it was "
-                                      "opened here. Saving replaces what was saved there.", (
-                Answer("Save as…", lambda: self.save_as(then)), Answer("Replace", lambda: self._write(project, then)),
-                Answer("Cancel")))  # fmt: skip
+            self._session.notices.ask(
+                "Replace the project?", f"Another window or program has written {project} since it was opened or saved here. "
+                "Replace loses what it wrote.", (
+                    Answer("Save as…", lambda: self.save_as(then)), Answer("Replace", lambda: self._write(project, then)),
+                    Answer("Cancel")))  # fmt: skip
         else:
             self._write(work.project, then)
 
@@ -143,7 +146,7 @@ class ProjectFlow:
             then()
 
         self._session.let_go()
-        self._session.notices.ask(f"Save the changes to {self.name}?", "They are lost otherwise.", (
+        self._session.notices.ask(f"Save the changes to {self.name}?", "Discard loses everything since the last save.", (
             Answer("Save", lambda: self.save(then)), Answer("Discard", give_up), Answer("Cancel")))  # fmt: skip
 
     def may_replace(self, loaded: Loaded) -> bool:
@@ -159,16 +162,20 @@ class ProjectFlow:
         """Looks again for unsaved work of windows that are gone."""
         self.offers = recoverable()
 
-    def offer(self) -> None:
-        """Offers the unsaved work that belongs to what has just been opened, once."""
-        work, notices = self._session.work, self._session.notices
+    def _offer(self) -> None:
+        """Offers the unsaved work that belongs to what is open, once."""
+        session, work = self._session, self._session.work
+        if session.scene is None or session.loads.current is not None or session.notices.message is not None:
+            return
         for found in self.offers:
             if found.file in self._offered or not found.belongs_to(work.document, work.project):
                 continue
             self._offered.add(found.file)
-            notices.ask(f"Restore unsaved work of {found.unsaved.title}?", f"{found.when}: {found.text}. The window ended before "
-                        "it was saved.", (Answer("Restore", lambda found=found: self.leave(lambda: self.restore(found))),
-                                          Answer("Discard", lambda found=found: self.discard(found)), Answer("Later")))
+            session.notices.ask(
+                f"Restore unsaved work of {found.unsaved.title}?",
+                f"{found.when}: {found.text}. The window ended before it was saved.", (
+                    Answer("Restore", lambda found=found: self.leave(lambda: self.restore(found))),
+                    Answer("Later"), Answer("Discard", lambda found=found: self.ask_to_discard(found))))  # fmt: skip
             return
 
     def restore(self, found: Recoverable) -> None:

@@ -7,10 +7,11 @@ import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ...model.common.temporary import sweep
 from ..errors import InputError
 from ..text import counted
 from ..tools.document import Document
-from ..tools.project import digest_of, read_project
+from ..tools.project import read_project
 from .autosave import UnsavedWork, autosave_folder, lock, read_unsaved
 
 _log = logging.getLogger(__name__)
@@ -73,13 +74,16 @@ def recoverable() -> list[Recoverable]:
     """Work whose process is gone, the latest first.  What cannot be read is set aside, with a line in the log."""
     found = []
     with contextlib.suppress(OSError):
-        for file in sorted(autosave_folder().glob("*.json")):
+        sweep(autosave_folder())
+        for file in sorted(autosave_folder().glob("[!.]*.json")):  # one that begins with a point is being written
             with contextlib.suppress(OSError):
                 held = lock(file.with_suffix(".lock"))
                 if held is None:
                     continue  # its window is open
                 try:
                     found.append(Recoverable(file, read_unsaved(file)))
+                except FileNotFoundError:  # saved meanwhile
+                    file.with_suffix(".lock").unlink(missing_ok=True)
                 except InputError as error:
                     _log.warning("%s; it is set aside as %s.damaged", error, file.name)
                     file.replace(file.with_name(file.name + ".damaged"))

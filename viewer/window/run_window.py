@@ -32,14 +32,14 @@ def run(paths: list[Path], settings: Settings, *, cache: bool = True, match: boo
     NOTICE.tell = app.say_compiling
     try:
         if paths:
-            app.session.open(paths)
+            app.open(paths)
         else:
             WarmUp()  # while the start page is shown
         while not app.closing:
             app.step()
             if neural_later and app.session.picture.made is not None:
                 neural_later = False
-                if app.session.screen.drawn == ("filled",):  # else another view was chosen meanwhile
+                if app.session.screen.drawn == ("filled",) and app.session.work.project is None:  # else another was chosen
                     app.act("view_neural")
     finally:
         if (now := preferences_of(app.session)) is not None:

@@ -128,9 +128,9 @@ class Session:
 
     def shown(self, plan: Plan, *, hides: bool, approximations: Sequence[str], shown: tuple[str, ...] | None = None,
               pending: bool = False) -> None:
-        """The picture that :attr:`spec` describes was made as planned; :meth:`learn` is called later, in the order that
-        pictures were made.  hides: hidden cells were left out indeed.  shown: the views on the screen where they are not the
-        planned ones; pending: those follow, when the network has run or more points have arrived."""
+        """The picture of :attr:`spec` was made as planned; :meth:`learn` is called later, in the order of pictures.  hides:
+        hidden cells were left out indeed.  shown: the views on the screen where they are not the planned ones; pending: those
+        follow, when the network has run or more points have arrived."""
         self.picture.spec = self.spec
         self.picture.drew(plan, hides=hides, approximations=approximations, shown=shown, pending=pending)
         self.view_settings.worked()
@@ -239,10 +239,8 @@ class Session:
     # -- scenes ------------------------------------------------------------------------------------------------------
 
     def open(self, paths: Sequence[Path], start: Camera | None = None, recovered: Recoverable | None = None) -> None:
-        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.
-
-        start: where the visit begins.  recovered: an autosave, whose scans are opened instead.
-        """
+        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.  start: where the visit begins.
+        recovered: an autosave, whose scans are opened instead."""
         self.visit.start = start or self.visit.start
         self.loads.open(paths, recovered=recovered)
 
@@ -283,7 +281,7 @@ class Session:
             self.notices.toast(notice.text, seconds=_NOTE_SECONDS, of_scene=True)
 
     def show_variant(self, scene: "Scene") -> None:
-        """The same points with other marks are to be shown: uploaded at the next poll; the camera stays."""
+        """The same points with other marks are shown from the next poll on; the camera stays."""
         self._variant = scene
 
     def close_scene(self) -> None:

@@ -65,6 +65,7 @@ class StartPage:
         imgui.dummy(ImVec2(0, px(6)))
         self._buttons(app, look)
         self._drop_area(look)
+        self._unsaved(app, look)
         if recent:
             heading("Recent scans", look)
             self._cards(app, look, recent)
@@ -87,6 +88,24 @@ class StartPage:
         if button("Try the demo", look, width=width,
                   explained="A small scan that came with pointglass"):
             app.act("demo")
+
+    def _unsaved(self, app: "App", look: Theme) -> None:
+        """Work that windows which ended before it was saved have left."""
+        if app.projects.offers:
+            heading("Unsaved work", look)
+        for number, found in enumerate(app.projects.offers):
+            imgui.push_id(number)
+            if button("Restore", look, width=look.px(110), primary=True, explained="Opens the scan with this work"):
+                app.projects.restore(found)
+            imgui.same_line(0, look.px(8))
+            if button("Discard…", look, width=look.px(110)):
+                app.projects.ask_to_discard(found)
+            imgui.same_line(0, look.px(12))
+            imgui.align_text_to_frame_padding()
+            told = f"{found.unsaved.title}, {found.when}: {found.text}"
+            imgui.text_unformatted(fitted(told, imgui.get_content_region_avail().x))
+            hint("\n".join(scan.path for scan in found.unsaved.document.scans[:8]), look)
+            imgui.pop_id()
 
     def _drop_area(self, look: Theme) -> None:
         px, width = look.px, imgui.get_content_region_avail().x

@@ -50,21 +50,6 @@ def paste_camera(context: "ToolContext") -> None:
     context.renew_picture()
 
 
-def save_project(context: "ToolContext") -> None:
-    """Saves the document as a project file, and says where, or why not."""
-    session = context.session
-    path = session.work.project_path
-    if path is None:
-        context.toast("Nothing to save yet: open a scan first")
-        return
-    try:
-        session.work.save_project(path, context.camera, session.view_settings.shown_settings, session.view_settings.background)
-    except PointglassError as error:
-        session.notices.say("The project was not saved", str(error))
-    else:
-        context.toast(f"Saved {path}")
-
-
 def step(context: "ToolContext", *, redo: bool) -> None:
     """One step forward or back; says which."""
     work = context.session.work

@@ -3,7 +3,7 @@
 from typing import Any
 
 from ...tools.document import UP_AXES
-from .editing import edit, save_project, step
+from .editing import edit, step
 from .reference_panel import ReferencePanel
 from .tool import Tool, ToolContext
 
@@ -32,10 +32,9 @@ class SceneSettings(Tool):
         self.reference.draw(ui, context)
         ui.separator()
         work = context.session.work
-        path = work.project_path
-        ui.text_wrapped(f"Project: {path.name if path is not None else 'none'}{' (changed)' if work.history.changed else ''}")
+        ui.text_wrapped(f"Project: {work.project.name if work.project is not None else 'not saved yet'}")
         if ui.button("Save project"):
-            save_project(context)
+            context.save_project()
         for verb, label, redo in (("Undo", work.history.undo_label, False), ("Redo", work.history.redo_label, True)):
             if redo:
                 ui.same_line()

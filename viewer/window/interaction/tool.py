@@ -7,6 +7,7 @@ they may lie outside the picture while a button is held.  Distances dragged are 
 the same size on every screen.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -83,7 +84,7 @@ class ToolContext:
 
     session: notices, flight, view settings.  viewport: the renderer and the last Frame (depth, mask), for picking.
     theme: sizes and colours.  clipboard: text copied and pasted.  files: dialogs that ask for a file.
-    saves: pictures saved in the folder of pictures.
+    saves: pictures saved in the folder of pictures.  save_project: as Ctrl+S.
     """
 
     def __init__(self, session: "Session", viewport: "Viewport", theme: "Theme", *, set_captured: Any = None):
@@ -91,6 +92,7 @@ class ToolContext:
         self.clipboard = Clipboard()
         self.files: FileDialogs
         self.saves: SaveActions
+        self.save_project: Callable[[], object] = lambda: None
         self._set_captured = set_captured or (lambda captured: None)
 
     @property

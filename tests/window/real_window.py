@@ -1,0 +1,98 @@
+"""The window as a person starts it: in a process of its own, on an X server of its own, driven by X events."""
+
+import contextlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from x_keyboard import needs_xdotool, request_close
+from x_server import ROOT
+
+LONGEST_S = 90.0
+"""Seconds that anything may take beside other work."""
+
+
+def until(condition: Callable[[], object], what: str, seconds: float = LONGEST_S):
+    """Waits for a condition; returns what it returned."""
+    end = time.monotonic() + seconds
+    while not (found := condition()):
+        assert time.monotonic() < end, f"waited too long for {what}"
+        time.sleep(0.1)
+    return found
+
+
+class RealWindow:
+    """One window.  process: of the program.  display: the X server's.  folder: its working folder."""
+
+    def __init__(self, display: str, folder: Path, *arguments: object):
+        self.folder = folder
+        self.environment = os.environ | {
+            "DISPLAY": display, "POINTGLASS_CACHE": str(folder / "cache"), "POINTGLASS_STATE": str(folder / "state"),
+            "PYTHONPATH": str(ROOT),
+        }  # fmt: skip
+        self.environment.pop("WAYLAND_DISPLAY", None)
+        self.log = (folder / "window.log").open("ab")
+        command = [sys.executable, "-m", "pointglass.viewer", *map(str, arguments)]
+        self.process = subprocess.Popen(command, env=self.environment, cwd=folder, stdout=self.log, stderr=self.log)
+        search = ("search", "--all", "--pid", self.process.pid, "--name", "pointglass")
+        self.window = str(until(lambda: self.xdo(*search, check=False), "the window")).splitlines()[-1]
+
+    def xdo(self, *words: object, check: bool = True) -> str:
+        done = subprocess.run(["xdotool", *map(str, words)], env=self.environment, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0 or not check, done.stderr
+        return done.stdout.strip()
+
+    @property
+    def title(self) -> str:
+        return self.xdo("getwindowname", self.window)
+
+    def wait_for_title(self, part: str) -> None:
+        until(lambda: part in self.title, f"a title with {part!r}, it is {self.title!r}")
+
+    def keys(self, *names: str) -> None:
+        """Presses keys one after the other, in this window."""
+        self.xdo("windowfocus", "--sync", self.window)
+        for name in names:
+            self.xdo("key", name)
+
+    def click(self, x: int, y: int) -> None:
+        self.xdo("mousemove", "--sync", "--window", self.window, x, y)
+        time.sleep(0.4)  # the picture at rest is read where the pointer is
+        self.xdo("click", 1)
+
+    def close(self) -> None:
+        """As the window manager's button does."""
+        request_close(self.environment["DISPLAY"], int(self.window))
+
+    def ended(self) -> int:
+        """Waits for the end of the process.  Returns its exit code."""
+        return self.process.wait(LONGEST_S)
+
+    def picture(self, name: str) -> None:
+        """Saves the screen as NAME.png in the folder."""
+        from PIL import ImageGrab
+
+        ImageGrab.grab(xdisplay=self.environment["DISPLAY"]).save(self.folder / f"{name}.png")
+
+
+@contextlib.contextmanager
+def x_display() -> Iterator[str]:
+    """An X server.  Skips the test where Xvfb or xdotool is not installed."""
+    if not shutil.which("Xvfb"):
+        pytest.skip("Xvfb is not installed (apt install xvfb)")
+    needs_xdotool()
+    read, write = os.pipe()
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(write), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
+                              pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    try:
+        with os.fdopen(read) as pipe:
+            yield f":{pipe.readline().strip()}"
+    finally:
+        server.terminate()
+        server.wait()
