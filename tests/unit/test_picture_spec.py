@@ -68,6 +68,7 @@ def drawn():
 def test_every_alteration_is_a_field_of_the_document_and_draws_a_new_picture(name):
     made = drawn()
     if name == "ghosts":  # passers-by are shown until they are marked
+        assert made.scene is not None
         made.visit.scene = dataclasses.replace(made.scene, marked=object())
     value = other(made.document.alterations, name)
     made.work.edit("change", **{name: value})

@@ -17,7 +17,6 @@ import numpy as np
 
 from ...model.common.interrupts import finish_before_interrupt
 from ..settings import MEMORY, Memory, Settings
-from ..text import printable
 from .actions import actions
 from .clipboard import SystemClipboard
 from .file_dialog.choice_window import ChoiceWindow
@@ -31,7 +30,7 @@ from .interface import draw_interface
 from .loading import Loaded, open_scene, preview_scene
 from .missing_scans import MissingScansDialog
 from .project_flow import ProjectFlow
-from .recent import RecentScan, remember
+from .recent import remember
 from .save_actions import SaveActions
 from .session import Session
 from .start_page import StartPage
@@ -169,10 +168,6 @@ class App:
         """Does what a control asks for, by its name in the table.  On the start page only what can be seen there acts."""
         if self.session.scene is not None or action in _WITHOUT_SCENE:
             self._actions[action]()
-
-    def open_recent(self, scan: RecentScan) -> None:
-        """Opens a scan of the start page."""
-        self.open([Path(path) for path in scan.paths])
 
     def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None:
         """Opens scans or a project instead of what is open, once that is saved or given up."""

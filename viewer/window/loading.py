@@ -164,6 +164,7 @@ class ScanLoads:
         self.prepare: Callable[[Sequence[Path], Recoverable | None], list[Path]] = lambda paths, _: list(paths)
         self.current: Worker | None = None
         self.missing: MissingScans | None = None
+        self._asked: tuple[Sequence[Path], Recoverable | None] = (), None
         self._preview: Loaded | None = None
         self._shown = threading.Event()
         self._abandoned: list[Worker] = []
@@ -174,6 +175,7 @@ class ScanLoads:
         as_scanned: colours are left as the files have them, whatever was chosen at the start.  recovered: given to prepare.
         """
         self.cancel()
+        self._asked = paths, recovered
         try:
             given, colours = self.prepare(paths, recovered), {"match": False} if as_scanned else {}
         except MissingScans as error:
@@ -194,6 +196,11 @@ class ScanLoads:
         self.current = Worker(work, f"Opening {names}", self._wake, start=False)
         worker.append(self.current)
         self.current.start()
+
+    def open_again(self) -> None:
+        """Opens what was asked for last: its missing scans have been located."""
+        paths, recovered = self._asked
+        self.open(paths, recovered=recovered)
 
     def _first_picture(self, files: list[Path], colours: dict, wanted: Callable[[], bool]) -> bool:
         """Makes the preview, on the worker's thread.  Returns whether there is one.  Errors are left to the complete load."""

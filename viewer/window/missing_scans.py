@@ -1,11 +1,13 @@
 """Scans of a project that are not there: the window asks where they are, checks the answer, and opens the project with it."""
 
+import contextlib
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
 
+from ..errors import InputError
 from ..tools.moved_scans import MissingScans, ScanPlace, difference
 from ..tools.project import places_in
 from . import theme
@@ -38,7 +40,9 @@ class MissingScansDialog:
         news, app.session.loads.missing = app.session.loads.missing, None
         if news is not None:
             self.asked, self.doubt, self._found, self._left = news, None, {}, list(news.scans)
-            self._places = places_in(news.project)
+            self._places = {}
+            with contextlib.suppress(InputError):  # an autosave is no project, and has no places
+                self._places = places_in(news.project)
 
     @property
     def scan(self) -> Path:
@@ -76,9 +80,9 @@ class MissingScansDialog:
                 self._found[str(scan)] = str(other)
                 self._left.remove(scan)
         if not self._left and self.asked is not None:
-            project, self.asked = self.asked.project, None
+            self.asked = None
             app.session.work.located.update(self._found)
-            app.session.open([project])
+            app.session.loads.open_again()
 
     def cancel(self) -> None:
         """Takes the last choice back, or gives the project up."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ..errors import PointglassError
 from ..paths import assets_dir
+from ..text import printable
 from ..tools.document import Document
 from ..tools.project import SUFFIX
 from .autosave import Autosave, UnsavedWork, discard, lock
@@ -51,7 +52,7 @@ class ProjectFlow:
     def name(self) -> str:
         """Of the project, else of the scan."""
         project = self._session.work.project
-        return project.name if project is not None else self._session.visit.title
+        return printable(project.name if project is not None else self._session.visit.title)
 
     @property
     def title(self) -> str:

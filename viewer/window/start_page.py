@@ -1,5 +1,6 @@
 """The start page: open scans, try the demo, recent scans with thumbnails, and a drop area."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imgui_bundle import ImVec2, imgui
@@ -158,7 +159,7 @@ class StartPage:
         imgui.pop_font()
         small((reason and "not there any more") or f"{count_text(scan.points)} points", look)
         if pressed:
-            app.open_recent(scan)
+            app.open([Path(path) for path in scan.paths])
 
     def release(self) -> None:
         self.renew()

@@ -101,7 +101,7 @@ class Work:
         if recovered is not None:
             opening = opening_of(recovered)
             opening = replace(opening, document=relocated(opening.document, self.located))
-            scans = scans_of(Path(recovered.unsaved.title), opening.document)
+            scans = scans_of(opening.project or recovered.file, opening.document)
             self._next = opening
             return scans
         project = project_among(paths)
