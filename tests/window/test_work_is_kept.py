@@ -1,0 +1,130 @@
+"""A person tries to lose work in a real window: keys, clicks and the close button as X events, kill -9, and a second start."""
+
+import os
+import signal
+import time
+
+import numpy as np
+import pytest
+from real_window import RealWindow, until, x_display
+
+from pointglass.viewer.tools.project import read_project
+from pointglass.viewer.window.autosave import read_unsaved
+
+pytestmark = [pytest.mark.window, pytest.mark.timeout(600)]
+
+
+@pytest.fixture(scope="module")
+def display():
+    with x_display() as found:
+        yield found
+
+
+@pytest.fixture
+def scan(tmp_path, seed):
+    """A room of 8 x 6 x 3 m as text."""
+    rng = np.random.default_rng(seed)
+    size = np.array([8.0, 6.0, 3.0])
+    xyz = rng.random((60_000, 3)) * size
+    wall = rng.integers(0, 6, len(xyz))
+    xyz[np.arange(len(xyz)), wall % 3] = np.where(wall < 3, 0.0, size[wall % 3])
+    path = tmp_path / "room.xyz"
+    np.savetxt(path, np.hstack([xyz, rng.integers(60, 250, (len(xyz), 3))]), fmt="%.4f")
+    return path
+
+
+def opened(display, scan, *arguments) -> RealWindow:
+    window = RealWindow(display, scan.parent, *(arguments or ("view", scan)), "--view", "filled")
+    if arguments != ("view",):
+        window.wait_for_title("room")
+    return window
+
+
+def autosaves(scan):
+    return sorted((scan.parent / "state" / "autosave").glob("[!.]*.json"))
+
+
+def measure(window: RealWindow) -> None:
+    """Measures a distance; tries again where the picture was not at rest yet."""
+    window.keys("t")
+    for _ in range(30):
+        window.click(480, 400)
+        window.click(720, 300)
+        for _ in range(10):
+            if "•" in window.title:
+                return
+            time.sleep(0.1)
+    raise AssertionError("no measurement was made")
+
+
+def test_a_measurement_survives_kill_9_and_is_restored_by_the_next_start(display, scan):
+    window = opened(display, scan)
+    measure(window)
+    begin = time.monotonic()
+    (file,) = until(lambda: autosaves(scan), "the autosave", 20.0)
+    assert time.monotonic() - begin < 5.0, "at most five seconds of work are lost"
+    window.process.send_signal(signal.SIGKILL)
+    assert window.ended() == -signal.SIGKILL
+    made = read_unsaved(file).document.measurements
+    assert len(made) >= 1
+    window = opened(display, scan)
+    time.sleep(1.0)  # the question has come
+    window.keys("Return")
+    window.wait_for_title("• room.xyz")
+    window.keys("ctrl+s")
+    project = scan.with_name("room.pointglass")
+    until(project.exists, "the project")
+    assert read_project(project).measurements == made
+    until(lambda: not autosaves(scan), "the autosave's end")
+    window.wait_for_title("room.pointglass")
+    assert "•" not in window.title
+    window.close()
+    assert window.ended() == 0
+
+
+def test_the_close_button_and_ctrl_q_ask_and_esc_keeps_the_window(display, scan):
+    window = opened(display, scan)
+    measure(window)
+    for ask in (lambda: window.keys("ctrl+q"), window.close):
+        ask()
+        time.sleep(1.0)
+        assert window.process.poll() is None
+        window.keys("Escape")
+        time.sleep(0.5)
+    window.xdo("keydown", "w")
+    window.keys("ctrl+s")  # while flying
+    window.xdo("keyup", "w")
+    project = scan.with_name("room.pointglass")
+    until(project.exists, "the project")
+    window.wait_for_title("room.pointglass")
+    measure(window)
+    window.close()
+    time.sleep(1.0)
+    window.keys("Return")  # Save
+    assert window.ended() == 0
+    assert len(read_project(project).measurements) >= 2 and not autosaves(scan)
+
+
+def test_a_project_in_a_folder_that_is_gone_is_not_lost(display, scan, tmp_path):
+    window = opened(display, scan)
+    measure(window)
+    window.keys("ctrl+s")
+    project = scan.with_name("room.pointglass")
+    window.wait_for_title("room.pointglass")
+    measure(window)
+    until(lambda: autosaves(scan), "the autosave")
+    project.unlink()
+    away = tmp_path.with_name(f"{tmp_path.name}-away")
+    os.rename(tmp_path, away)
+    try:
+        window.keys("ctrl+s")
+        time.sleep(1.0)
+        assert "•" in window.title and window.process.poll() is None, "not saved, and said so"
+        window.keys("Return")
+    finally:
+        os.rename(away, tmp_path)
+    window.keys("ctrl+s")
+    until(project.exists, "the project")
+    assert len(read_project(project).measurements) >= 2
+    window.close()
+    assert window.ended() == 0
