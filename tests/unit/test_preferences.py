@@ -38,7 +38,7 @@ def test_what_a_session_had_is_had_by_the_next_one(state):
     take_preferences(following, kept)
     following.area.window_size = (1500, 900)
     assert preferences_of(following) == kept
-    assert [path.name for path in state.iterdir()] == [FILE]
+    assert [path.name for path in state.iterdir() if path.is_file()] == [FILE]
 
 
 def test_the_command_line_goes_before_what_is_remembered():

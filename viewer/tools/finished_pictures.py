@@ -52,12 +52,12 @@ def _whole_aux(out: Path, name: str, size: tuple[int, int]) -> bool:
     for ending, kind in (("depth", np.float32), ("mask", np.bool_)):
         try:
             array = np.load(out / f"{name}.{ending}.npy", allow_pickle=False)
-        except (OSError, ValueError, EOFError):
+        except (OSError, ValueError, EOFError, SyntaxError, MemoryError):
             return False
         if array.dtype != kind or array.shape != size:
             return False
     try:
         json.loads((out / f"{name}.stats.json").read_text("utf-8"))
-    except ValueError:
+    except (OSError, ValueError, RecursionError):
         return False
     return _whole_png(out / f"{name}.provenance.png", size)

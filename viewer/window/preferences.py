@@ -4,15 +4,14 @@ A JSON file in the user's state folder.  A file that is missing or damaged is as
 command line asks for goes before what is remembered.
 """
 
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING
 
-from ...model.common.atomic_write import write_atomic
 from ..errors import InputError
 from ..settings import BACKGROUNDS, Settings
+from ..state_files import read_state, write_state
 from .recent import state_dir
 from .saved_picture import LARGEST
 
@@ -51,24 +50,19 @@ class Preferences:
 
 def read_preferences() -> Preferences:
     """What was remembered; the defaults where there is nothing, or nothing usable."""
-    path = state_dir() / FILE
-    try:
-        found = json.loads(path.read_text("utf-8"))
-        kinds = {field.name: type(field.default) for field in fields(Preferences)}
+    kinds = {field.name: type(field.default) for field in fields(Preferences)}
+
+    def parse(found) -> Preferences:
         return Preferences(**{name: value for name, value in found.items() if type(value) is kinds.get(name)})
-    except FileNotFoundError:
-        return Preferences()
-    except (OSError, ValueError, AttributeError, OverflowError, RecursionError, InputError) as error:
-        _log.warning("%s is not used: %s", path, error)
-        return Preferences()
+
+    return read_state(state_dir() / FILE, parse, Preferences())
 
 
 def write_preferences(kept: Preferences) -> None:
     """Remembers them; what cannot be written is logged."""
-    path, text = state_dir() / FILE, json.dumps(asdict(kept), indent=1) + "\n"
+    path = state_dir() / FILE
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(path, lambda beside: beside.write_text(text, "utf-8"))
+        write_state(path, asdict(kept))
     except OSError as error:
         _log.warning("%s cannot be written: %s", path, error)
 

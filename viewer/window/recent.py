@@ -6,7 +6,6 @@ unreadable list counts as empty: it is a convenience, and the next scan writes i
 
 import hashlib
 import io
-import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ import numpy as np
 
 from ...model.common.atomic_write import write_atomic
 from ...model.common.state_folder import state_dir
+from ..state_files import read_state, write_state
 
 MOST = 12
 """Scans that are remembered."""
@@ -46,11 +46,11 @@ class RecentScan:
 
 def recent_scans() -> list[RecentScan]:
     """The scans remembered, the latest first."""
-    try:
-        rows = json.loads((state_dir() / _FILE).read_text("utf-8"))
+
+    def parse(rows) -> list[RecentScan]:
         return [RecentScan(tuple(map(str, row["paths"])), str(row["title"]), int(row["points"])) for row in rows][:MOST]
-    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
-        return []
+
+    return read_state(state_dir() / _FILE, parse, [])
 
 
 def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | None) -> None:
@@ -62,11 +62,10 @@ def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | N
     before = recent_scans()
     kept = [scan, *(other for other in before if other.paths != scan.paths)][:MOST]
     try:
-        state_dir().mkdir(parents=True, exist_ok=True)
+        state_dir().mkdir(mode=0o700, parents=True, exist_ok=True)
         if picture is not None:
             _save_thumbnail(scan.thumbnail, picture)
-        text = json.dumps([asdict(row) for row in kept], indent=1)
-        write_atomic(state_dir() / _FILE, lambda beside: beside.write_text(text, "utf-8"))
+        write_state(state_dir() / _FILE, [asdict(row) for row in kept])
         for gone in set(before) - set(kept):
             if gone.paths != scan.paths:
                 gone.thumbnail.unlink(missing_ok=True)

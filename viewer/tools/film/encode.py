@@ -104,8 +104,14 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
 
 
 def _read(record: Path) -> dict:
+    """What the frames in a folder were made of.  Raises InputError where the record is there and cannot be read."""
+    if not record.exists():
+        return {}
     try:
         found = json.loads(record.read_text(encoding="utf-8"))
+        if not isinstance(found, dict):
+            raise ValueError
+        return found
     except (OSError, ValueError, RecursionError):
-        return {}
-    return found if isinstance(found, dict) else {}
+        raise InputError(f"{record}: cannot be read, so that nothing is known of the frames there; remove it to make them "
+                         "again, or choose another --out") from None

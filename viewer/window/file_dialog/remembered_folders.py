@@ -4,18 +4,15 @@
 so that a crash forgets nothing.  A file that cannot be read counts as empty.
 """
 
-import json
 import logging
 from pathlib import Path
 
-from ....model.common.atomic_write import write_atomic
+from ...state_files import read_state, write_state
 from ..recent import state_dir
 
 FILE = "folders.json"
 MOST_RECENT = 8
 """Folders listed as recent places."""
-_LARGEST = 1 << 20
-"""Bytes of ``folders.json`` that are read."""
 _log = logging.getLogger(__name__)
 
 
@@ -29,19 +26,12 @@ class RememberedFolders:
         self._read()
 
     def _read(self) -> None:
-        path = state_dir() / FILE
-        try:
-            if path.stat().st_size > _LARGEST:
-                raise ValueError("too large")
-            found = json.loads(path.read_text("utf-8"))
+        def parse(found) -> tuple[dict[str, str], list[str], bool]:
             last, recent = found.get("last", {}), found.get("recent", [])
-            self._last = {name: folder for name, folder in last.items() if isinstance(folder, str)}
-            self._recent = [folder for folder in recent if isinstance(folder, str)][:MOST_RECENT]
-            self.in_window = found.get("in_window") is True
-        except FileNotFoundError:
-            return
-        except (OSError, ValueError, AttributeError, TypeError, RecursionError) as error:
-            _log.warning("%s is not used: %s", path, error)
+            return ({name: folder for name, folder in last.items() if isinstance(folder, str)},
+                    [folder for folder in recent if isinstance(folder, str)][:MOST_RECENT], found.get("in_window") is True)
+
+        self._last, self._recent, self.in_window = read_state(state_dir() / FILE, parse, ({}, [], False))
 
     def folder_of(self, purpose: str) -> Path | None:
         """Where a file of this purpose was chosen last; None where it never was."""
@@ -68,9 +58,7 @@ class RememberedFolders:
 
     def _write(self) -> None:
         path = state_dir() / FILE
-        text = json.dumps({"last": self._last, "recent": self._recent, "in_window": self.in_window}, indent=1) + "\n"
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomic(path, lambda beside: beside.write_text(text, "utf-8"))
+            write_state(path, {"last": self._last, "recent": self._recent, "in_window": self.in_window})
         except OSError as error:
             _log.warning("%s cannot be written: %s", path, error)
