@@ -55,8 +55,8 @@ class Progress:
         """"rendering: 37 of 200 pictures (18 %), about 1 min 12 s left"."""
         unit = f" {self._unit}" if self._unit else ""
         if not 0 < self.done < self.total:
-            counts = f"{self.done:,}" if self.done < self.total or not self.total else f"{self.total:,} of {self.total:,}"
-            return printable(f"{self.label}: {counts}{unit}, {duration_text(seconds)}")
+            counts = f": {self.done if not self.total else self.total:,}{unit}" if self.done else ""
+            return printable(f"{self.label}{counts}, {duration_text(seconds)} so far")
         left = duration_text(seconds * (self.total - self.done) / self.done)
         share = 100 * self.done // self.total
         return printable(f"{self.label}: {self.done:,} of {self.total:,}{unit} ({share} %), about {left} left")

@@ -24,7 +24,7 @@ def test_arrays_come_back_as_points(seed):
     with pointglass.from_points(**given, name="mine", metres_per_unit=0.3048) as scan:
         assert scan.count == COUNT and repr(scan) == "<pointglass.Scan mine: 3,000 points>"
         distance, row = cKDTree(given["xyz"]).query(scan.points.xyz)
-        assert distance.max() < 1e-4 and np.array_equal(np.sort(row), np.arange(COUNT))
+        assert distance.max() == 0.0 and np.array_equal(np.sort(row), np.arange(COUNT))
         for name in ("rgb", "intensity", "station"):
             assert np.array_equal(getattr(scan.points, name), given[name][row]), name
         assert np.array_equal(scan.stations, given["stations"], equal_nan=True)
@@ -40,11 +40,17 @@ def test_colours_of_other_types_are_taken_as_such_arrays_usually_are(colours, ex
         assert set(scan.points.rgb.ravel().tolist()) == {expected}
 
 
-def test_classes_are_kept_beside_intensities():
+def test_every_value_is_read_back_exactly():
     rng = np.random.default_rng(1)
-    with pointglass.from_points(rng.random((COUNT, 3)), rng.random((COUNT, 3)), intensity=np.arange(COUNT) % 200,
-                                classification=np.repeat([2, 6], COUNT // 2)) as scan:
+    xyz, classes, station = rng.random((COUNT, 3)), np.repeat([2, 6], COUNT // 2), np.arange(COUNT) % 255
+    places = rng.random((255, 3))
+    with pointglass.from_points(xyz, rng.random((COUNT, 3)), intensity=np.arange(COUNT), classification=classes,
+                                station=station, stations=places) as scan:
         assert scan.info["attributes"]["class"] == {"2": COUNT // 2, "6": COUNT // 2}
+        points = scan.points
+        row = points.intensity  # the row, since it is its number
+        assert np.array_equal(points.xyz, xyz[row]) and np.array_equal(points.classification, classes[row])
+        assert np.array_equal(scan.stations[points.station], places[station[row]])
 
 
 @pytest.mark.parametrize("given, said", [
@@ -61,7 +67,8 @@ def test_classes_are_kept_beside_intensities():
     ({"classification": np.zeros(3, int)}, r"^classification: expected \(3,000,\)"),
     ({"station": np.full(COUNT, 2)}, "^station: row 2 of stations, which has 2 rows"),
     ({"station": None}, "^station: missing; stations has 2 rows"), ({"stations": np.zeros((2, 2))}, "^stations: expected"),
-    ({"stations": np.zeros((300, 3))}, "^stations: 300 rows"), ({"stations": [[np.inf, 0, 0], [0, 0, 0]]}, "^stations: a pos"),
+    ({"stations": np.zeros((300, 3))}, "^stations: 300 rows"), ({"station": np.full(COUNT, 255)}, "^station: row 255"),
+    ({"stations": [[np.inf, 0, 0], [0, 0, 0]]}, "^stations: a pos"),
     ({"metres_per_unit": 0}, "^metres_per_unit 0"), ({"metres_per_unit": "m"}, "^metres_per_unit 'm'"),
     ({"gpu_memory": "4G"}, "^gpu_memory '4G'"),
 ])  # fmt: skip

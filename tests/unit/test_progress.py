@@ -40,9 +40,11 @@ def test_a_total_that_is_not_known_or_passed_is_not_promised(clock, capsys):
     for total in (0, 3):
         with progress(total, "reading \x1b[31m", " points") as meter:
             clock[0] += 20
+            meter.update(0)
+            clock[0] += 20
             meter.update(5)
-    assert capsys.readouterr().err.splitlines() == [
-        "pointglass: reading \\x1b[31m: 5 points, 20 s", "pointglass: reading \\x1b[31m: 3 of 3 points, 20 s"]
+    assert capsys.readouterr().err.splitlines() == [f"pointglass: reading \\x1b[31m{text} so far" for text in (
+        ", 20 s", ": 5 points, 40 s", ", 20 s", ": 3 points, 40 s")]
 
 
 def test_the_windows_sink_is_told_instead(clock, capsys):

@@ -6,9 +6,11 @@ import subprocess
 import sys
 from dataclasses import fields, replace
 
+import laspy
 import numpy as np
 import pytest
 from cloud_files import write_ply
+from test_e57_images import pinhole, room_points, write_photos
 
 import pointglass
 from pointglass.viewer.grid.convert import convert
@@ -16,6 +18,7 @@ from pointglass.viewer.grid.file_records import FileRecords
 from pointglass.viewer.grid.info import facts
 from pointglass.viewer.grid.open_scene import scene_from_arrays
 from pointglass.viewer.grid.scene import unpack
+from pointglass.viewer.readers.e57_images import read_photographs
 from pointglass.viewer.settings import Memory, Settings
 from pointglass.viewer.tools.demo import demo_scan
 
@@ -169,6 +172,56 @@ def test_several_files_and_converted_folders_open_like_one(tmp_path):
     convert([tmp_path / "a.ply"], tmp_path / "grid")
     with pointglass.open(tmp_path / "grid") as folder:
         assert folder.count == 500 and np.array_equal(np.sort(folder.points.xyz, axis=0), np.sort(first, axis=0))
+
+
+@pytest.mark.parametrize("ending", ["las", "laz"])
+def test_an_export_holds_the_points_of_boxes_and_stations(seed, tmp_path, ending):
+    rng = np.random.default_rng(seed)
+    xyz, station = rng.uniform(0, 4, (4_000, 3)).round(3), rng.integers(0, 3, 4_000)
+    boxes = np.array([[[0, 0, 0], [2, 2, 4]], [[3, 3, 3], [4, 4, 4]]])
+    inside = np.any([((xyz >= low) & (xyz <= high)).all(axis=1) for low, high in boxes], axis=0) & (station != 1)
+    given = {"intensity": rng.integers(0, 65536, 4_000), "classification": rng.integers(0, 20, 4_000)}
+    with pointglass.from_points(xyz, rng.random((4_000, 3)), station=station, **given) as scan:
+        out = tmp_path / f"part.{ending}"
+        assert scan.export(out, clip=boxes, stations=[2, 0]) == inside.sum()
+        assert scan.export(tmp_path / "all.ply") == 4_000
+    written = laspy.read(out)
+    order = np.lexsort(xyz[inside].T), np.lexsort(written.xyz.T)
+    assert np.allclose(xyz[inside][order[0]], written.xyz[order[1]], rtol=0, atol=1e-9)
+    for name, values in given.items():
+        assert np.array_equal(values[inside][order[0]], np.asarray(written[name])[order[1]]), name
+
+
+@pytest.mark.parametrize("given, said", [
+    ({"path": "a.txt"}, r"^path a\.txt: expected a name ending in \.las"), ({"path": "no/a.las"}, "^path no/a.las: its folder"),
+    ({"clip": [1, 2]}, r"^clip \[1, 2\]: expected"), ({"clip": "all"}, "^clip 'all'"), ({"clip": np.zeros((0, 2, 3))}, "^clip"),
+    ({"clip": [[1, 1, 1], [0, 2, 2]]}, "^clip .*each maximum"), ({"clip": [[9, 9, 9], [10, 10, 10]]}, "leave no point"),
+    ({"stations": [3]}, "^stations: row 3; the scan has 3 stations"), ({"stations": []}, "^stations: names no station"),
+    ({"stations": ["a"]}, r"^stations \['a'\]"), ({"exposures": "none"}, "^exposures 'none'"),
+])  # fmt: skip
+def test_an_export_that_cannot_be_is_refused_and_leaves_nothing(given, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(pointglass.InputError, match=said) as caught:
+        scan_of(1).export(**{"path": "a.las", **given})
+    assert "\n" not in str(caught.value) and "--" not in str(caught.value) and list(tmp_path.iterdir()) == []
+
+
+def test_photographs_are_listed_and_decoded_when_asked_for(tmp_path):
+    given = [pinhole((0.3, -0.4, 0.2), 0.7, name="placed", coding="jpeg"),
+             pinhole((0, 0, 0), 0.0, name="loose", kind="visualReference")]  # fmt: skip
+    write_photos(tmp_path / "a.e57", given, *room_points(2000))
+    with pointglass.open(tmp_path / "a.e57", cache=False) as scan:
+        placed, loose = scan.photographs
+        assert (placed.name, placed.kind, placed.file) == ("placed", "pinhole", tmp_path / "a.e57")
+        assert placed.size == (96, 72) and placed.image.shape == (72, 96, 3) and placed.image.std() > 5
+        assert placed._repr_png_()[:4] == b"\x89PNG" and "_stored" not in repr(placed)
+        assert placed.camera is not None
+        assert (placed.camera.width, placed.camera.height, placed.camera.name) == (96, 72, "placed")
+        [read], _ = read_photographs(tmp_path / "a.e57")
+        assert np.allclose(placed.camera.camera_to_world, read.camera_to_world)
+        assert np.allclose((placed.camera.fx, placed.camera.cx, placed.camera.cy), (read.fl, read.cx, read.cy))
+        assert loose.camera is None and loose.kind == "visualReference" and loose.image.shape == (72, 96, 3)
+    assert pointglass.from_points(np.eye(3), np.eye(3)).photographs == []
 
 
 def test_cameras_come_back_from_a_file_as_they_were_written(seed, tmp_path):

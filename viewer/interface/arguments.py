@@ -23,6 +23,7 @@ _VALUES = {**CHOICES, "exposures": ("matched", "as-scanned")}
 _FIELDS = {"filter strength": "filter_strength", "filter levels": "filter_levels", "level of detail": "lod",
            "field of view": "fov"}  # fmt: skip
 """How a message for the command line begins -> the argument's name in Python."""
+_RENAMED = {"out": "path"}
 _OF_THE_COMMAND = ("help", "verbose", "log-file", "version")
 
 
@@ -42,6 +43,7 @@ def in_python(text: str) -> str:
 
     def argument(found: re.Match[str]) -> str:
         name, behind = found[1].replace("-", "_"), found[2] or ""
+        name = _RENAMED.get(name, name)
         if found[1] in _OF_THE_COMMAND:
             return found[0]
         value = behind.rstrip(".,;:")

@@ -12,7 +12,7 @@ from .arguments import memory_of, python_names
 if TYPE_CHECKING:
     from .open_scan import Scan
 
-_MOST_STATIONS = 256
+_MOST_STATIONS = 255
 """Stations that the 8 bits of a packed point tell apart."""
 _WHOLE = {"u1": 255, "u2": 65535}
 
@@ -35,13 +35,13 @@ def from_points(
     rgb: (N, 3) sRGB: uint8; uint16, of which the upper 8 bits are drawn; or floats from 0 to 1.
     intensity: (N,) whole numbers from 0 to 65535.  classification: (N,) whole numbers from 0 to 255, as in LAS.
     station: (N,) whole numbers, the row of ``stations`` from which each point was measured.
-    stations: (S, 3) where each scanner stood, NaN where that is not known; S is at most 256.  With one row ``station`` may be
+    stations: (S, 3) where each scanner stood, NaN where that is not known; S is at most 255.  With one row ``station`` may be
         left out.  Colours are blended by the angle between the viewing ray and the scanner's ray where positions are known.
     metres_per_unit: length of a unit of xyz in metres, None where it is not known.  name: what the scan is called.
     gpu_memory: as for :func:`open`.
 
-    The arrays are not kept; ``Scan.points`` gives coordinates rounded to 1/65536 of a grid cell.  Raises InputError naming the
-    first argument that does not fit.
+    The scan refers to the arrays: leave them as they are while it is open.  ``Scan.points`` gives their values, in the order of
+    the grid.  Raises InputError naming the first argument that does not fit.
     """
     from ..grid.open_scene import scene_from_arrays
     from .open_scan import Scan
@@ -127,6 +127,8 @@ def _stations(count: int, station: npt.ArrayLike | None, stations: npt.ArrayLike
     rows = _whole("station", station, count, "u1")
     assert rows is not None
     needed = int(rows.max()) + 1
+    if needed > _MOST_STATIONS:
+        raise InputError(f"station: row {needed - 1}; at most {_MOST_STATIONS} stations are told apart")
     if stations is None:
         return rows, np.full((needed, 3), np.nan)
     if needed > len(places):

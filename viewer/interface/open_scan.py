@@ -179,6 +179,24 @@ class Scan:
         finally:
             self._busy.release()
 
+    def export(
+        self, path: PathLike, *, clip: npt.ArrayLike | None = None, stations: Iterable[int] | None = None,
+        exposures: Literal["as-scanned", "matched"] = "as-scanned", all_columns: bool = False,
+    ) -> int:  # fmt: skip
+        """Writes measured points as a LAS, LAZ, PLY or E57 file, by its ending; returns how many.  ``pointglass export`` too.
+
+        The scan's files are read again and whole records are copied: every attribute, and the colours of the file.  What the
+        format cannot hold is reported in one line to ``logging``, as a warning.  An existing file is replaced, in one step.
+        clip: (2, 3) lowest and highest corner in file coordinates, such as ``scan.bounds``, or (B, 2, 3) boxes that add up.
+        stations: rows of :attr:`stations` whose points are written; None: all.  exposures: matched writes the colours as they
+        are drawn.  all_columns: PLY: also columns besides coordinates, colour, intensity, scan and class.
+        Raises InputError naming the argument; then nothing is left behind.
+        """
+        from .export_points import export_points
+
+        with python_names():
+            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns)
+
     def close(self) -> None:
         """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing.
 

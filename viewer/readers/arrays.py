@@ -10,7 +10,7 @@ from .source import CHUNK, Chunk, Records, ScanInfo, Source
 
 
 class ArraySource(Source):
-    """xyz (N, 3), rgb (N, 3) uint8, intensity (N,) uint16, scan (N,) uint8, classification (N,) uint8, each of these or None.
+    """xyz (N, 3), rgb (N, 3) uint8, intensity (N,) uint16 or None, scan and classification (N,) uint8 or None.
 
     Raises InputError naming the first array whose shape or type does not fit.
     """
@@ -41,9 +41,15 @@ class ArraySource(Source):
     def has_quick_records(self) -> bool:
         return True
 
-    def records(self, numbers: np.ndarray) -> Records:
+    def record_chunks(self) -> Iterator[Records]:
         """See Source."""
-        columns = {} if self._intensity is None else {"intensity": self._intensity[numbers]}
+        for start in range(0, len(self._xyz), CHUNK):
+            yield self.records(slice(start, start + CHUNK))
+
+    def records(self, numbers: "np.ndarray | slice") -> Records:
+        """See Source."""
+        known = {"intensity": self._intensity, "classification": self._classes}
+        columns = {name: values[numbers] for name, values in known.items() if values is not None}
         scan = 0 if self._scan is None else self._scan[numbers]
         return Records(self._xyz[numbers].astype(np.float64), self._rgb[numbers], scan, columns)
 

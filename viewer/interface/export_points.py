@@ -1,0 +1,64 @@
+"""Exports points for Python: what is left of a scan by boxes and stations, as ``pointglass export`` writes it."""
+
+import logging
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InputError
+from ..tools.clip import Clip, box_around
+from ..tools.exporting.command import export
+from ..tools.exporting.selection import Selection
+
+if TYPE_CHECKING:
+    from ..grid.scene import Scene
+
+_log = logging.getLogger(__name__)
+
+
+def export_points(scene: "Scene", path: Path, clip: npt.ArrayLike | None, stations: Iterable[int] | None, exposures: str,
+                  all_columns: bool) -> int:
+    """See Scan.export."""
+    if exposures not in ("as-scanned", "matched"):
+        raise InputError(f"exposures {exposures!r}: expected as-scanned or matched")
+    selection = Selection(scene, within=_boxes(clip), hidden=_hidden(scene, stations))
+
+    def note(text: str) -> None:
+        _log.warning("%s: %s", path, text)
+
+    return export(selection, path, matched=exposures == "matched", all_columns=all_columns, note=note)
+
+
+def _boxes(clip: npt.ArrayLike | None) -> tuple[Clip, ...]:
+    if clip is None:
+        return ()
+    try:
+        corners = np.array(clip, np.float64)
+    except (TypeError, ValueError):
+        corners = np.empty(0)
+    boxes = corners[None] if corners.ndim == 2 else corners
+    if boxes.shape[1:] != (2, 3) or len(boxes) == 0 or not np.isfinite(boxes).all():
+        raise InputError(f"clip {clip!r}: expected [[xmin, ymin, zmin], [xmax, ymax, zmax]] in file coordinates, or several")
+    if not (boxes[:, 1] > boxes[:, 0]).all():
+        raise InputError(f"clip {clip!r}: each maximum must be greater than its minimum")
+    return tuple(box_around(boxes[n, 0], boxes[n, 1], "clip") for n in range(len(boxes)))
+
+
+def _hidden(scene: "Scene", stations: Iterable[int] | None) -> frozenset[int]:
+    """The stations that are left out."""
+    if stations is None:
+        return frozenset()
+    count = len(scene.meta.get("scans") or [])
+    try:
+        wanted = [int(number) for number in np.asarray(list(stations), np.int64)]
+    except (TypeError, ValueError):
+        raise InputError(f"stations {stations!r}: expected rows of Scan.stations, such as [0, 2]") from None
+    for number in wanted:
+        if not 0 <= number < count:
+            raise InputError(f"stations: row {number}; the scan has {count} stations, counted from 0")
+    if not wanted:
+        raise InputError("stations: names no station; give None for all")
+    return frozenset(range(count)) - frozenset(wanted)
