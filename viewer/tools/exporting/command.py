@@ -15,6 +15,7 @@ from ....model.common.atomic_write import passes_through, write_atomic
 from ...errors import InputError
 from ...text import bytes_text, counted
 from ..altered_pictures import edits_of
+from ..files import replaced_text
 from ..open_project import opened
 from .losses import Losses
 from .selection import Selection, clips_of
@@ -104,6 +105,7 @@ def run(options: argparse.Namespace) -> int:
     def note(text: str) -> None:
         print(f"pointglass: {options.out}: {text}", file=sys.stderr)
 
+    replaced = replaced_text(options.out)
     count = export(
         selection,
         options.out,
@@ -112,5 +114,5 @@ def run(options: argparse.Namespace) -> int:
         all_columns=options.all_columns,
         note=note,
     )
-    print(f"{counted(count, 'point')} in {options.out}")
+    print(f"{counted(count, 'point')} in {options.out}{replaced}")
     return 0

@@ -12,6 +12,7 @@ from ... import __version__
 from ...errors import InputError
 from ...text import counted
 from ..document import Alterations
+from ..files import replaced_text
 from ..project import to_json
 from .frames import FrameMaker
 from .path import frame_name, interpolate
@@ -115,8 +116,9 @@ def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate:
     size = maker.size
     if out.suffix.lower() in MP4:
         fps = Fraction(rate).limit_denominator(1001)
+        replaced = replaced_text(out)
         write_mp4(out, cameras, maker.picture, size=size, fps=fps)
-        return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}"
+        return f"{counted(len(cameras), 'frame')} at {rate:g} a second in {out}{replaced}"
     made_of = {
         "version": __version__, "scans": scene.meta.get("sources"), "points": scene.count, "settings": asdict(maker.settings),
         "size": list(size), "panorama": maker.panorama, "supersample": maker.supersample, "background": maker.background,

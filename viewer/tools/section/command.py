@@ -80,6 +80,7 @@ def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
     from ..altered_pictures import edits_of
     from ..exporting.selection import Selection
+    from ..files import replaced_text
     from ..open_project import opened
     from .orthographic import draw
 
@@ -93,8 +94,9 @@ def run(options: argparse.Namespace) -> int:
     cut, paper = cut_of(options, scene, document), paper_of(scene, scale, options.dpi)
     selection = Selection(scene, document.clips, hidden=edits_of(document.alterations).hidden_in(scene))
     drawing = draw(selection, cut, paper.pixel)
+    replaced = replaced_text(options.out)
     width, height = write_sheet(options.out, drawing, paper, scene, title_of(scene))
-    print(f"{counted(drawing.count, 'point')} at 1:{scale:g} in {options.out}, {width:.0f} x {height:.0f} mm")
+    print(f"{counted(drawing.count, 'point')} at 1:{scale:g} in {options.out}, {width:.0f} x {height:.0f} mm{replaced}")
     return 0
 
 
