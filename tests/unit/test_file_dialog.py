@@ -165,6 +165,18 @@ def test_names_that_cannot_be_saved_are_said_in_words(folder, text, said):
     assert choice.result is None and said in choice.problem
 
 
+def test_the_suggested_name_stays_where_a_folder_is_typed(folder):
+    choice = made(folder, "save", name="new.csv", endings={"CSV table": (".csv",), "All files": ()})
+    for text in (f"{folder}/deeper/", "deeper"):
+        choice.kind = 1  # where no ending is added
+        choice.type(text)
+        choice.enter()
+        wait(choice)
+        assert choice.folder == folder / "deeper" and choice.text == "new.csv"
+        choice.up()
+        wait(choice)
+
+
 def test_a_folder_of_pictures_may_be_there_already(folder):
     kinds = {"MP4 video": (".mp4",), "Folder": ("",)}
     choice = made(folder, "save", name="film.mp4", endings=kinds)

@@ -31,6 +31,7 @@ class ChoiceWindow:
         self._of: FileChoice | None = None
         self._shown_text = ""  # what the field held in the frame before
         self._new_folder: str | None = None  # the name that is typed, None where no folder is being made
+        self._focus_folder = False  # whether the field of its name is to get the keyboard
         self._answer = 0  # button of the question that Enter presses: 0 keeps the file, 1 replaces it
 
     def draw(self, files: FileDialogs, look: Theme, *, covered: bool) -> None:
@@ -51,6 +52,7 @@ class ChoiceWindow:
         imgui.push_font(look.bold, theme.TITLE)
         imgui.text_unformatted(fitted(choice.request.title, imgui.get_content_region_avail().x))
         imgui.pop_font()
+        naming = self._new_folder is not None
         self._folder_row(choice, look)
         style = imgui.get_style()
         below = 2 * imgui.get_frame_height() + 2 * style.item_spacing.y + look.px(22)
@@ -66,7 +68,7 @@ class ChoiceWindow:
             self._buttons(choice, files, look)
         else:
             self._question(choice, look)
-        self._keys(choice)
+        self._keys(choice, naming)
         if choice.cancelled or choice.result is not None:
             imgui.close_current_popup()
         imgui.end_popup()
@@ -85,8 +87,9 @@ class ChoiceWindow:
         if self._new_folder is not None:
             imgui.same_line()
             imgui.set_next_item_width(imgui.get_content_region_avail().x - reserved)
-            if imgui.is_window_appearing() or self._new_folder == "":
+            if self._focus_folder:
                 imgui.set_keyboard_focus_here()
+                self._focus_folder = False
             entered, self._new_folder = imgui.input_text_with_hint(
                 "##new folder", "name of the new folder", self._new_folder, imgui.InputTextFlags_.enter_returns_true)
             imgui.same_line()
@@ -112,7 +115,7 @@ class ChoiceWindow:
             imgui.pop_id()
         imgui.same_line(imgui.get_window_width() - style.window_padding.x - reserved + style.item_spacing.x)
         if compact_button("New folder", look):
-            self._new_folder = ""
+            self._new_folder, self._focus_folder = "", True
 
     def _places(self, choice: FileChoice, files: FileDialogs, look: Theme, height: float) -> None:
         px = look.px
@@ -219,11 +222,12 @@ class ChoiceWindow:
         if button("Replace it", look, width=px(140), primary=self._answer == 1):
             choice.answer(True)
 
-    def _keys(self, choice: FileChoice) -> None:
+    def _keys(self, choice: FileChoice, naming: bool) -> None:
+        """naming: whether keys belong to the name of a new folder."""
         key, pressed, io = imgui.Key, imgui.is_key_pressed, imgui.get_io()
         enter = pressed(key.enter, False) or pressed(key.keypad_enter, False)
         if pressed(key.escape, False):
-            if self._new_folder is not None:
+            if naming:
                 self._new_folder = None
             else:
                 choice.cancel()
@@ -233,7 +237,7 @@ class ChoiceWindow:
             elif enter:
                 choice.answer(self._answer == 1)
                 self._answer = 0
-        elif self._new_folder is None:
+        elif not naming:
             if enter:
                 choice.enter()
             elif pressed(key.up_arrow) and io.key_alt:

@@ -115,7 +115,7 @@ class FileChoice:
         self.folder = folder
         self._list(folder)
         if not self.saving or "/" in self.text or os.sep in self.text:
-            self.text = self._leaf(self.text) if self.saving else ""
+            self.text = (self._leaf(self.text) or self.request.name) if self.saving else ""
         self.filter, self.problem, self.question = "", "", None
         self.cursor, self.chosen, self.moved = -1, set(), True
 
@@ -271,6 +271,7 @@ class FileChoice:
             return
         saves_folder = self.saving and "" in self.endings
         if len(found) == 1 and folders and not saves_folder:
+            self.text = ""  # it was the folder's name
             self.go(found[0].path)
             return
         bad = next((one for one in found if one.problem or (one.folder and not saves_folder)), None)
