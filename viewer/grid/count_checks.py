@@ -11,6 +11,10 @@ from ..readers.source import Source
 from ..text import counted
 from .count_points import CellCounts
 
+_DEGREES_FAR, _DEGREES_STEEP = 50.0, 100.0
+"""Distance from zero and extent of heights, in extents of x or y, from which x and y are taken for degrees.  Chosen by hand: a
+flat site of 100 m in degrees has 10,000 and 500, an upright pole of 0.1 m and 9 m in metres 90 for the heights."""
+
 
 def check_any_valid(sources: Sequence[Source], counts: CellCounts) -> None:
     """Raises InputError where no point is left."""
@@ -39,6 +43,26 @@ def drop_warnings(counts: CellCounts) -> list[str]:
         (outside, "outlier point", "too far from the rest"),
     ]
     return [f"{counted(n, noun)} {how} left out" for n, noun, how in reasons if n]
+
+
+def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
+    """A warning where x and y are degrees of longitude and latitude: stated by a file, or by the look of the numbers.
+
+    Degrees have a place far from zero compared with an extent that is small compared with that of the heights, which are in
+    metres or feet: a degree is 111 km.
+    """
+    remedy = "lengths and shapes are wrong; reproject it to metres"
+    stated = [source.path.name for source in sources if source.units == "degree"]
+    if stated:
+        return [f"{stated[0]}: coordinates in degrees: {remedy}"]
+    (x, y, _), (dx, dy, dz) = np.abs(counts.bounds).max(axis=0), np.ptp(counts.bounds, axis=0)
+    side = max(dx, dy)
+    angles = x <= 360 and y <= 90 and max(x, y) > _DEGREES_FAR * side and dz > _DEGREES_STEEP * side > 0
+    if not angles or any(source.metres_per_unit for source in sources) or any(source.crs for source in sources):
+        return []
+    place = ", ".join(f"{value:.4f}" for value in counts.bounds.mean(axis=0)[:2])
+    return [f"{sources[0].path.name}: x and y look like degrees of longitude and latitude (around {place}; heights do not): "
+            f"{remedy}"]  # fmt: skip
 
 
 def precision_warnings(sources: Sequence[Source], counts: CellCounts, spacing: float | None) -> list[str]:

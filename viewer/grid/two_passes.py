@@ -21,7 +21,7 @@ from ..preprocess.scanner_positions import StationInference
 from ..readers.source import Source
 from .cell_layout import Layout, choose_layout
 from .cluster_check import ClusterCheck
-from .count_checks import check_any_valid, drop_warnings, precision_warnings
+from .count_checks import check_any_valid, degree_warnings, drop_warnings, precision_warnings
 from .count_points import CellCounts, count_cells
 from .density_layers import PARTS
 from .grid_threads import processors
@@ -164,7 +164,7 @@ def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points:
     warnings = [*facts.get("warnings", []), *first.warnings]
     if 0 < steps < _LEAST_STEPS:
         warnings.append("points lie too close together for so wide a scan, positions are rounded; split it")
-    warnings += drop_warnings(counts)
+    warnings += drop_warnings(counts) + degree_warnings(sources, counts)
     warnings += precision_warnings(sources, counts, spacing if steps else None)
     scans = facts["scans"] if "scans" in facts else _listed_scans(first, points)
     if len(scans) > MOST_NUMBERS:

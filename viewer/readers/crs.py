@@ -23,12 +23,16 @@ _ANGLES = re.compile("degree|radian|grad|gon|second|minute", re.IGNORECASE)
 _VERTICAL = re.compile(r"\b(?:VERT_CS|VERTCRS|VERTICALCRS)\s*\[", re.IGNORECASE)
 _PROJECTED = re.compile(r'\b(?:PROJCS|PROJCRS|PROJECTEDCRS|LOCAL_CS|ENGCRS|GEOCCS)\s*\[\s*"([^"]*)"', re.IGNORECASE)
 _GEOGRAPHIC = re.compile(r'\b(?:GEOGCS|GEOGCRS|GEODCRS|GEOGRAPHICCRS)\s*\[\s*"([^"]*)"', re.IGNORECASE)
-_EPSG = re.compile(r"\s*(?:EPSG\s*:{1,2}\s*)?(\d{1,6})\s*", re.IGNORECASE)
+_EPSG = re.compile(r"\s*(?:EPSG\s*:{1,2}\s*)?(\d{1,6}(?:\+\d{1,6})?)\s*", re.IGNORECASE)  # 26917+6360: with heights
 _USER_DEFINED = 32767  # in GeoTIFF, instead of an EPSG code
 MOST_SHOWN = 50
 """Systems that a search returns at most; who needs more types another word."""
 _LONGEST_NAME = 80  # characters of a name that are shown; chosen by hand
 
+_SAME_UNIT = 1e-7  # relative; feet of two kinds differ by 2e-6
+
+Length = tuple[str, float]
+"""Name of a unit of length, and metres per unit."""
 Reference = tuple[str | None, str, float | None]
 """Name of the reference system or None, name of the unit, metres per unit or None."""
 UNKNOWN: Reference = (None, "unknown", None)
@@ -72,10 +76,42 @@ def from_geokeys(
     if keys.get(1024) == 2:
         geographic = keys.get(2048, _USER_DEFINED)
         return name or (f"EPSG:{geographic}" if geographic != _USER_DEFINED else None), "degree", None
-    unit = keys.get(3076) or keys.get(4099)
-    if unit in _LENGTHS:
+    if (unit := keys.get(3076)) in _LENGTHS:
         return name, *_LENGTHS[unit]
-    return (name, *_units(name)) if name is not None and name.startswith("EPSG:") else (name, "unknown", None)
+    if name is not None and name.startswith("EPSG:"):
+        return name, *_units(name)
+    unit = keys.get(4099)  # of heights, where nothing is said of x and y
+    return (name, *_LENGTHS[unit]) if unit in _LENGTHS else (name, "unknown", None)
+
+
+def height_unit(text: str) -> Length | None:
+    """The unit of heights that a definition (WKT, EPSG codes as 26917+6360, a PROJ string) states, None where it has none."""
+    parts = _VERTICAL.split(text)
+    if len(parts) > 1:
+        lengths = [(name, float(value)) for name, value in _UNIT.findall(parts[1]) if not _ANGLES.search(name)]
+        return next(((name, metres) for name, metres in lengths if 0 < metres < float("inf")), None)
+    if (match := _EPSG.fullmatch(text)) or text.lstrip().startswith("+"):
+        return _height_axis(f"EPSG:{match[1]}" if match else text)
+    return None
+
+
+def height_unit_of_geokeys(keys: dict[int, int]) -> Length | None:
+    """The unit of heights that GeoTIFF keys state, by code of the unit or of the vertical system."""
+    if (unit := keys.get(4099)) in _LENGTHS:
+        return _LENGTHS[unit]
+    code = keys.get(4096, _USER_DEFINED)
+    return _height_axis(f"EPSG:{code}") if code not in (0, _USER_DEFINED) else None
+
+
+def height_warning(name: str, units: str, metres: float | None, heights: Length | None) -> list[str]:
+    """A warning where heights have another unit than x and y, else none.  name: of the file.  units, metres: of x and y."""
+    if heights is None or units == "unknown" or (metres is not None and abs(heights[1] / metres - 1) < _SAME_UNIT):
+        return []
+    if metres is None and abs(heights[1] - 1) < _SAME_UNIT:  # degrees and metres, which is said elsewhere
+        return []
+    unit = heights[0].strip()
+    return [f"{name}: heights are in {unit} (1 = {heights[1]:.7g} m), x and y in {units}; lengths and angles that are not "
+            "level are wrong until it is exported with one unit"]  # fmt: skip
 
 
 @lru_cache(maxsize=64)
@@ -185,6 +221,16 @@ def _looked_up(definition: str) -> tuple[str, float | None]:
     if any(axis.unit_name == "degree" for axis in axes):
         return "degree", None
     return axes[0].unit_name, float(axes[0].unit_conversion_factor)
+
+
+def _height_axis(definition: str) -> Length | None:
+    """The unit of the vertical axis of a definition, None where it has none or pyproj does not know it, which the log says."""
+    try:
+        axes = [axis for axis in _crs(definition).axis_info if axis.direction in ("up", "down")]
+    except (ImportError, ValueError) as error:
+        _log.info("heights of %s are unknown: %s", definition[:_LONGEST_NAME], error)
+        return None
+    return (axes[0].unit_name, float(axes[0].unit_conversion_factor)) if axes else None
 
 
 def _crs(definition: str):

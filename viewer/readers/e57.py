@@ -5,7 +5,7 @@ its pose; the points of a scan without a pose are taken to be in the common fram
 """
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,18 +16,10 @@ from ..errors import InputError
 from ..text import counted
 from . import crs
 from .column_source import RANGE_RUNS
-from .e57_nodes import (
-    check_prototypes,
-    child,
-    is_number,
-    library,
-    open_e57,
-    pose_of,
-    text_of,
-    value_of,
-    xml_of,
-)  # fmt: skip
+from .e57_length import length_warning
+from .e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, xml_of
 from .e57_packets import PacketReader, UnknownPacking
+from .e57_ranges import colour_range, intensity_range, range_of, trusted, zeros
 from .e57_records import BLOCK, RawField, arrays_for, columns_of, fields_of, raw_blocks
 from .sampling import interleaved
 from .source import Chunk, Records, ScanInfo, Source, stretch
@@ -75,6 +67,7 @@ class E57Source(Source):
 
     def __init__(self, path: Path):
         super().__init__(path, "E57", units="metre", metres_per_unit=1.0)
+        self.warnings += [text for text in [length_warning(path)] if text]
         self._scans: list[_Scan] = []
         with open_e57(self.path) as file:
             root = file.root()
@@ -90,6 +83,7 @@ class E57Source(Source):
         if self.count == 0:
             raise InputError(f"{path}: holds no points ({counted(len(self.scans), 'empty scan')}); export it again")
         self._ranges: dict[int, tuple[float, float]] = {}
+        self._no_returns: dict[int, bool] = {}  # by scan without a state: whether points at the scanner are none
 
     def _add(self, number: int, node) -> None:
         libe57 = library()
@@ -118,8 +112,8 @@ class E57Source(Source):
         nodes = {field.elementName(): field for field in fields if is_number(field)}
         if not (set(_CARTESIAN) <= set(nodes) or set(_SPHERICAL) <= set(nodes)):
             raise InputError(f"{self.path}: {name!r} has neither cartesian nor spherical coordinates; export it again")
-        colour = _colour_range(node, nodes) if set(_RGB) <= set(nodes) else (0.0, 255.0, True)
-        intensity = _intensity_range(node, nodes) if "intensity" in nodes else None
+        colour = colour_range(node, nodes) if set(_RGB) <= set(nodes) else (0.0, 255.0, True)
+        intensity = intensity_range(node, nodes) if "intensity" in nodes else None
         self._scans.append(_Scan(count, frozenset(nodes), rotation, translation, *colour, intensity))
 
     def chunks(self) -> Iterator[Chunk]:
@@ -127,7 +121,7 @@ class E57Source(Source):
         for number, scan in enumerate(self._scans):
             if scan.count:
                 for columns in self._columns(number, scan.wanted):
-                    yield self._chunk(number, scan, columns, scan.intensity or self._intensity_of(number, columns))
+                    yield self._chunk(number, scan, columns, self._intensity_of(number, columns))
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every field besides coordinates, colour and marks of missing values."""
@@ -158,7 +152,7 @@ class E57Source(Source):
         columns = {field.name: np.asarray(field.scaled(raw[field.name]), np.float64) for field in fields
                    if field.name in scan.wanted}  # fmt: skip
         chunk = self._chunk(number, scan, columns, scan.intensity or (0.0, 1.0))
-        return self._valid(scan, columns), chunk
+        return self._valid(number, columns), chunk
 
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """See Source; None where the points are packed in a way that only libe57 decodes.  Checksums are not checked.  Where
@@ -189,15 +183,16 @@ class E57Source(Source):
                 scan, reader = self._scans[number], readers[number]
                 assert reader is not None
                 columns = reader.read(start, run, scan.wanted)
-                if "intensity" in columns and scan.intensity is None and number not in ranges:
+                if "intensity" in columns and number not in ranges:
                     first = [place for of, place in runs if of == number][:RANGE_RUNS]
-                    ranges[number] = _range_of(reader.read(place, run, ["intensity"])["intensity"] for place in first)
-                yield self._chunk(number, scan, columns, scan.intensity or ranges.get(number, (0.0, 0.0)))
+                    values = np.concatenate([reader.read(place, run, ["intensity"])["intensity"] for place in first])
+                    ranges[number] = trusted(scan.intensity, values) or range_of([values])
+                yield self._chunk(number, scan, columns, ranges.get(number, (0.0, 0.0)))
 
     def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], intensities: tuple[float, float]) -> Chunk:
         """columns: scaled, of ``scan.wanted``.  intensities: range that becomes the whole of uint16."""
         size = len(columns[scan.coordinates[0]])
-        valid = self._valid(scan, columns)
+        valid = self._valid(number, columns)
         if valid is not None:
             columns = {name: values[valid] for name, values in columns.items()}
         if scan.coordinates is _CARTESIAN:
@@ -221,16 +216,34 @@ class E57Source(Source):
                 intensity[columns[_NO_INTENSITY] != 0] = 0
         return Chunk(xyz, rgb, intensity, number, size - len(xyz))
 
-    def _valid(self, scan: _Scan, columns: dict[str, np.ndarray]) -> np.ndarray | None:
+    def _valid(self, number: int, columns: dict[str, np.ndarray]) -> np.ndarray | None:
         """(n,) bool: which records are points, not directions without a return; None: all."""
-        return columns[scan.state] == 0 if scan.state in columns else None  # 1: only the direction is known, 2: nothing
+        scan = self._scans[number]
+        if scan.state in columns:
+            return columns[scan.state] == 0  # 1: only the direction is known, 2: nothing
+        names = _CARTESIAN if scan.coordinates is _CARTESIAN else _SPHERICAL[:1]
+        nothing = zeros([columns[name] for name in names])
+        found = int(nothing.sum())
+        if found == 1 and number not in self._no_returns:  # a point, unless there are more of them
+            found = sum(int(zeros(list(block.values())).sum()) for block in self._columns(number, list(names)))
+        if found:
+            self._no_returns.setdefault(number, found > 1)
+        if not self._no_returns.get(number, False):
+            return None
+        text = f"{self.path.name}: {self.scans[number].name!r} has points at the place of its scanner itself (0, 0, 0), as "
+        text += "some writers store directions without a return; they are left out"
+        if text not in self.warnings:
+            self.warnings.append(text)
+        return ~nothing
 
     def _intensity_of(self, number: int, columns: dict[str, np.ndarray]) -> tuple[float, float]:
-        """Range of a scan's intensities where the file gives none: that field is read once, at first need."""
+        """Range of a scan's intensities.  Where the file gives none, or one that its first block contradicts, that field is
+        read once."""
         if "intensity" not in columns:
             return 0.0, 0.0
         if number not in self._ranges:
-            self._ranges[number] = _range_of(found["intensity"] for found in self._columns(number, ["intensity"]))
+            stated = trusted(self._scans[number].intensity, columns["intensity"])
+            self._ranges[number] = stated or range_of(found["intensity"] for found in self._columns(number, ["intensity"]))
         return self._ranges[number]
 
     def _columns(self, number: int, names: list[str]) -> Iterator[dict[str, np.ndarray]]:
@@ -259,54 +272,6 @@ class E57Source(Source):
     def _truncated(self, number: int, done: int) -> InputError:
         return InputError(f"{self.path}: truncated: {done:,} of {self._scans[number].count:,} points of "
                           f"{self.scans[number].name!r} could be read; copy or export it again")
-
-
-def _range_of(blocks: Iterable[np.ndarray]) -> tuple[float, float]:
-    """Lowest and highest finite value."""
-    low, high = np.inf, -np.inf
-    for values in blocks:
-        finite = values[np.isfinite(values)]
-        if len(finite):
-            low, high = min(low, float(finite.min())), max(high, float(finite.max()))
-    return low, high
-
-
-def _declared(node) -> tuple[float, float]:
-    """The scaled range that a prototype node declares."""
-    if hasattr(node, "scaledMinimum"):
-        return float(node.scaledMinimum()), float(node.scaledMaximum())
-    return float(node.minimum()), float(node.maximum())
-
-
-def _limits(scan, group: str, names: tuple[str, str]) -> tuple[float, float] | None:
-    limits = child(scan, group, "Structure")
-    if limits is None or not all(limits.isDefined(name) for name in names):
-        return None
-    low, high = (value_of(limits[name]) for name in names)
-    return (low, high) if low is not None and high is not None and low < high < np.inf else None
-
-
-def _colour_range(scan, nodes) -> tuple[float, float, bool]:
-    """(zero, full, narrow): the values of a black and of a full channel, and whether 8 bits hold the range.
-
-    Writers store either the sensor's range or the range of the values as limits.  Integers are therefore taken to begin at 0
-    and to end at the next 2**bits - 1.
-    """
-    low, high = _limits(scan, "colorLimits", ("colorRedMinimum", "colorRedMaximum")) or _declared(nodes["colorRed"])
-    if hasattr(nodes["colorRed"], "precision") or hasattr(nodes["colorRed"], "scale"):
-        sane = low < high and high - low < 1e9
-        if not sane:
-            return 0.0, 1.0, True
-        return (0.0, high, high == 255) if high in (255, 65535) else (low, high, True)
-    if not 0 < high <= 65535:
-        return 0.0, 65535.0, False
-    return 0.0, max(255.0, 2.0 ** np.ceil(np.log2(high + 1)) - 1), high <= 255
-
-
-def _intensity_range(scan, nodes) -> tuple[float, float] | None:
-    limits = _limits(scan, "intensityLimits", ("intensityMinimum", "intensityMaximum"))
-    low, high = limits or _declared(nodes["intensity"])
-    return (low, high) if low < high and high - low < 1e9 else None
 
 
 def _crs(root) -> str | None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..text import whole_number
+from .e57_length import readable
 from .e57_packets import PAGE, PAGE_DATA, bits_of, most_points
 
 
@@ -38,7 +39,7 @@ def open_e57(path: Path) -> Iterator[Any]:
     libe57 = library()
     file = None
     try:
-        file = libe57.ImageFile(os.fsencode(path), "r")  # a file name may not be valid text
+        file = libe57.ImageFile(os.fsencode(readable(path)), "r")  # a file name may not be valid text
         yield file
     except libe57.E57Exception as error:
         raise InputError(f"{path}: {first_line(error)}; copy or export it again") from None

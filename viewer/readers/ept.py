@@ -65,7 +65,8 @@ class EptSource(OctreeSource):
         srs = stated if isinstance(stated, dict) else {}
         self._crs(srs.get("wkt"))
         if self.crs is None and srs.get("authority") and srs.get("horizontal"):
-            self.crs = f"{srs['authority']}:{srs['horizontal']}"[:80]
+            heights = f"+{srs['vertical']}" if srs.get("vertical") else ""
+            self._crs(f"{srs['authority']}:{srs['horizontal']}{heights}"[:80])
 
     def _read_schema(self, stated: object) -> None:
         """Reads the dimensions of a point, with the scale and offset of the coordinates."""

@@ -61,7 +61,9 @@ class EsriGridSource(Source):
             raise self._truncated(room)
         beside = next((file for file in (path.with_suffix(".prj"), path.with_suffix(".PRJ")) if file.is_file()), None)
         if beside is not None:
-            self.crs, self.units, self.metres_per_unit = crs.from_text(beside.read_bytes()[:100_000].decode("latin-1"))
+            text = beside.read_bytes()[:100_000].decode("latin-1")
+            self.crs, self.units, self.metres_per_unit = crs.from_text(text)
+            self.warnings += crs.height_warning(path.name, self.units, self.metres_per_unit, crs.height_unit(text))
 
     def _header(self, file: BinaryIO) -> dict[str, str]:
         found: dict[str, str] = {}

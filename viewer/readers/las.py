@@ -38,7 +38,7 @@ class LasSource(Source):
 
     def __init__(self, path: Path):
         super().__init__(path, "LAS", scans=[ScanInfo(path.stem)])
-        _check_header(path)
+        self._counted = _check_header(path)
         self._large_chunks, self._chunk_points, self._laszip_record = False, 1, b""
         self._blocks: RecordBlocks | None = None
         self._blocks_lock = Lock()
@@ -52,11 +52,10 @@ class LasSource(Source):
         self.format = "COPC" if copc else "LAZ" if compressed else "LAS"
         if not (np.isfinite(header.scales).all() and np.isfinite(header.offsets).all() and np.all(header.scales != 0)):
             raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
-        self.crs, self.units, self.metres_per_unit = _reference(records)
+        (self.crs, self.units, self.metres_per_unit), heights = _reference(records)
+        self.warnings += crs.height_warning(path.name, self.units, self.metres_per_unit, heights)
         if more > 0:
             self.warnings.append(surplus_warning(path, self.count))
-        if self.units == "degree":
-            self.warnings.append(f"{path.name}: coordinates in degrees, shapes are distorted; reproject it to metres")
 
     def _open(self, backend=None):
         import laspy
@@ -64,7 +63,10 @@ class LasSource(Source):
         if self._large_chunks:
             backend = laspy.LazBackend.Lazrs
         with decoding(lambda why: InputError(f"{self.path}: not readable as LAS/LAZ: {why}; copy or export it again")):
-            return laspy.open(self.path, laz_backend=backend)
+            reader = laspy.open(self.path, laz_backend=backend)
+        if reader.header.point_count == 0:  # only the field of earlier versions is filled in
+            reader.header.point_count = self._counted
+        return reader
 
     def _beyond(self, header) -> int:
         """The number of points for which there is room after those that the header counts, before the next section."""
@@ -245,7 +247,8 @@ def _chunk(points, names: set[str]) -> Chunk:
     return Chunk(xyz, rgb, intensity, station=station, classification=np.array(points["classification"], np.uint8))
 
 
-def _check_header(path: Path) -> None:
+def _check_header(path: Path) -> int:
+    """The number of points: by the field of 64 bits where it is filled in.  Raises InputError where the header is damaged."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(375)
@@ -256,9 +259,9 @@ def _check_header(path: Path) -> None:
     compressed = bool(point_format & 0xC0)
     if (major, minor) >= (1, 4) and len(head) >= 255:
         count = struct.unpack_from("<Q", head, 247)[0] or count
-    if major != 1 or minor > 4:
-        raise InputError(f"{path}: LAS version {major}.{minor} is not known; versions 1.0 to 1.4 are read")
-    if minor == 4 and len(head) >= 255:
+    if major != 1 or minor > 5:
+        raise InputError(f"{path}: LAS version {major}.{minor} is not known; versions 1.0 to 1.5 are read")
+    if minor >= 4 and len(head) >= 255:
         _check_extended(path, size, *struct.unpack_from("<QI", head, 235))
     if header_size < 227 or offset < header_size or records * 54 > offset - header_size:
         raise InputError(f"{path}: damaged header ({header_size} bytes, {records} records before byte {offset})")
@@ -271,6 +274,7 @@ def _check_header(path: Path) -> None:
     readable = (size - offset) // length
     if not compressed and readable < count:
         raise InputError(f"{path}: truncated: {readable:,} of {count:,} points could be read; copy or export it again")
+    return count
 
 
 def _check_extended(path: Path, size: int, place: int, number: int) -> None:
@@ -284,16 +288,17 @@ def _check_extended(path: Path, size: int, place: int, number: int) -> None:
                                  "bytes; copy or export it again")
 
 
-def _reference(records) -> crs.Reference:
+def _reference(records) -> tuple[crs.Reference, crs.Length | None]:
+    """The reference system of x and y, and the unit of heights where it is stated."""
     keys: dict[int, int] = {}
     spans: dict[int, tuple[int, int]] = {}
-    text, best = "", (None, "unknown", None)
+    text, best, heights = "", (None, "unknown", None), None
     for record in records:
         if record.user_id.strip("\0 ") != "LASF_Projection":
             continue
         data = record.record_data_bytes()
         if record.record_id == 2112:
-            best = crs.from_wkt(data.decode("utf-8", "replace"))
+            best, heights = crs.from_wkt(wkt := data.decode("utf-8", "replace")), crs.height_unit(wkt)
         elif record.record_id == 34735:
             for key, location, length, value in struct.iter_unpack("<4H", data[8 : len(data) // 8 * 8]):
                 if location == 0:
@@ -304,4 +309,4 @@ def _reference(records) -> crs.Reference:
             text = data.decode("latin-1")
     if best[0] is None and (keys or spans):
         best = crs.from_geokeys(keys, text, spans)
-    return best
+    return best, heights or crs.height_unit_of_geokeys(keys)

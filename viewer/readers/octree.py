@@ -73,6 +73,7 @@ class OctreeSource(ColumnSource):
         """Sets units and name of the reference system from WKT, an EPSG code or a PROJ string."""
         if isinstance(text, str) and text.strip():
             self.crs, self.units, self.metres_per_unit = crs.from_text(text)
+            self.warnings += crs.height_warning(self.path.name, self.units, self.metres_per_unit, crs.height_unit(text))
             self.crs_text = text
 
     def _damaged(self, what: str, file: Path | None = None) -> InputError:

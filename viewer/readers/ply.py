@@ -17,6 +17,7 @@ from .column_source import RANGE_RUNS, Columns, Ranges
 from .ply_header import Element, read_header
 from .sampling import run_starts
 from .source import CHUNK, Chunk, Records, ScanInfo, Source, stretch, surplus_warning
+from .text_numbers import number
 from .text_rows import TextRows
 from .text_sample import TextRegion, sample_rows
 
@@ -219,10 +220,8 @@ class PlySource(Source):
                 rows = lines[start : start + CHUNK]
                 if self._vertex.has_lists:
                     rows = [self._without_lists(row) for row in rows]
-                try:
-                    table = np.loadtxt(rows, np.float64, comments=None, usecols=range(len(names)), ndmin=2)
-                except ValueError:
-                    raise self._unreadable(rows, len(names), done) from None
+                if (table := _parsed(rows, len(names))) is None:
+                    raise self._unreadable(rows, len(names), done)
                 done += len(table)
                 yield {name: table[:, i] for i, name in enumerate(names)}
             if done >= self._vertex.count:
@@ -246,14 +245,14 @@ class PlySource(Source):
 
     def _unreadable(self, rows: list[str], columns: int, done: int) -> InputError:
         """The error about the row that is not numbers, or about the last row of a truncated file."""
-        for number, row in enumerate(rows, done + 1):
+        for place, row in enumerate(rows, done + 1):
             words = row.split()[:columns]
-            if len(words) == columns and all(_is_number(word) for word in words):
+            if len(words) == columns and all(number(word) is not None for word in words):
                 continue
-            if len(words) < columns and number == done + len(rows) <= (self.count or 0):
-                return self._truncated(number - 1)
+            if len(words) < columns and place == done + len(rows) <= (self.count or 0):
+                return self._truncated(place - 1)
             shown = "".join(c if c.isascii() and c.isprintable() else "?" for c in row[:40])
-            return InputError(f"{self.path}: vertex {number:,} is not {columns} numbers: {shown!r}; export it again")
+            return InputError(f"{self.path}: vertex {place:,} is not {columns} numbers: {shown!r}; export it again")
         return InputError(f"{self.path}: its vertices cannot be read as numbers; export it again")
 
     def _without_lists(self, row: str) -> str:
@@ -282,12 +281,15 @@ def _whole(values: np.ndarray, kind: type) -> np.ndarray:
     return values if values.dtype == kind else np.clip(np.nan_to_num(values), 0, np.iinfo(kind).max).astype(kind)
 
 
-def _is_number(word: str) -> bool:
+def _parsed(rows: list[str], columns: int) -> np.ndarray | None:
+    """(n, columns) float64 of rows of text; None where one is not numbers in any spelling (viewer.readers.text_numbers)."""
     try:
-        float(word)
+        return np.loadtxt(rows, np.float64, comments=None, usecols=range(columns), ndmin=2)
     except ValueError:
-        return False
-    return True
+        table = [[number(word) for word in row.split()[:columns]] for row in rows]
+    if any(len(values) < columns or None in values for values in table):
+        return None
+    return np.array(table, np.float64)
 
 
 def _lines(path: Path, file: BinaryIO) -> Iterator[list[str]]:

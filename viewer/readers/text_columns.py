@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .text_header import OTHER, columns_named, header_words
+from .text_header import OTHER, columns_named, header_words, names_angles
 from .text_numbers import decimal_mark, number
 from .text_rows import BLANKS, TextRows, has_decimal_comma, line_feeds, quoted
 from .text_values import columns_by_values, unknown_columns
@@ -31,7 +31,8 @@ _WORDS = re.compile(r'(?:"[^"]*")+[^\s"]*|\S+')
 class Layout:
     """columns: a letter per field.  delimiter: between fields, BLANKS for blanks and tabs.  headers: lines before the rows.
     decimal: the mark before a fraction.  rest: the last field, which is not wanted, ends with its line, blanks in it or not.
-    notes: what a person should know about how the columns were recognised."""
+    notes: what a person should know about how the columns were recognised.  degrees: the header calls x and y longitude and
+    latitude."""
 
     columns: str
     delimiter: str = BLANKS
@@ -39,6 +40,7 @@ class Layout:
     decimal: str = "."
     rest: bool = False
     notes: tuple[str, ...] = ()
+    degrees: bool = False
 
     def target(self, wanted: str) -> list[int]:
         """For each field its index in ``wanted``, -1 for fields that are not wanted."""
@@ -76,12 +78,13 @@ def recognise(path: Path, given: str | None = None) -> Layout:
             raise InputError(f"{path}: --columns names {len(given)} columns, but a row has {count}: {quoted(lines[0])}; name "
                              "every column, those of no use as -")  # fmt: skip
         return Layout(given, delimiter, before, decimal, rest)
-    named = next((found for header in reversed(headers) if (found := columns_named(header, delimiter, count))), None)
+    named, title = next(((found, header) for header in reversed(headers)
+                         if (found := columns_named(header, delimiter, count))), (None, ""))  # fmt: skip
     if named is None and headers and any(len(words) == count for words in header_words(headers[-1], delimiter)[:2]):
         raise unknown_columns(path, f"its header {quoted(headers[-1])} names no x, y, z")
     if named is not None:
         rest = delimiter == BLANKS and named[-1] == OTHER and len(set(counts)) > 1
-        return Layout(named, delimiter, before, decimal, rest)
+        return Layout(named, delimiter, before, decimal, rest, degrees=names_angles(title, delimiter, named))
     if delimiter == BLANKS and _ends_with_words(lines, min(counts), decimal):
         count = min(counts)
     table = _sample(path, delimiter, decimal, count, before)

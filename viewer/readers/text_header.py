@@ -76,6 +76,16 @@ def columns_named(header: str, delimiter: str, count: int) -> str | None:
     return best
 
 
+def names_angles(header: str, delimiter: str, columns: str) -> bool:
+    """Whether the x and y of a header with these ``columns`` are longitude and latitude."""
+    for encoding in ("utf-8", "cp1251", "gb18030"):
+        words = header.encode("latin-1", "replace").decode(encoding, "replace")
+        for way in header_words(words, delimiter):
+            if len(way) == len(columns) and all(_plain(way[columns.index(axis)]).startswith(_ANGLES) for axis in "xy"):
+                return True
+    return False
+
+
 def header_words(header: str, delimiter: str) -> list[list[str]]:
     """The ways in which a header can be split into names.  It may be a comment."""
     text = header.strip().lstrip("#/%; \t\ufeff") if not delimiter else header.strip().lstrip("#/% \ufeff")

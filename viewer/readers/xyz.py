@@ -23,6 +23,8 @@ class XyzSource(ColumnSource):
     def __init__(self, path: Path, columns: str | None = None):
         super().__init__(path, path.suffix[1:].upper() or "XYZ")
         self._layout = recognise(path, None if columns is None else named_columns(path, columns))
+        if self._layout.degrees:
+            self.units = "degree"
         self.warnings += [f"{path.name}: {note}" for note in self._layout.notes]
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
