@@ -13,6 +13,8 @@ from .e57_nodes import is_number, library
 
 BLOCK = 1 << 18
 """Records read at a time; chosen by hand: 30 fields take 63 MB."""
+OWN = "pg"
+"""Prefix of the extension in which pointglass writes columns for which E57 has no field; they are read by their own names."""
 _COORDINATES = ("cartesianX", "cartesianY", "cartesianZ", "sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _PLACED = (*_COORDINATES, "cartesianInvalidState", "sphericalInvalidState", "colorRed", "colorGreen", "colorBlue",
            "isColorInvalid", "isIntensityInvalid")  # fmt: skip
@@ -94,7 +96,8 @@ def raw_blocks(file, points, fields: list[RawField], arrays: dict[str, np.ndarra
 def columns_of(fields: list[RawField], raw: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Columns of valid records for ``Records``: fields besides coordinates and colour; NaN where an intensity is marked as
     invalid."""
-    columns = {field.name: field.scaled(raw[field.name]) for field in fields if field.name not in _PLACED}
+    columns = {field.name.removeprefix(f"{OWN}:"): field.scaled(raw[field.name]) for field in fields
+               if field.name not in _PLACED}  # fmt: skip
     missing = raw.get("isIntensityInvalid")
     if missing is not None and "intensity" in columns and missing.any():
         values = columns["intensity"].astype(np.float32 if columns["intensity"].dtype.itemsize <= 4 else np.float64)

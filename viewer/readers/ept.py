@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from .column_source import Columns
-from .octree import TYPES, OctreeSource, as_object, columns_of, pieces, read_json, vector, whole
+from .octree import TYPES, OctreeSource, as_object, columns_of, named, pieces, read_json, vector, whole
 from .own_folder import may_unpack, own_path, refuse_link_out
 
 _SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
@@ -161,13 +161,20 @@ class EptSource(OctreeSource):
         if done != count:
             raise self._damaged(f"does not hold the {count:,} points that the hierarchy says", self._file(node))
 
-    def _from_las(self, node: str, count: int) -> Iterator[tuple[int, Columns]]:
+    def _record_nodes(self) -> Iterator[tuple[int, Columns]]:
+        if self._data != "laszip":
+            yield from self._nodes()
+            return
+        for node, count in self._counts.items():
+            yield from self._from_las(node, count, whole=True)
+
+    def _from_las(self, node: str, count: int, *, whole: bool = False) -> Iterator[tuple[int, Columns]]:
         from .las import LasSource
 
         source = LasSource(self._file(node))
         if source.count != count:
             raise self._damaged(f"holds {source.count:,} points where the hierarchy says {count:,}", self._file(node))
-        for chunk in source.chunks():
+        for chunk in source.record_chunks() if whole else source.chunks():
             yield 0, columns_of(chunk)
 
     def _unpacked(self, node: str, file: BinaryIO) -> Iterator[np.ndarray]:
@@ -192,4 +199,10 @@ class EptSource(OctreeSource):
                 scale, offset = self._schema[name] if column in "xyz" else (1.0, 0.0)
                 plain = column not in "xyz"
                 columns[column] = records[name] if plain else records[name].astype(np.float64) * scale + offset
+            used = {*names.values(), "Red", "Green", "Blue"}
+            for name in self._schema:
+                if name not in used and self._dtype[name].kind in "iuf":
+                    scale, offset = self._schema[name]
+                    plain = (scale, offset) == (1.0, 0.0)
+                    columns[named(name)] = records[name] if plain else records[name] * scale + offset
         return {column: values for column, values in columns.items() if values.dtype.kind in "iuf"}

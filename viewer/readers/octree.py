@@ -14,7 +14,7 @@ from ..errors import InputError
 from . import crs
 from .column_source import Columns, ColumnSource
 from .sampling import sampled_nodes
-from .source import CHUNK, Chunk, ScanInfo
+from .source import CHUNK, Chunk, Records, ScanInfo
 
 _LARGEST_JSON = 256 << 20  # bytes of a JSON file; chosen by hand: real ones are far smaller
 PIECE = 64 << 20
@@ -56,13 +56,24 @@ class OctreeSource(ColumnSource):
                 yield scan, {name: values[::step] for name, values in columns.items() if name in wanted}
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
-        """Gathers small nodes to larger chunks, since every chunk has a fixed cost."""
+        return self._gathered(set(wanted))
+
+    def _record_rows(self) -> Iterator[tuple[int, Columns]]:
+        return self._gathered(None)
+
+    def _record_nodes(self) -> Iterator[tuple[int, Columns]]:
+        """Yields what ``_nodes`` yields, with further columns that cost time."""
+        return self._nodes()
+
+    def _gathered(self, wanted: set[str] | None) -> Iterator[tuple[int, Columns]]:
+        """Gathers small nodes to larger chunks, since every chunk has a fixed cost.  wanted: columns; None: all."""
         kept: list[Columns] = []
-        for _, columns in self._nodes():
+        for _, every in self._record_nodes() if wanted is None else self._nodes():
+            columns = {name: values for name, values in every.items() if wanted is None or name in wanted}
             if kept and kept[0].keys() != columns.keys():
                 yield 0, _joined(kept)
                 kept = []
-            kept.append({name: values for name, values in columns.items() if name in wanted})
+            kept.append(columns)
             if sum(len(part[next(iter(part))]) for part in kept if part) >= _BATCH:
                 yield 0, _joined(kept)
                 kept = []
@@ -78,6 +89,21 @@ class OctreeSource(ColumnSource):
 
     def _damaged(self, what: str, file: Path | None = None) -> InputError:
         return InputError(f"{file or self.entry}: damaged: {what}; copy or convert the scan again")
+
+
+_NAMES = {"gpstime": "gps_time", "returnnumber": "return_number", "numberofreturns": "number_of_returns",
+          "userdata": "user_data", "scandirectionflag": "scan_direction_flag", "edgeofflightline": "edge_of_flight_line",
+          "pointsourceid": "point_source_id", "sourceid": "point_source_id", "synthetic": "synthetic", "keypoint": "key_point",
+          "withheld": "withheld", "overlap": "overlap", "scanchannel": "scanner_channel"}  # fmt: skip
+"""Names of attributes, in lower case and without separators, that laspy spells in another way."""
+_LETTERS = {"intensity": "i", "classification": "c", "point_source_id": "s"}
+
+
+def named(name: str) -> str:
+    """The name of a further attribute in ``Records``: as laspy names it, else as in the file; more than one letter."""
+    plain = "".join(c for c in name.lower() if c.isalnum())
+    known = _NAMES.get(plain, name)
+    return known if len(known) > 1 else f"{known}_"
 
 
 def _joined(parts: list[Columns]) -> Columns:
@@ -125,11 +151,13 @@ def vector(value: object, length: int = 3) -> np.ndarray | None:
     return found if np.isfinite(found).all() else None
 
 
-def columns_of(chunk: Chunk) -> Columns:
+def columns_of(chunk: Chunk | Records) -> Columns:
     """The columns of another reader's chunk."""
     columns = {axis: chunk.xyz[:, i] for i, axis in enumerate("xyz")}
     if chunk.rgb is not None:
         columns |= {channel: chunk.rgb[:, i] for i, channel in enumerate("rgb")}
+    if isinstance(chunk, Records):
+        return columns | {_LETTERS.get(name, name): values for name, values in chunk.columns.items()}
     known = (("i", chunk.intensity), ("c", chunk.classification), ("s", chunk.station))
     return columns | {column: values for column, values in known if values is not None}
 

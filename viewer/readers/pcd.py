@@ -5,13 +5,13 @@ for truncated ascii files and the beginning of damaged numbers, and holds all po
 VIEWPOINT gives a warning and is not applied.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from ..errors import InputError
-from .column_source import Columns, ColumnSource
+from .column_source import ALL, Columns, ColumnSource
 from .lzf import MOST, DamagedLzf, LzfReader
 from .pcd_header import Header, read_header
 from .sampling import run_starts
@@ -81,9 +81,16 @@ class PcdSource(ColumnSource):
             raise InputError(f"{self.path}: damaged: {what}; copy or export it again")
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
+        yield from self._named(wanted, self._blocks())
+
+    def _blocks(self) -> Callable[[list[str]], Iterator[Columns]]:
         form = self._header.data
-        blocks = self._ascii if form == "ascii" else self._binary if form == "binary" else self._compressed
-        yield from self._named(wanted, blocks)
+        return self._ascii if form == "ascii" else self._binary if form == "binary" else self._compressed
+
+    def _record_rows(self) -> Iterator[tuple[int, Columns]]:
+        used = {*self._fields.values(), self._rgb, "_"}
+        further = [field.name for field in self._header.fields if field.count == 1 and field.name not in used]
+        yield from self._named(ALL, self._blocks(), further)
 
     def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]] | None:
         form, size = self._header.data, self._header.points * self._header.dtype.itemsize
@@ -97,17 +104,20 @@ class PcdSource(ColumnSource):
             blocks = self._sampled_ascii if form == "ascii" else self._sampled_binary
         yield from self._named(wanted, lambda names: blocks(names, points, run))
 
-    def _named(self, wanted: str, blocks: Callable[[list[str]], Iterator[Columns]]) -> Iterator[tuple[int, Columns]]:
-        """Turns blocks of fields into the wanted columns.  blocks: yields the named fields of some points."""
+    def _named(
+        self, wanted: str, blocks: Callable[[list[str]], Iterator[Columns]], further: Sequence[str] = ()
+    ) -> Iterator[tuple[int, Columns]]:
+        """Turns blocks of fields into the wanted columns.  blocks: yields the named fields of some points.  further: fields
+        that keep their names."""
         fields = {column: name for column, name in self._fields.items() if column in wanted}
         packed = self._rgb if "r" in wanted else None
-        names = [*fields.values(), *([packed] if packed else [])]
+        names = [*fields.values(), *([packed] if packed else []), *further]
         for found in blocks(names) if names else ():
             columns = {column: found[name] for column, name in fields.items()}
             if packed is not None:
                 words = found[packed]
                 columns |= {c: (words >> shift & 0xFF).astype(np.uint8) for c, shift in zip("rgb", (16, 8, 0))}
-            yield 0, columns
+            yield 0, columns | {name if len(name) > 1 else f"{name}_": found[name] for name in further}
 
     def _binary(self, names: list[str]) -> Iterator[Columns]:
         """Yields fields by name; packed colours as uint32."""

@@ -2,7 +2,8 @@
 
 Rows without lists are read as NumPy records; rows with lists are parsed one by one.  (plyfile would hold the whole file in
 memory.)
-Frame: the file's.  Units: unknown, since PLY does not state them.
+Frame: the file's.  Units: unknown, since PLY does not state them, except by a comment that begins with ``wkt``, as our exports
+have it.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -13,6 +14,7 @@ from typing import BinaryIO
 import numpy as np
 
 from ..errors import InputError
+from . import crs
 from .column_source import RANGE_RUNS, Columns, Ranges
 from .ply_header import Element, read_header
 from .sampling import run_starts
@@ -50,6 +52,9 @@ class PlySource(Source):
             raise InputError(f"{path}: PLY vertices without {', '.join(missing)}; export it with coordinates")
         if self.count == 0:
             raise InputError(f"{path}: holds no points (its header says 0); export it again")
+        if wkt := next((text[4:] for text in self._header.comments if text.startswith("wkt ")), ""):
+            self.crs, self.units, self.metres_per_unit = crs.from_wkt(wkt)
+            self.crs_text = wkt
         self._rgb = next((names for names in _COLOURS if all(name in plain for name in names)), None)
         self._intensity = next((name for name in _INTENSITIES if name in plain), None)
         self._class = next((name for name in _CLASSES if name in plain), None)

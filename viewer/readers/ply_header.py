@@ -40,17 +40,19 @@ class Element:
 
 @dataclass(frozen=True)
 class Header:
-    """order: "<", ">" or "" for ascii.  data: byte at which the first element begins."""
+    """order: "<", ">" or "" for ascii.  data: byte at which the first element begins.  comments: their texts."""
 
     order: str
     elements: tuple[Element, ...]
     data: int
+    comments: tuple[str, ...] = ()
 
 
 def read_header(path: Path, file: BinaryIO) -> Header:
     """Reads up to and including ``end_header``.  Raises InputError naming the first line that is not valid."""
     order: str | None = None
     elements: list[tuple[str, int, list[Property]]] = []
+    comments: list[str] = []
     for number in range(1, _MOST_LINES):
         line = file.readline(_LONGEST_LINE)
         if not line.endswith(b"\n"):
@@ -59,7 +61,9 @@ def read_header(path: Path, file: BinaryIO) -> Header:
         match words:
             case ["ply"] if number == 1:
                 pass
-            case [] | ["comment" | "obj_info", *_]:
+            case ["comment", *_]:
+                comments.append(line.decode("latin-1").strip()[len("comment") :].strip())
+            case [] | ["obj_info", *_]:
                 pass
             case ["format", name, *_] if name in ORDERS:
                 order = ORDERS[name]
@@ -70,7 +74,8 @@ def read_header(path: Path, file: BinaryIO) -> Header:
             case ["property", kind, name] if elements and kind in TYPES:
                 elements[-1][2].append(Property(name, TYPES[kind]))
             case ["end_header"] if order is not None:
-                return Header(order, tuple(Element(n, c, tuple(p)) for n, c, p in elements), file.tell())
+                return Header(order, tuple(Element(n, c, tuple(p)) for n, c, p in elements), file.tell(),
+                              tuple(comments))
             case _:
                 text = ascii(" ".join(words)[:60])
                 raise InputError(f"{path}: PLY header line {number} not understood: {text}; export it again")

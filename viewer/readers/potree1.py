@@ -15,7 +15,7 @@ import numpy as np
 
 from ..errors import InputError
 from .column_source import Columns
-from .octree import TYPES, OctreeSource, columns_of, read_json, vector, whole
+from .octree import TYPES, OctreeSource, columns_of, named, read_json, vector, whole
 from .own_folder import own_path, refuse_link_out
 from .source import CHUNK
 
@@ -151,10 +151,15 @@ class Potree1Source(OctreeSource):
     def _points_of(self, name: str, file: Path) -> Iterator[tuple[int, Columns]]:
         return self._from_las(file) if self._dtype is None else self._from_records(name, file)
 
-    def _from_las(self, file: Path) -> Iterator[tuple[int, Columns]]:
+    def _record_nodes(self) -> Iterator[tuple[int, Columns]]:
+        for name, file in self._points():
+            yield from self._from_las(file, whole=True) if self._dtype is None else self._from_records(name, file)
+
+    def _from_las(self, file: Path, *, whole: bool = False) -> Iterator[tuple[int, Columns]]:
         from .las import LasSource
 
-        for chunk in LasSource(file).chunks():
+        source = LasSource(file)
+        for chunk in source.record_chunks() if whole else source.chunks():
             yield 0, columns_of(chunk)
 
     def _from_records(self, name: str, path: Path) -> Iterator[tuple[int, Columns]]:
@@ -172,7 +177,10 @@ class Potree1Source(OctreeSource):
                 if colour := next((field for field in _COLOURS if field in (dtype.names or ())), None):
                     columns |= {channel: records[colour][:, i] for i, channel in enumerate("rgb")}
                 known = ((field, column) for field, column in _COLUMNS.items() if field in (dtype.names or ()))
-                yield 0, columns | {column: records[field].reshape(-1) for field, column in known}
+                columns |= {column: records[field].reshape(-1) for field, column in known}
+                used = {*_COLUMNS, *_COLOURS, "POSITION_CARTESIAN"}
+                further = (field for field in dtype.names or () if field not in used and dtype[field].base.kind in "iuf")
+                yield 0, columns | {named(field): _flat(records[field]) for field in further}
 
     def _corner(self, name: str) -> np.ndarray:
         """(3,) lowest corner of a node's box."""
@@ -181,3 +189,8 @@ class Potree1Source(OctreeSource):
             size = size / 2
             low = low + size * [int(octant) >> 2 & 1, int(octant) >> 1 & 1, int(octant) & 1]
         return low
+
+
+def _flat(values: np.ndarray) -> np.ndarray:
+    """(n,) of (n, 1) values; others as they are."""
+    return values.reshape(-1) if values.shape[1:] == (1,) else values

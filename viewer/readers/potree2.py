@@ -15,6 +15,7 @@ import numpy as np
 from ..errors import InputError
 from .column_source import Columns
 from .octree import PIECE, TYPES, OctreeSource, read_json, vector, whole
+from .octree import named as record_name
 from .own_folder import MOST_RATIO, own_path
 from .source import CHUNK
 
@@ -195,7 +196,9 @@ class Potree2Source(OctreeSource):
             columns = {axis: named["position"][:, i] * self._scale[i] + self._offset[i] for i, axis in enumerate("xyz")}
         if "rgb" in named:
             columns |= {channel: named["rgb"][:, i] for i, channel in enumerate("rgb")}
-        return columns | {_COLUMNS[name]: named[name] for name in named if name in _COLUMNS and named[name].ndim == 1}
+        columns |= {_COLUMNS[name]: named[name] for name in named if name in _COLUMNS and named[name].ndim == 1}
+        further = (name for name in named if name not in (*_COLUMNS, "position", "rgb"))
+        return columns | {record_name(name): named[name] for name in further if named[name].dtype.kind in "iuf"}
 
 
 def _levels_of(children: np.ndarray) -> np.ndarray:

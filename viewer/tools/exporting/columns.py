@@ -66,7 +66,8 @@ class Column:
     gaps_in_values: bool = False
 
     def add(self, source: int, values: np.ndarray) -> None:
-        self.dtype = np.result_type(self.dtype, values.dtype) if self.sources else values.dtype
+        dtype = values.dtype.newbyteorder("=")
+        self.dtype = np.result_type(self.dtype, dtype) if self.sources else dtype
         self.width = max(self.width, values.shape[1] if values.ndim > 1 else 1)
         self.sources.add(source)
         if values.dtype.kind == "f":

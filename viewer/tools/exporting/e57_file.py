@@ -15,9 +15,9 @@ from uuid import uuid4
 import numpy as np
 
 from ...readers.e57_nodes import first_line, library
-from ...readers.e57_records import BLOCK, arrays_for, buffers_of, fields_of, raw_blocks
+from ...readers.e57_records import BLOCK, OWN, arrays_for, buffers_of, fields_of, raw_blocks
 
-EXTENSION = ("pg", "urn:pointglass:columns:1")
+EXTENSION = (OWN, "urn:pointglass:columns:1")
 """Prefix and name of the extension that holds columns for which E57 has no field."""
 _BLOB = 1 << 22
 """Bytes of a photograph copied at a time."""

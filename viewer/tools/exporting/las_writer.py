@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import InputError
 from .columns import FULL, Column, Piece, Stream, Survey
 from .crs_records import Reference
 from .las_layout import PROJECTION
@@ -31,6 +30,8 @@ _STANDARD = {
 _WAVEFORM = ("wavepacket_index", "wavepacket_offset", "wavepacket_size", "return_point_wave_location", "x_t", "y_t", "z_t")
 _ANGLE_STEP = 0.006
 """Degrees of a step of ``scan_angle``; ``scan_angle_rank`` of earlier formats is in degrees."""
+_WIDEST = 3
+"""Values of an extra dimension, at most."""
 _LONGEST = 32
 """Bytes of a dimension's name."""
 
@@ -101,7 +102,7 @@ class _Plan:
     def __init__(self, found: Survey, losses: Losses):
         self.standard: dict[str, str] = {}  # dimension -> column
         self.extra: dict[str, Column] = {}
-        self._extra_of: dict[str, str] = {}  # dimension -> column
+        self._extra_of: dict[str, tuple[str, int | None]] = {}  # dimension -> column, and one of its values or None
         self.descriptions: dict[str, str] = {}
         self._stretch: tuple[float, float] | None = None
         columns = dict(found.columns)
@@ -123,13 +124,14 @@ class _Plan:
                 del columns[name]
         self._numbered = self._needs_numbers(found, columns)
         for name, column in columns.items():
-            self._add_extra(name, column)
+            for element in range(column.width) if column.width > _WIDEST else [None]:
+                self._add_extra(name, column, element)
         if (column := columns.get("intensity")) is not None and column.high >= column.low:
             self._stretch = (column.low, column.high)
             step = (column.high - column.low) / 65535
             losses.add(
                 f"intensities {column.low:g} to {column.high:g} are no whole numbers of 16 bits: they are kept in the extra "
-                f"dimension {next(made for made, of in self._extra_of.items() if of == 'intensity')}, and the standard one "
+                f"dimension {next(made for made, of in self._extra_of.items() if of[0] == 'intensity')}, and the standard one "
                 f"holds (intensity - {column.low:g}) / {step:g}"
             )
 
@@ -141,17 +143,15 @@ class _Plan:
             return False  # kept as an extra dimension
         return max(found.counts, default=0) < 65535 and (column is None or (column.high <= 0 and len(found.counts) > 1))
 
-    def _add_extra(self, name: str, column: Column) -> None:
+    def _add_extra(self, column_name: str, column: Column, element: int | None) -> None:
+        """element: one value of a column that is too wide for a dimension; None: the column."""
+        name = (column_name if element is None else f"{column_name}_{element}").replace(":", "_")  # laspy writes no colons
         taken = {known.lower() for known in (*_STANDARD, *self.extra, "x", "y", "z", "gps_time", "red", "green", "blue", "nir")}
         made = name if name.lower() not in taken else f"{name}_value"
         made, number = _cut(made, ""), 1
         while made.lower() in taken:
             number += 1
             made = _cut(name, f"_{number}")
-        if column.width > 3:
-            raise InputError(
-                f"{name}: {column.width} values a point, where an extra dimension of LAS has at most 3; export it as E57 or PLY"
-            )
         dtype = column.dtype
         if dtype.kind not in "iuf":
             dtype = np.dtype(np.uint8)
@@ -159,8 +159,8 @@ class _Plan:
             dtype = np.dtype(np.float32)
         if dtype.itemsize > 8:
             dtype = np.dtype(np.float64)
-        self.extra[made] = Column(dtype, column.width)
-        self._extra_of[made] = name
+        self.extra[made] = Column(dtype, column.width if element is None else 1)
+        self._extra_of[made] = column_name, element
         if made != name:
             self.descriptions[made] = name.encode()[:_LONGEST].decode("utf-8", "ignore")
 
@@ -169,9 +169,13 @@ class _Plan:
         for name, column in self.standard.items():
             if column in piece.columns:
                 points[name] = piece.columns[column]
-        for name, column in self._extra_of.items():
+        for name, (column, element) in self._extra_of.items():
             if column in piece.columns:
-                points[name] = piece.columns[column]
+                values = piece.columns[column]
+                points[name] = values if element is None else values[:, element]
+            elif self.extra[name].dtype.kind == "f":  # of another file
+                width = self.extra[name].width
+                points[name] = np.full(len(piece.xyz) if width == 1 else (len(piece.xyz), width), np.nan)
         if self._ranks and "scan_angle_rank" in piece.columns:
             points["scan_angle"] = np.rint(piece.columns["scan_angle_rank"] / _ANGLE_STEP).astype(np.int16)
         if self._numbered:
