@@ -114,8 +114,7 @@ class FileChoice:
         """Lists another folder; the name of a file that is saved stays."""
         self.folder = folder
         self._list(folder)
-        if not self.saving or "/" in self.text or os.sep in self.text:
-            self.text = (self._leaf(self.text) or self.request.name) if self.saving else ""
+        self.text = (self._leaf(self.text) or self.request.name) if self.saving else ""
         self.filter, self.problem, self.question = "", "", None
         self.cursor, self.chosen, self.moved = -1, set(), True
 
