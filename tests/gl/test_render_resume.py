@@ -67,6 +67,31 @@ def test_only_what_is_whole_and_the_same_is_left_out(scan, tmp_path, capsys):
     assert "(6 pictures already there)" in capsys.readouterr().out
 
 
+def test_frames_of_a_film_and_pictures_of_the_demo_can_be_drawn_again(scan, tmp_path, capsys):
+    """And what cannot be says in one line what it shows."""
+    room, cameras = scan[1], scan[3]
+    film = ["video", room, "--path", cameras, "--view", "filled", "--background", "gradient"]
+    assert main([*film, "--out", str(tmp_path / "film")]) == 0
+    frames = sorted((tmp_path / "film").glob("*.png"))
+    assert main(["render", room, "--like", str(frames[2]), "--out", str(tmp_path / "again")]) == 0
+    assert (tmp_path / "again" / frames[2].name).read_bytes() == frames[2].read_bytes()
+    whole = {frame.name: frame.read_bytes() for frame in frames}
+    frames[1].write_bytes(whole[frames[1].name][:-30])
+    assert main([*film, "--out", str(tmp_path / "film"), "--resume"]) == 0
+    assert {frame.name: frame.read_bytes() for frame in frames} == whole
+
+    assert main([*film, "--out", str(tmp_path / "round"), "--panorama", "--size", "64x32"]) == 0
+    assert main([*film, "--out", str(tmp_path / "fine"), "--supersample", "2"]) == 0
+    assert main(scan) == 0
+    shown = {tmp_path / "round" / frames[0].name: "a panorama", tmp_path / "fine" / frames[0].name: "averaged",
+             tmp_path / "out" / "same.provenance.png": "provenance"}  # fmt: skip
+    for file, words in shown.items():
+        capsys.readouterr()
+        assert main(["render", room, "--like", str(file), "--out", str(tmp_path / "no")]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"pointglass: {file}: shows ") and words in said and said.count("\n") == 1
+
+
 def test_a_scan_that_has_changed_is_rendered_again(scan, tmp_path, capsys):
     assert main(scan) == 0
     os.utime(tmp_path / "room.ply", (4e9, 4e9))  # the same file name and number of points

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,6 +62,7 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
     from ..render.context import create_context
     from ..render.renderer import Renderer
     from .camera_files import read_cameras
+    from .shot_metadata import KEY, cannot_repeat, describe_shot
 
     scene = open_scene([demo_scan()])
     cameras = read_cameras(assets_dir() / "demo_cameras.json")
@@ -72,12 +74,14 @@ def demo_pictures(out: Path, settings: Settings) -> list[Path]:
                 frame = renderer.render(camera, settings, views=tuple(VIEWS))
                 pictures = [frame.image(view)[..., :3] for view in VIEWS]
                 for view, picture in zip(VIEWS, pictures, strict=True):
-                    files.append(out / f"{camera.name}-{view}.png")
-                    write_png(files[-1], picture)
+                    named = replace(camera, name=f"{camera.name}-{view}")
+                    shot = describe_shot(scene, named, replace(settings, view=view), background="black")
+                    files.append(out / f"{named.name}.png")
+                    write_png(files[-1], picture, {KEY: shot.text()})
                 rows.append(pictures)
                 meter.update(1)
     finally:
         renderer.release()
     sheet = out / "contact-sheet.png"
-    write_png(sheet, contact_sheet(rows))
+    write_png(sheet, contact_sheet(rows), cannot_repeat("a sheet of several pictures"))
     return [sheet, *files]

@@ -13,13 +13,15 @@ from .background import as_saved
 from .files import out_folder, write_array, write_json, write_png, write_together
 from .finished_pictures import is_finished
 from .provenance import provenance, views_with_mask
-from .shot_metadata import KEY, Shot, describe_shot
+from .shot_metadata import KEY, Shot, cannot_repeat, describe_shot
 
 if TYPE_CHECKING:
     from ..camera import Camera
     from ..grid.scene import Scene
     from ..render.frame import Frame
     from ..render.renderer import Renderer
+
+_PROVENANCE_TEXT = cannot_repeat("the provenance of pixels")
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -100,7 +102,7 @@ def _files(frame: "Frame", shot: Shot, *, aux: bool) -> dict[str, Callable[[Path
         files |= {
             f"{name}.depth.npy": lambda path: write_array(path, frame.depth()),
             f"{name}.mask.npy": lambda path: write_array(path, mask),
-            f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask)),
+            f"{name}.provenance.png": lambda path: write_png(path, provenance(view, image, mask), _PROVENANCE_TEXT),
             f"{name}.stats.json": lambda path: write_json(path, frame.stats),
         }
     return files

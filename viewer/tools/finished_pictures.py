@@ -29,13 +29,13 @@ def is_finished(out: Path, shot: Shot, *, newer_than: float, aux: bool) -> bool:
         if not picture.is_file() or picture.stat().st_mtime < newer_than or png_text(picture, KEY) != shot.text():
             return False
         size = shot.camera.height, shot.camera.width
-        return _whole_png(picture, size) and (not aux or _whole_aux(out, name, size))
+        return whole_png(picture, size) and (not aux or _whole_aux(out, name, size))
     except (OSError, InputError):
         return False
 
 
-def _whole_png(path: Path, size: tuple[int, int]) -> bool:
-    """Whether every chunk and every pixel of the PNG can be read.  size: (height, width)."""
+def whole_png(path: Path, size: tuple[int, int] | None = None) -> bool:
+    """Whether every chunk and every pixel of the PNG can be read.  size: (height, width) that it must have, None: any."""
     from PIL.PngImagePlugin import PngImageFile  # the plug-in itself, without Pillow's limit of pixels
 
     try:
@@ -43,7 +43,7 @@ def _whole_png(path: Path, size: tuple[int, int]) -> bool:
         PngImageFile(io.BytesIO(data)).verify()  # the checksums of the chunks
         image = PngImageFile(io.BytesIO(data))
         image.load()
-        return data.endswith(_END) and image.size == (size[1], size[0])
+        return data.endswith(_END) and (size is None or image.size == size[::-1])
     except (OSError, ValueError, SyntaxError, EOFError):
         return False
 
@@ -60,4 +60,4 @@ def _whole_aux(out: Path, name: str, size: tuple[int, int]) -> bool:
         json.loads((out / f"{name}.stats.json").read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return False
-    return _whole_png(out / f"{name}.provenance.png", size)
+    return whole_png(out / f"{name}.provenance.png", size)

@@ -122,14 +122,23 @@ def parse_camera_line(text: str) -> Camera:
     return _camera(found, "the copied camera")
 
 
+def cannot_repeat(shows: str) -> dict[str, str]:
+    """The text inside a PNG that ``render --like`` cannot draw again.  shows: what it is, such as "a panorama"."""
+    return {KEY: json.dumps({"version": __version__, "shows": shows})}
+
+
 def read_shot(path: Path) -> Shot:
     """The description inside a PNG.  Raises InputError where there is none, or it is damaged."""
     text = png_text(path, KEY)
     if text is None:
-        raise InputError(f"{path}: does not say how it was made; give a PNG that pointglass saved, or --cameras")
+        raise InputError(f"{path}: does not say how it was made; give a PNG that render, F12, `video --out DIR` or Python's "
+                         "save wrote, or --cameras")
     damaged = InputError(f"{path}: its description is damaged; give --cameras instead")
     try:
         found = json.loads(text, parse_constant=_no_number)
+        if isinstance(shows := found.get("shows"), str):
+            raise InputError(f"{path}: shows {shows:.80}, and --like draws pictures of one camera, as render makes them; give "
+                             "another PNG, or --cameras")
         known = {field.name for field in fields(Settings)}
         settings = {key: value for key, value in found["settings"].items() if key in known}
         altered = found.get("alterations")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ..errors import PointglassError
 from ..text import counted
-from ..tools.shot_metadata import KEY
+from ..tools.shot_metadata import KEY, cannot_repeat
 from . import capture
 from .file_dialog.file_dialogs import FileDialogs
 from .saved_picture import saved_picture, shot_of
@@ -59,7 +59,8 @@ class SaveActions:
             if made is None:
                 return None
             image, shot = made
-            capture.save_png(path, image, {KEY: shot.text()} if shot is not None else None)
+            text = {KEY: shot.text()} if shot is not None else cannot_repeat("a photograph or the tint of pixels")
+            capture.save_png(path, image, text)
         except PointglassError as error:
             self._session.notices.say("No screenshot was saved", str(error))
             return None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..tools.altered_pictures import AlteredPictures, shot_picture
 from ..tools.ghosts import prepared
-from ..tools.shot_metadata import KEY, Shot
+from ..tools.shot_metadata import KEY, Shot, cannot_repeat
 from .capture import save_png
 from .worker import Worker
 
@@ -50,7 +50,7 @@ class StillJob:
                 if self.panorama is None:
                     save_png(self.out, shot_picture(renderer, self.shot), {KEY: self.shot.text()})
                 else:
-                    save_png(self.out, self._panorama(renderer, self.panorama))
+                    save_png(self.out, self._panorama(renderer, self.panorama), cannot_repeat("a panorama"))
             finally:
                 renderer.release()
         finally:

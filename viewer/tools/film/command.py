@@ -5,6 +5,7 @@ import json
 import math
 from dataclasses import asdict, replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -126,9 +127,23 @@ def _write(scene: "Scene", maker: FrameMaker, cameras: "Sequence[Camera]", rate:
     }
     if alterations is not None and not alterations.none:
         made_of["alterations"] = to_json(alterations)
-    made = write_folder(out, cameras, maker.picture, made_of=made_of, resume=resume)
+    made = write_folder(out, cameras, maker.picture, made_of=made_of, resume=resume,
+                        describe=partial(_describe, scene, maker, alterations))
     kept = f", {len(cameras) - made:,} kept" if made < len(cameras) else ""
     return f"{counted(len(cameras), 'frame')} in {out}{kept}"
+
+
+def _describe(scene: "Scene", maker: FrameMaker, alterations: Alterations | None, camera: "Camera") -> dict[str, str]:
+    """The text inside the PNG of a frame: its description, or what prevents drawing it again."""
+    from ..shot_metadata import KEY, cannot_repeat, describe_shot
+
+    if maker.panorama:
+        return cannot_repeat("a panorama")
+    if maker.supersample > 1:
+        return cannot_repeat(f"a picture averaged from one {maker.supersample} times as wide")
+    shot = describe_shot(scene, maker.framed(camera), maker.settings, background=maker.background, alterations=alterations,
+                         exposures="matched" if scene.matched else "as-scanned")
+    return {KEY: shot.text()}
 
 
 def check(options: argparse.Namespace) -> None:

@@ -17,6 +17,7 @@ from ...errors import InputError
 from ...file_names import inside
 from ...progress import progress
 from ..files import out_folder, write_json, write_png
+from ..finished_pictures import whole_png
 
 RECORD = "film.json"
 QUALITY = 18
@@ -73,11 +74,13 @@ def _encode(path: Path, pictures: Iterable[np.ndarray], size: tuple[int, int], f
         container.mux(stream.encode())
 
 
-def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: dict, resume: bool) -> int:
+def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: dict, resume: bool,
+                 describe: Callable[[Camera], dict[str, str]] | None = None) -> int:
     """Writes ``out/NAME.png`` for each camera; returns how many were made now.
 
-    made_of: JSON-able, what determines the pictures.  resume: keep the frames that are there.  Raises InputError where they
-    were made of something else, or where there are some and ``resume`` is not asked for.
+    made_of: JSON-able, what determines the pictures.  resume: keep the frames that are there and can be read to their end.
+    describe: gives the text inside a camera's PNG.
+    Raises InputError where they were made of something else, or where there are some and ``resume`` is not asked for.
     """
     record = out / RECORD
     there = {path.name for path in out.glob("*.png")} if out.is_dir() else set()
@@ -88,14 +91,15 @@ def write_folder(out: Path, cameras: Sequence[Camera], draw: Draw, *, made_of: d
         if (kept := _read(record)) != wanted:
             other = next((key for key in wanted if kept.get(key) != wanted[key]), "content")
             raise InputError(f"{record}: the frames there were made with another {other}; choose another --out")
-    left = [camera for camera in cameras if f"{camera.name}.png" not in there]
+    kept_names = {name for name in there if whole_png(out / name)}
+    left = [camera for camera in cameras if f"{camera.name}.png" not in kept_names]
     with out_folder(out), progress(len(cameras), "filming", "frame") as meter:
         meter.update(len(cameras) - len(left))
         write_json(record, made_of)
         for camera in left:
             picture = draw(camera)
             try:
-                write_png(inside(out, f"{camera.name}.png"), picture)
+                write_png(inside(out, f"{camera.name}.png"), picture, describe(camera) if describe is not None else None)
             except OSError as error:
                 raise InputError(f"{out / camera.name}.png: cannot be written ({error.strerror or error}); make room, then "
                                  "go on with --resume") from None

@@ -49,8 +49,13 @@ class FrameMaker:
         if self.panorama:
             made = Panorama(width, height).picture(camera, self._draw)
         else:
-            made = self._draw(replace(camera.resized(width, height), name=camera.name))
+            made = self._draw(self.framed(camera))
         return composite(averaged(made, self.supersample), self.background)
+
+    def framed(self, camera: "Camera") -> "Camera":
+        """The camera at the size that is rendered."""
+        sides = (side * self.supersample for side in self.size)
+        return replace(camera.resized(*sides), name=camera.name)
 
     def _draw(self, camera: "Camera") -> np.ndarray:
         if self.altered is not None:
