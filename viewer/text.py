@@ -3,7 +3,7 @@ text."""
 
 from ..model.common.printable import escaped_output, printable
 
-__all__ = ["bytes_text", "counted", "escaped_output", "printable", "whole_number"]
+__all__ = ["bytes_text", "counted", "escaped_output", "left_text", "printable", "whole_number"]
 
 import math
 
@@ -12,6 +12,14 @@ def counted(number: float, noun: str) -> str:
     """"1 frame", "2,000 frames", "0.5 points"."""
     shown = f"{number:g}" if isinstance(number, float) else f"{number:,}"
     return f"{shown} {noun}{'' if number == 1 else 's'}"
+
+
+def left_text(seconds: float) -> str:
+    """A time to wait, rounded as an estimate is: "8 s", "3 min", "1 h 20 min"."""
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def bytes_text(count: float) -> str:

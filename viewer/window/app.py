@@ -66,7 +66,7 @@ class App:
         import glfw  # isort: skip
 
         self.glfw, self.imgui = glfw, imgui
-        self._scale = scale
+        self._scale, self._told = scale, False
         self.window = make_window(glfw, size)
         self.address = ctypes.cast(self.window, ctypes.c_void_p).value or 0
         try:
@@ -76,26 +76,24 @@ class App:
             glfw.terminate()
             raise
         self.session = Session(
-            settings, glfw.get_framebuffer_size(self.window), wake=glfw.post_empty_event,
+            settings, glfw.get_framebuffer_size(self.window), wake=self._tell,
             open_scene=partial(open_scene, cache=cache, match=match, columns=columns), start=start,
             preview_scene=partial(preview_scene, cache=cache, match=match, columns=columns),
         )  # fmt: skip
-        self.files = FileDialogs(glfw.post_empty_event, self._scan_folder)
+        self.files = FileDialogs(self._tell, self._scan_folder)
         self.choice_window = ChoiceWindow()
         self.missing_scans = MissingScansDialog()
         self.start_page = StartPage(self.context)
         self.viewport = Viewport(self.context, self.session, memory=memory, wake=glfw.post_empty_event)
         self.toolbox = toolbox()
-        self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=self._set_captured)
+        self.tools = ToolContext(self.session, self.viewport, self.theme, set_captured=lambda on: self.input.set_captured(on))
         self.tools.clipboard = SystemClipboard(glfw, self.window)
         self.tools.files = self.files
         self.save_actions = SaveActions(self.session, self.viewport, self.files, folder)
         self.tools.saves = self.save_actions
-        self.projects = ProjectFlow(self.session, self.files, glfw.post_empty_event)
+        self.projects = ProjectFlow(self.session, self.files, self._tell)
         self.tools.save_project = self.projects.save
-        self._title = ""
-        self._settle = _SETTLE
-        self._awake_until = 0.0
+        self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
         self._actions = actions(self)
         self.input = Input(self)
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
@@ -126,11 +124,12 @@ class App:
     def say_compiling(self, line: str) -> None:
         """Shows that loops are being compiled.  From any thread."""
         self.session.notices.toast(f"{line[0].upper()}{line[1:]}", seconds=_COMPILING_SECONDS)
-        self.wake()
-        self.glfw.post_empty_event()
+        self._tell()
 
-    def _set_captured(self, captured: bool) -> None:
-        self.input.set_captured(captured)
+    def _tell(self) -> None:
+        """Something is to be shown: progress, a result.  From any thread."""
+        self._told = True
+        self.glfw.post_empty_event()
 
     def _start_graphics(self) -> None:
         from ..render.context import create_context
@@ -237,6 +236,8 @@ class App:
                 glfw.wait_events_timeout(_BREATH if stirring else min(nap, change or nap))
             else:
                 glfw.poll_events()
+        if self._told:
+            self._told, self._settle = False, max(self._settle, 2)  # what appears is drawn in its second frame
         if self.gamepad.connected:
             self._follow_gamepad()
         message = session.notices.message

@@ -3,15 +3,19 @@
 import threading
 import traceback
 from collections.abc import Callable
+from time import monotonic
 from typing import Any
 
 from ..errors import Cancelled, PointglassError
 from ..progress import set_sink
 
+_WAKE_S = 0.25
+"""Seconds between two reports of progress that wake the window's loop."""
+
 
 class Worker:
-    """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) when it has ended.  start: at once, not by
-    :meth:`start`.
+    """Runs ``work()`` on a thread.  ``wake`` is called (on that thread) when it has ended, and a few times a second while it
+    goes on.  start: at once, not by :meth:`start`.
 
     title: what it does as a whole.  label, done, total: the latest progress (total 0: unknown).
     finished: result or error are there.
@@ -23,7 +27,8 @@ class Worker:
         self.result: Any = None
         self.error: str | None = None
         self.cancelled = False
-        self._wake = wake
+        self._wake, self._woke = wake, 0.0
+        self._step: tuple[str, float, int] | None = None  # the present step: its label, since when, and what was done then
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, args=(work,), name=f"pointglass {title}", daemon=True)
         if start:
@@ -42,6 +47,14 @@ class Worker:
         """How far the present step is, 0 to 1; None where that is not known."""
         return min(self.done / self.total, 1.0) if self.total else None
 
+    @property
+    def seconds_left(self) -> float | None:
+        """Until the end of the present step, at its speed so far; None where that is not known yet."""
+        if self._step is None or not self.total or self.done <= self._step[2]:
+            return None
+        _, since, done = self._step
+        return (self.total - self.done) * (monotonic() - since) / (self.done - done)
+
     def cancel(self) -> None:
         """Asks the work to stop at its next progress report, where it cleans up after itself."""
         self.cancelled = True
@@ -52,7 +65,13 @@ class Worker:
         return not self._thread.is_alive()
 
     def _sink(self, label: str, done: int, total: int) -> bool:
+        now = monotonic()
+        if self._step is None or self._step[0] != label or done < self.done:
+            self._step = label, now, done
         self.label, self.done, self.total = label, done, total
+        if now - self._woke >= _WAKE_S:  # the loop may sleep: the mouse rests
+            self._woke = now
+            self._wake()
         return not self.cancelled
 
     def _run(self, work: Callable[[], Any]) -> None:

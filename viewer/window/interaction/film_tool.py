@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import PointglassError
 from ...settings import QUALITIES, VIEWS
+from ...text import left_text
 from ...tools.document import Viewpoint, replaced, unique_name, without
 from ...tools.film.command import MP4, PANORAMA_SIZE
 from ...tools.film.keyframes import cameras_along, path_seconds
@@ -164,6 +165,8 @@ class Film(Tool):
         if self.worker is not None:
             share = self.worker.fraction
             ui.text_unformatted(f"Rendering {self.worker.done:,} of {self.worker.total:,} frames" if share else "Preparing…")
+            if (seconds := self.worker.seconds_left) is not None:
+                ui.text_unformatted(f"{left_text(seconds)} left")
             ui.progress_bar(share or 0.0)
             if ui.button("Cancel"):
                 self.worker.cancel()
