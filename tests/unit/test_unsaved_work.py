@@ -25,6 +25,7 @@ from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
 from pointglass.viewer.window.loading import Loaded
 from pointglass.viewer.window.project_flow import ProjectFlow
 from pointglass.viewer.window.recovery import recoverable
+from pointglass.viewer.window.scan_notice_actions import act_on_notice
 from pointglass.viewer.window.session import Session
 from pointglass.viewer.window.start_viewpoint import survey
 
@@ -377,3 +378,29 @@ def test_a_damaged_autosave_is_set_aside(tmp_path, monkeypatch, text):
     folder.mkdir(parents=True)
     (folder / "a.json").write_text(text, "latin-1")
     assert recoverable() == [] and (folder / "a.json.damaged").exists() and recoverable() == []
+
+
+def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_project_is_offered(window, tmp_path):
+    from pointglass.viewer.window.recent import last_view, recent_scans
+
+    home = window.session.flight.home
+    window.session.flight.state = dataclasses.replace(home, position=home.position + 0.25, yaw=home.yaw + 0.5)
+    window.session.flight.field_of_view = 40.0
+    left = window.session.camera
+    window.flow.remember(None)
+    view = last_view([window.scan])
+    assert view is not None and last_view([tmp_path / "other.ply"]) is None
+    window.edit(clips=(BOX,))
+    window.flow.save()
+    window.flow.remember(None)
+    assert [Path(path).name for path in recent_scans()[0].paths] == ["room.pointglass"], "the project, not its scan alone"
+    window.session.close_scene()
+    window.session.open([window.scan], view=view)
+    window.take()
+    assert window.session.camera.camera_to_world == pytest.approx(left.camera_to_world)
+    assert window.session.camera.fy == pytest.approx(left.fy)
+    assert window.session.flight.home.position == pytest.approx(home.position), "Home is the start viewpoint"
+    offer = next(notice for notice in window.session.notices.of_scan if notice.label == "Open it")
+    act_on_notice(window.session, offer.action)
+    window.take()
+    assert window.session.work.project == tmp_path / "room.pointglass" and window.session.document.clips == (BOX,)

@@ -86,6 +86,7 @@ class Driver:
         self.session.loads.open_scene = self._open
         self.app.projects.leave = lambda then: then()  # unsaved work is given up; test_unsaved_work.py has the questions
         self.app.projects.may_replace = lambda loaded: True
+        self.app.last_view = lambda paths: None  # every visit begins at the start viewpoint
 
     def _open(self, paths):
         from pointglass.viewer.grid.open_scene import open_scene

@@ -40,6 +40,12 @@ def is_project(path: Path) -> bool:
     return path.suffix.lower() == SUFFIX
 
 
+def project_beside(document: Document) -> Path:
+    """Where a new project of a document, which has scans, is saved: beside the first one, under its name."""
+    first = Path(document.scans[0].path)
+    return first.with_name(first.stem + SUFFIX)
+
+
 def write_project(path: Path, document: Document) -> None:
     """Writes a document so that an older file stays as it was on any failure.  Raises InputError naming the file."""
     places = [dataclasses.asdict(place_of(scan.path, path)) for scan in document.scans]

@@ -30,7 +30,7 @@ from .interface import draw_interface
 from .loading import Loaded, open_scene, preview_scene
 from .missing_scans import MissingScansDialog
 from .project_flow import ProjectFlow
-from .recent import remember
+from .recent import last_view
 from .save_actions import SaveActions
 from .session import Session
 from .start_page import StartPage
@@ -94,6 +94,7 @@ class App:
         self.projects = ProjectFlow(self.session, self.files, self._tell)
         self.tools.save_project = self.projects.save
         self._settle, self._awake_until, self._title = _SETTLE, 0.0, ""
+        self.last_view = last_view
         self._actions = actions(self)
         self.input = Input(self)
         self.gamepad = Gamepad(glfw, lambda: bool(glfw.get_window_attrib(self.window, glfw.FOCUSED)))
@@ -170,7 +171,8 @@ class App:
 
     def open(self, paths: Sequence[Path], start: "Camera | None" = None) -> None:
         """Opens scans or a project instead of what is open, once that is saved or given up."""
-        self.projects.leave(lambda: self.session.open(paths, start))
+        view = self.last_view(paths) if start is None else None
+        self.projects.leave(lambda: self.session.open(paths, start, view=view))
 
     def close_scan(self) -> None:
         """Back to the start page, once the work is saved or given up."""
@@ -185,9 +187,7 @@ class App:
 
     def _remember_scan(self) -> None:
         """Puts the scan that is being left among the recent ones, with the picture on the screen."""
-        session = self.session
-        if session.scene is not None and session.visit.paths and not session.visit.preview:
-            remember(list(session.visit.paths), session.visit.title, session.scene.count, self.viewport.shown_picture())
+        self.projects.remember(self.viewport.shown_picture())
 
     def _measure_density(self) -> None:
         width = self.glfw.get_window_size(self.window)[0]

@@ -8,15 +8,18 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import PointglassError
 from ..paths import assets_dir
 from ..text import printable
-from ..tools.document import Document
+from ..tools.document import Document, Viewpoint
 from ..tools.project import SUFFIX
 from .autosave import Autosave, UnsavedWork, discard, lock
 from .file_dialog.file_dialogs import FileDialogs
 from .loading import Loaded
 from .notices import Answer
+from .recent import remember
 from .recovery import Recoverable, recoverable, renewed
 from .session import Session
 
@@ -132,6 +135,14 @@ class ProjectFlow:
         else:
             session.notices.toast(f"Saved {path}")
             then()
+
+    def remember(self, picture: np.ndarray | None) -> None:
+        """Puts what is open among the recent scans: the project, or the scans.  picture: as for viewer.window.recent."""
+        session = self._session
+        visit, project = session.visit, session.work.project
+        if session.scene is not None and visit.paths and not visit.preview:
+            paths = list(visit.paths) if project is None else [project]
+            remember(paths, self.name, session.scene.count, picture, Viewpoint.of(session.camera, "last view"))
 
     # -- leaving -----------------------------------------------------------------------------------------------------
 

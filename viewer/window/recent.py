@@ -7,14 +7,18 @@ unreadable list counts as empty: it is a convenience, and the next scan writes i
 import hashlib
 import io
 import os
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ...model.common.atomic_write import write_atomic
 from ...model.common.state_folder import state_dir
+from ..errors import InputError
 from ..state_files import read_state, write_state
+from ..tools.document import Viewpoint
+from ..tools.project import from_json, to_json
 
 MOST = 12
 """Scans that are remembered."""
@@ -25,11 +29,13 @@ _FILE = "recent.json"
 
 @dataclass(frozen=True)
 class RecentScan:
-    """paths: absolute, as opened together.  title: in a few words.  points: their number."""
+    """paths: absolute, as opened together: scans, or one project.  title: in a few words.  points: their number.
+    view: where the camera stood when they were left, None where that is not known."""
 
     paths: tuple[str, ...]
     title: str
     points: int
+    view: Viewpoint | None = None
 
     @property
     def thumbnail(self) -> Path:
@@ -48,24 +54,38 @@ def recent_scans() -> list[RecentScan]:
     """The scans remembered, the latest first."""
 
     def parse(rows) -> list[RecentScan]:
-        return [RecentScan(tuple(map(str, row["paths"])), str(row["title"]), int(row["points"])) for row in rows][:MOST]
+        return [RecentScan(tuple(map(str, row["paths"])), str(row["title"]), int(row["points"]), _view(row)) for row in rows
+                ][:MOST]
 
     return read_state(state_dir() / _FILE, parse, [])
 
 
-def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | None) -> None:
+def _view(row: dict) -> Viewpoint | None:
+    try:
+        return from_json(Viewpoint, row.get("view"), "view")
+    except InputError:
+        return None
+
+
+def last_view(paths: Sequence[Path]) -> Viewpoint | None:
+    """Where the camera stood when these scans were left; None where that is not known."""
+    asked = tuple(str(path.absolute()) for path in paths)
+    return next((scan.view for scan in recent_scans() if scan.paths == asked), None)
+
+
+def remember(paths: list[Path], title: str, points: int, picture: np.ndarray | None, view: Viewpoint | None = None) -> None:
     """Puts a scan first in the list, with a thumbnail of ``picture`` (H, W, 3) uint8 where there is one.
 
     What cannot be written is left out: closing a scan must not fail for want of a thumbnail.
     """
-    scan = RecentScan(tuple(str(path.absolute()) for path in paths), title, points)
+    scan = RecentScan(tuple(str(path.absolute()) for path in paths), title, points, view)
     before = recent_scans()
     kept = [scan, *(other for other in before if other.paths != scan.paths)][:MOST]
     try:
         state_dir().mkdir(mode=0o700, parents=True, exist_ok=True)
         if picture is not None:
             _save_thumbnail(scan.thumbnail, picture)
-        write_state(state_dir() / _FILE, [asdict(row) for row in kept])
+        write_state(state_dir() / _FILE, [to_json(row) for row in kept])
         for gone in set(before) - set(kept):
             if gone.paths != scan.paths:
                 gone.thumbnail.unlink(missing_ok=True)

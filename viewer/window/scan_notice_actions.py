@@ -1,6 +1,7 @@
 """What the notices about a scan offer: colours as scanned, all points, a brighter picture, another up axis."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..tools.document import UP_AXES
@@ -17,6 +18,8 @@ def act_on_notice(session: "Session", action: str) -> None:
         session.loads.open(session.visit.paths)
     elif action == "brighten" and (exposure := session.visit.exposure) is not None:
         session.work.edit("Brighten the dark scan", look=replace(session.document.look, exposure=exposure))
+    elif action.startswith("open "):
+        session.open([Path(action.removeprefix("open "))])
     elif action.startswith("up ") and session.scene is not None:
         name = action.removeprefix("up ")
         session.work.edit(f"Up axis {name}", up=UP_AXES[name])

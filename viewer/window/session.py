@@ -23,7 +23,7 @@ import numpy as np
 from ..camera import Camera, from_fov
 from ..settings import Settings
 from ..text import counted
-from ..tools.document import Document
+from ..tools.document import Document, Viewpoint
 from ..tools.picture_spec import PictureSpec
 from . import loading
 from .capture import FrameTimes
@@ -238,10 +238,11 @@ class Session:
 
     # -- scenes ------------------------------------------------------------------------------------------------------
 
-    def open(self, paths: Sequence[Path], start: Camera | None = None, recovered: Recoverable | None = None) -> None:
-        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.  start: where the visit begins.
-        recovered: an autosave, whose scans are opened instead."""
-        self.visit.start = start or self.visit.start
+    def open(self, paths: Sequence[Path], start: Camera | None = None, recovered: Recoverable | None = None,
+             view: Viewpoint | None = None) -> None:
+        """Opens ``paths`` as one scene; folders that are no scan stand for the scans in them.  start, view: where the visit
+        begins (Visit.start, Visit.resume).  recovered: an autosave, whose scans are opened instead."""
+        self.visit.start, self.visit.resume = start or self.visit.start, view
         self.loads.open(paths, recovered=recovered)
 
     def keeps_work(self, loaded: loading.Loaded) -> bool:

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..camera import Camera
-from ..tools.document import Document
+from ..text import printable
+from ..tools.document import Document, Viewpoint
+from ..tools.project import project_beside
 from ..tools.scan_files import FilePart, sample_of_file
 from ..tools.standing_place import standing_view, viewpoint_worth
 from ..tools.up_axis import turned, upright_axes
@@ -28,11 +30,13 @@ _GOOD_START = 0.75
 
 class Visit:
     """scene: the one shown, None at first.  paths: its files.  preview: whether it is coarse and the complete one follows.
-    start: the camera that the next visit begins with; None: one is chosen (viewer.window.start_viewpoint)."""
+    start: the camera that the next visit begins with; None: one is chosen (viewer.window.start_viewpoint).
+    resume: the view that the next visit begins with, where the same scan was left at it; Home stays the chosen one."""
 
     def __init__(self, flight: Flight, start: Camera | None = None):
         self._flight = flight
         self.start = start
+        self.resume: Viewpoint | None = None
         self.scene: Scene | None = None
         self.paths: tuple[Path, ...] = ()
         self.preview = False
@@ -84,8 +88,13 @@ class Visit:
         if document.view is not None:
             state = _at(document.view.camera(16, 9), state)
         self._flight.begin(state, self._seen)
+        resume, self.resume = self.resume, None
         if document.view is not None:
             self._flight.field_of_view = document.view.vertical_fov
+        elif resume is not None and self._chosen:  # Home stays the start viewpoint that was chosen here
+            self._chosen = False
+            self._flight.state = _at(resume.camera(16, 9), state)
+            self._flight.field_of_view = resume.vertical_fov
 
     def mend_start(self, document: Document, aspect: float) -> None:
         """Flies to the complete scan's start viewpoint where that of its preview is much worse and nobody has moved yet."""
@@ -128,7 +137,8 @@ class Visit:
         """What there is to say about the scene, most important first."""
         assert self.scene is not None and self._seen is not None
         known = any(" places, " in text for text in self.scene.meta.get("warnings", []))
-        offers = None if known else far_apart(self._seen), darkness(self._seen), lying(self._seen, document.up)
+        offers = (_project_beside(document), None if known else far_apart(self._seen), darkness(self._seen),
+                  lying(self._seen, document.up))
         return scan_notices(self.scene.meta) + [offer for offer in offers if offer is not None]
 
     @property
@@ -138,6 +148,16 @@ class Visit:
             return "pointglass"
         sources = self.scene.meta.get("sources") or ["points in memory"]
         return Path(sources[0]).name + (f" and {len(sources) - 1} more" if len(sources) > 1 else "")
+
+
+def _project_beside(document: Document) -> ScanNotice | None:
+    """An offer of the project that was saved beside a scan, where the scan was opened without it."""
+    if document.view is not None or not document.scans:
+        return None
+    project = project_beside(document)
+    if not project.is_file():
+        return None
+    return ScanNotice(f"{printable(project.name)} beside this scan holds saved work.", f"open {project}", "Open it")
 
 
 def _at(camera: Camera, state: FlyState) -> FlyState:

@@ -15,7 +15,7 @@ from ..tools.altered_pictures import edits_of
 from ..tools.document import Document, ScanFile, moved
 from ..tools.history import History
 from ..tools.pick import Picked
-from ..tools.project import SUFFIX, digest_of, project_among, read_project, relocated, scans_of, write_project
+from ..tools.project import digest_of, project_among, project_beside, read_project, relocated, scans_of, write_project
 from ..tools.reference import with_reference
 from .interaction.exact_points import ExactPoints
 from .photo_layer import ShownPhoto
@@ -148,8 +148,7 @@ class Work:
         """Where the project is saved: its file, else beside the first scan; None where no scan is open."""
         if self.project is not None or not self.document.scans:
             return self.project
-        first = Path(self.document.scans[0].path)
-        return first.with_name(first.stem + SUFFIX)
+        return project_beside(self.document)
 
     def as_saved(self, camera: Camera, settings: Settings, background: str) -> Document:
         """The document with what the window shows now."""
