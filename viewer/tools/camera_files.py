@@ -20,6 +20,9 @@ from .camera_formats.parse import read_text, shown
 from .camera_formats.tum import read_tum
 from .files import write_json
 
+_UNDISTORTED = ("nerfstudio/transforms_undistorted.json", "dslr/nerfstudio/transforms_undistorted.json")  # of ScanNet++
+_TRANSFORMS = ("transforms.json", "nerfstudio/transforms.json", "dslr/nerfstudio/transforms.json")
+
 
 def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Camera]:
     """All cameras of a file, or of a COLMAP folder, in its order, with names that are safe and unique as file names.
@@ -42,9 +45,13 @@ def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Cam
 
 def _read(path: Path, size: tuple[int, int] | None) -> list[Camera]:
     if path.is_dir():
-        folder = find_model(path)
+        undistorted = next((path / place for place in _UNDISTORTED if (path / place).is_file()), None)
+        folder = find_model(path) if undistorted is None else None
         if folder is None:
-            raise InputError(f"{path}: no cameras.txt and images.txt, or cameras.bin and images.bin, in this folder")
+            if beside := undistorted or next((path / place for place in _TRANSFORMS if (path / place).is_file()), None):
+                return read_json(beside, size)
+            raise InputError(f"{path}: no cameras.txt and images.txt, or cameras.bin and images.bin, and no transforms.json in "
+                             "this folder")  # fmt: skip
         return _read_colmap(folder)
     if not path.is_file():
         raise InputError(f"{path}: no such camera file")

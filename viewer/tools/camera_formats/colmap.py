@@ -13,12 +13,18 @@ MODELS = {  # name: (focal lengths, parameters behind cx cy, all of them distort
     "SIMPLE_PINHOLE": (1, 0), "PINHOLE": (2, 0), "SIMPLE_RADIAL": (1, 1), "RADIAL": (1, 2), "OPENCV": (2, 4),
     "FULL_OPENCV": (2, 8),
 }
+_PLACES = ("", "sparse/0", "sparse", "dense/sparse", "dense/0/sparse", "undistorted/sparse", "colmap/sparse/0", "colmap/sparse",
+           "colmap", "distorted/sparse/0", "dslr/colmap", "iphone/colmap")  # fmt: skip
+"""Folders below the given one in which a model is looked for; undistorted ones come before distorted ones."""
 _FIELDS = "IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME"
 
 
 def find_model(folder: Path) -> Path | None:
-    """The folder itself or its usual sub-folder that holds the model, text before binary; None if neither does."""
-    places = (folder, folder / "sparse" / "0", folder / "sparse")
+    """The folder itself or the sub-folder that holds the model, as COLMAP, nerfstudio, 3D Gaussian splatting and ScanNet++ lay
+    it out, text before binary; None if none does."""
+    places = [folder / place for place in _PLACES]
+    for below in ("sparse", "colmap/sparse"):  # of several models the first
+        places += sorted(path for path in (folder / below).glob("[0-9]*") if path.is_dir())
     return next((f for name in ("images.txt", "images.bin") for f in places if (f / name).is_file()), None)
 
 
