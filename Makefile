@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint assets pictures wheel clean setup
+.PHONY: help demo test faults hostile lint assets pictures wheel clean setup
 
 help:  ## this list
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -16,6 +16,12 @@ demo: setup  ## set up what is missing and open the demo scan (without a display
 
 test: setup  ## set up what is missing, check the code, run every test
 	@.ci/test.sh
+
+faults: setup  ## interrupts, kills, full disks, little memory: 200 of each interrupt (hours; ARGS="--times 20" for fewer)
+	@$(PYTHON) -m tests.faults $(ARGS)
+
+hostile: setup  ## mutants of every file that is read, for a minute (ARGS="--minutes 60 --seed 7" for more)
+	@$(PYTHON) -m tests.hostile $(ARGS)
 
 lint: setup  ## ruff and pyright
 	@$(PYTHON) -m ruff check .

@@ -19,10 +19,17 @@ MAX_FOCAL = 1e6
 MIN_CROP = 32
 """Shortest side of a training crop, pixels: twice the 16 pixels to which the compact network pads a picture (four halvings),
 and the least for which augmentation has a texture."""
+_LONGEST_REASON = 300  # characters of a library's error in a message; chosen by hand
 
 
 class DataError(PointglassError):
     """Data that cannot be used; the message names the files and the remedy."""
+
+
+def reason(error: Exception) -> str:
+    """An error in a few words for a message: its text, with its class where the text alone tells little (KeyError)."""
+    text = str(error) if isinstance(error, (OSError, ValueError)) else repr(error)
+    return text if len(text) <= _LONGEST_REASON else f"{text[:_LONGEST_REASON]}..."
 
 
 @dataclass(frozen=True)

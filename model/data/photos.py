@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from .dataset import DataError
+from .dataset import DataError, reason
 from .lens import Lens, pinhole_focal, undistort
 
 
@@ -110,8 +110,8 @@ def _wrong(where: Path, path: Path, size: tuple[int, int] | None, *, depth: bool
             with Image.open(path) as image:
                 image.load()
                 found, numbers = image.size, image.mode in ("F", "L") or image.mode.startswith("I")
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        return f"{name} cannot be read ({error})"
+    except Exception as error:  # Pillow raises nearly anything for damaged pictures
+        return f"{name} cannot be read ({reason(error)})"
     if depth and not numbers:
         return f"{name} is not a depth picture: expected one value per pixel"
     return None if size in (None, found) else f"{name} has {found[0]}x{found[1]} pixels, not {size[0]}x{size[1]}"

@@ -19,7 +19,7 @@ import numpy as np
 from PIL import Image
 from scipy.spatial.transform import Rotation, Slerp
 
-from .dataset import FAR, MAX_FOCAL, DataError
+from .dataset import FAR, MAX_FOCAL, DataError, reason
 from .lens import Lens
 from .photos import check_pictures
 from .rgbd_frame import MILLIMETRE, Frame
@@ -76,7 +76,7 @@ def _nerfstudio(folder: Path, unit: float | None) -> list[Frame]:
             lens = _nerfstudio_lens(f"{path}: {entry['file_path']}", {**data, **entry})
             frames.append(Frame(folder / entry["file_path"], lens, pose, mask, folder / entry["depth_file_path"], unit))
     except (OSError, KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
-        raise DataError(f"{path}: not a nerfstudio description ({error!r})") from None
+        raise DataError(f"{path}: not a nerfstudio description ({reason(error)})") from None
     return sorted(frames, key=lambda frame: str(frame.path))
 
 
@@ -191,8 +191,8 @@ def _size(path: Path) -> tuple[int, int]:
             return columns, rows
         with Image.open(path) as image:
             return image.size
-    except (OSError, ValueError, SyntaxError) as error:
-        raise DataError(f"{path}: cannot be read ({error})") from None
+    except Exception as error:  # Pillow raises nearly anything for damaged pictures
+        raise DataError(f"{path}: cannot be read ({reason(error)})") from None
 
 
 def _intrinsics(folder: Path) -> tuple[float, ...] | None:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from .coloured_mesh import check_mesh, points_scan, read_mesh, scattered_scan
-from .dataset import DataError, Scan
+from .dataset import DataError, Scan, reason
 from .lens import Lens
 from .photo_place import PhotoPlace
 from .photos import Photograph, check_pictures
@@ -149,14 +149,15 @@ def _nerfstudio_lens(path: Path, facts: dict) -> Lens:
         values = [float(facts[key]) for key in ("fl_x", "fl_y", "cx", "cy")] + [float(facts.get(k, 0.0)) for k in names]
         return Lens.colmap(str(path), model, int(facts["w"]), int(facts["h"]), values)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise DataError(f"{path}: has no valid camera ({error!r}); download it again") from None
+        raise DataError(f"{path}: has no valid camera ({reason(error)}); download it again") from None
 
 
 def _pose(folder: Path, frame: dict) -> np.ndarray:
     try:
         return np.asarray(frame["transform_matrix"], np.float64).reshape(4, 4)
     except (KeyError, TypeError, ValueError, OverflowError) as error:
-        raise DataError(f"{folder / 'nerfstudio/transforms.json'}: {frame.get('file_path')}: no pose ({error!r})") from None
+        where = f"{folder / 'nerfstudio/transforms.json'}: {frame.get('file_path')}"
+        raise DataError(f"{where}: no pose ({reason(error)})") from None
 
 
 def read_colmap(folder: Path) -> list[tuple[str, Lens, np.ndarray]]:

@@ -15,7 +15,7 @@ from PIL import Image
 
 from ..synth.panorama import FACES, Panorama, Passer, from_z_up, to_z_up, with_passers
 from ..synth.scanner import ScannerModel, VirtualScanner
-from .dataset import FAR, MAX_FOCAL, DataError, Scan
+from .dataset import FAR, MAX_FOCAL, DataError, Scan, reason
 from .photos import wrong_pictures
 
 
@@ -116,8 +116,7 @@ def load_scene(folder: Path) -> StationScene:
     except FileNotFoundError:
         raise DataError(f"{folder}: {'no scene.json in this folder' if folder.exists() else 'no such folder'}") from None
     except (OSError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
-        reason = error if isinstance(error, (OSError, ValueError)) else repr(error)
-        raise DataError(f"{folder / 'scene.json'}: not a scene description ({reason})") from None
+        raise DataError(f"{folder / 'scene.json'}: not a scene description ({reason(error)})") from None
     views = [*(face for station in scene.stations for face in station), *scene.views, *scene.path]
     pictures = dict.fromkeys((folder / name, (s.width, s.height)) for s in views for name in (s.rgb_file, s.depth_file))
     if wrong := wrong_pictures(folder, pictures, [folder / s.depth_file for s in views]):

@@ -25,7 +25,10 @@ KINDS: dict[str, Cases] = {
     **{f"kill/{name}": _named(interrupts.kills, name) for name in interrupts.KILLED},
     **{f"disk/{name}": _named(limits.full_disk, name) for name in limits.DISK},
     "disk/log": _named(limits.full_log, "log"),
-    **{f"memory/{name}": _named(limits.little_memory, name) for name in ("info", "convert", "export-laz", "export-e57", "render")},
+    **{
+        f"memory/{name}": _named(limits.little_memory, name)
+        for name in ("info", "convert", "export-laz", "export-e57", "render")
+    },
     **{f"pipe/{name}": _named(limits.closed_pipe, name) for name in ("info", "help", "doctor", "export")},
     **{f"two/{name}": _named(limits.two_processes, name) for name in ("cache", "convert")},
     **{f"read-only/{name}": _named(limits.read_only, name) for name in limits.DISK},

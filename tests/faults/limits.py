@@ -1,5 +1,6 @@
 """Full disks, little memory, closed pipes, folders that cannot be written, and two processes on one scan."""
 
+import contextlib
 import random
 import shutil
 import subprocess
@@ -58,14 +59,9 @@ def full_log(product: Product, work: Path, name: str, rng: random.Random) -> Ite
     while True:
         with small_disk(1 << 20) as disk:
             log = disk / "log.txt"
-            filler = disk / "filler"
-            with filler.open("wb") as file:
-                try:
-                    for _ in range(300):
-                        file.write(bytes(4096))
-                        file.flush()
-                except OSError:
-                    pass
+            with contextlib.suppress(OSError), open(disk / "filler", "wb", buffering=0) as file:
+                while True:
+                    file.write(bytes(4096))
             ended = run(["info", "--no-cache", "--log-file", str(log), str(product.scan)], work)
         yield ("" if ended.code == 0 and "Traceback" not in ended.err else refused(ended))
 
@@ -98,8 +94,15 @@ def closed_pipe(product: Product, work: Path, name: str, rng: random.Random) -> 
         "export": ["export", str(product.scan), "--out", "/dev/stdout"],
     }  # fmt: skip
     while True:
-        process = subprocess.Popen([sys.executable, "-m", "pointglass.viewer", *lines[name]], cwd=ROOT, env=environment(work),
-                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace")
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pointglass.viewer", *lines[name]],
+            cwd=ROOT,
+            env=environment(work),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+        )
         assert process.stdout is not None
         if rng.random() < 0.5:
             process.stdout.read(rng.choice((1, 10)))
@@ -128,8 +131,14 @@ def two_processes(product: Product, work: Path, name: str, rng: random.Random) -
         codes = [process.returncode for process in both]
         after = run(["info", str(product.scan if name == "cache" else out)], work)
         left = left_in(work / "cache") if (work / "cache").exists() else []
-        good = codes == [0, 0] or (name != "cache" and 0 in codes and 2 in codes and all("Traceback" not in err for _, err in said))
-        yield "" if good and after.code == 0 and not left else f"{codes} {after.code} {left} {said[0][1][-200:]!r} {said[1][1][-200:]!r}"
+        good = codes == [0, 0] or (
+            name != "cache" and 0 in codes and 2 in codes and all("Traceback" not in err for _, err in said)
+        )
+        yield (
+            ""
+            if good and after.code == 0 and not left
+            else f"{codes} {after.code} {left} {said[0][1][-200:]!r} {said[1][1][-200:]!r}"
+        )
 
 
 def read_only(product: Product, work: Path, name: str, rng: random.Random) -> Iterator[str]:
@@ -141,4 +150,3 @@ def read_only(product: Product, work: Path, name: str, rng: random.Random) -> It
             subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True, capture_output=True)
             ended = run(product.commands(out)[name], work)
         yield refused(ended)
-

@@ -16,11 +16,14 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "unit"))  # the makers of files
 STOPPED = "pointglass: stopped"
+POINTS, FRAMES = 60_000, 24
+"""Of the scan, and of the video."""
+TRAINING = ("--quality", "fast", "--steps", "30", "--batch", "2", "--crop", "32")
 SECONDS = 300
 """After which a command hangs; far more than it takes on a busy machine."""
 _TEMPORARY = re.compile(r"\.partial|\.tmp$|^\.")
 _CHATTER = re.compile(r"pointglass: (warning: |compiling |[a-z' ]+: [\d,.]+ of )|^[a-z' ]+: +\d|\r")
-"""Lines on standard error that are neither a failure nor the last word: warnings, progress."""
+"""Lines on standard error that are no message of a failure: warnings and progress."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +56,11 @@ class Product:
             "video": ["video", scan, "--path", str(self.path), "--out", str(out / "a.mp4"), *size],
             "render": ["render", scan, "--cameras", str(self.path), "--out", str(out / "pictures"), *size],
             "simulate": ["simulate", "--out", str(out / "a.laz"), "--points", "100000"],
-            "train": ["train", str(self.room), "--out", str(out / "train"), "--quality", "fast", "--steps", "30", "--batch", "2",
-                      "--crop", "32", "--device", "cpu"],
+            "train": ["train", str(self.room), "--out", str(out / "train"), "--device", "cpu", *TRAINING],
         }  # fmt: skip
 
 
-def make_product(folder: Path, points: int = 60_000) -> Product:
+def make_product(folder: Path, points: int = POINTS) -> Product:
     """Writes what the commands read."""
     from cloud_files import surface, write_las
     from rooms import make_room
@@ -70,9 +72,9 @@ def make_product(folder: Path, points: int = 60_000) -> Product:
     made = Product(folder)
     xyz, rgb = surface(points)
     write_las(made.scan, xyz, rgb.astype(np.uint16) * 257, np.arange(points) % 65536)
-    views = [look_at(np.array([2 + 0.1 * i, -3, 2]), np.array([2, 2, 0])) for i in range(24)]
+    views = [look_at(np.array([2 + 0.1 * i, -3, 2]), np.array([2, 2, 0])) for i in range(FRAMES)]
     write_camera_path(made.path, [from_fov(64, 48, 60, view, f"v{i}") for i, view in enumerate(views)])
-    make_room(made.room)
+    make_room(made.room, face=96, view=(72, 96))
     return made
 
 
@@ -97,8 +99,16 @@ class Ended:
         return [line for line in self.err.splitlines() if line.strip() and not _CHATTER.search(line)]
 
 
-def run(arguments: Sequence[str], state: Path, *, disturb: Callable[[subprocess.Popen], object] | None = None, memory: int = 0,
-        cwd: Path = ROOT, wrap: Sequence[str] = (), **more: str) -> Ended:
+def run(
+    arguments: Sequence[str],
+    state: Path,
+    *,
+    disturb: Callable[[subprocess.Popen], object] | None = None,
+    memory: int = 0,
+    cwd: Path = ROOT,
+    wrap: Sequence[str] = (),
+    **more: str,
+) -> Ended:
     """Runs a command.  disturb: called once it handles signals.  memory: bytes of address space.  wrap: a command around it."""
 
     def prepare() -> None:
@@ -108,8 +118,16 @@ def run(arguments: Sequence[str], state: Path, *, disturb: Callable[[subprocess.
             resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
 
     line = [*wrap, sys.executable, "-m", "pointglass.viewer", *arguments]
-    process = subprocess.Popen(line, cwd=cwd, env=environment(state, **more), stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                               preexec_fn=prepare, text=True, errors="replace")
+    process = subprocess.Popen(
+        line,
+        cwd=cwd,
+        env=environment(state, **more),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        preexec_fn=prepare,
+        text=True,
+        errors="replace",
+    )
     begun = time.monotonic()
     if disturb is not None:
         _wait_for_handler(process)

@@ -81,6 +81,8 @@ def check_prototypes(path: Path, root: ElementTree.Element | None) -> None:
         if prototype is None:
             raise InputError(f"{path}: damaged: points without a prototype, so without fields; copy or export it again")
         stated = node.get("recordCount", "0").strip()
+        if stated.startswith("-"):
+            raise InputError(f"{path}: damaged: {stated[:20]} points; copy or export it again")
         count = whole_number(stated)
         if count is not None and count > most_points(size, sum(map(bits_of, prototype))):
             raise InputError(f"{path}: truncated or damaged: {count:,} points do not fit into its {size:,} bytes; copy or "

@@ -14,5 +14,6 @@ PLACED = ("X", "Y", "Z", "red", "green", "blue")
 
 def records_of(points, chunk: Chunk) -> Records:
     """The records of a chunk.  points: of laspy (ScaleAwarePointRecord).  Scaled extra dimensions are given as float64."""
-    columns = {name: np.array(points[name]) for name in points.point_format.dimension_names if name not in PLACED}
+    columns = {name: np.array(points[name]) for name in points.point_format.dimension_names
+               if name and name not in PLACED}
     return Records(chunk.xyz, chunk.rgb, chunk.scan, columns, points.array)
