@@ -7,7 +7,7 @@ import pytest
 from .kinds import KINDS, MOUNTS, skipped
 from .product import make_product
 
-FEW = ("interrupt/video", "interrupt/train", "kill/convert", "disk/export-e57", "disk/convert", "disk/log", "memory/info",
+FEW = ("interrupt/video", "kill/convert", "disk/export-e57", "disk/convert", "disk/log", "memory/info",
        "memory/export-laz", "pipe/info", "two/cache", "read-only/export-laz")  # fmt: skip
 
 
