@@ -100,6 +100,7 @@ def _photographs(path: Path) -> None:
 
 def _grid(path: Path, depth: int) -> None:
     from pointglass.viewer.grid import cache
+    from pointglass.viewer.grid.file_records import FileRecords
     from pointglass.viewer.grid.open_scene import open_scene
     from pointglass.viewer.grid.scene import CHUNK
     from pointglass.viewer.stream.chunk_source import ChunkSource
@@ -115,6 +116,10 @@ def _grid(path: Path, depth: int) -> None:
             source.read(chunk, into)
     finally:
         source.close()
+    if depth % 4 == 1 and scene.count:
+        values = FileRecords(scene).of(np.array([0, scene.count - 1]))
+        if len(values.xyz) != 2 or len(values.station) != 2:
+            raise Wrong("values are missing")
 
 
 def _cameras(path: Path, depth: int) -> None:

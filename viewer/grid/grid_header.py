@@ -16,6 +16,7 @@ from ...model.noise import KNOTS
 from ..grid_folder import MAGIC, META
 from ..preprocess.point_attributes import layout_from
 from .density_layers import EARLIER_PARTS, PARTS
+from .meta_check import check_meta
 
 VERSION = 4
 """Of the folder's format."""
@@ -76,7 +77,8 @@ def read_header(folder: Path, identity: list | None) -> GridHeader:
     if identity is not None and head.get("identity") != identity:
         raise OtherGrid("made from other files")
     try:
-        header = _parsed(head)
+        with np.errstate(over="ignore"):  # infinite numbers are refused below
+            header = _parsed(head)
     except _CONVERSION_ERRORS as error:
         raise DamagedGrid(f"{META}: {first_line(error)}") from None
     numbers = [header.cell_size, header.spacing, *header.origin.reshape(-1), *header.bounds.reshape(-1)]
@@ -124,6 +126,7 @@ def _parsed(head: dict[str, Any]) -> GridHeader:
     noise, sums = head.get("noise"), head.get("sums")
     if not isinstance(head["meta"], dict):
         raise ValueError("does not say what it was made from")
+    check_meta(head["meta"])
     records = head["meta"].get("records") or {}
     layout_from(head["meta"])
     return GridHeader(

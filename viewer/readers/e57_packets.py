@@ -99,7 +99,8 @@ class PacketReader:
         first, stop = start * field.bits // 8, -(-(start + count) * field.bits // 8)
         data = self._stream(stream, first, stop)
         if field.dtype:
-            return np.frombuffer(data, field.dtype, count).astype(np.float64)
+            with np.errstate(invalid="ignore"):  # damaged files hold signalling NaN
+                return np.frombuffer(data, field.dtype, count).astype(np.float64)
         padded = np.frombuffer(data + bytes(8), np.uint8)
         words = np.ndarray((len(data) + 1,), "<u8", padded, strides=(1,))  # overlapping: the 8 bytes from every byte on
         bits = np.arange(count, dtype=np.int64) * field.bits + (start * field.bits - first * 8)

@@ -1,6 +1,8 @@
 """The errors that laspy and lazrs raise for damaged files, as one line for a person."""
 
+import os
 import struct
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -26,6 +28,21 @@ def decoding(failed: Callable[[str], InputError]) -> Iterator[None]:
         if type(error).__name__ != "PanicException":  # of Rust, for damage inside a chunk; the class is not exported
             raise
         raise failed(_line(error)) from None
+
+
+@contextmanager
+def without_native_output() -> Iterator[None]:
+    """Within the block nothing that native code writes to standard error is seen: Rust reports a panic there, which becomes an
+    error here.  For blocks of milliseconds; other threads' messages are lost as well."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _line(error: BaseException) -> str:

@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputError
+from .las_decoding import decoding, without_native_output
 
 VARIABLE = 2**32 - 1
 """In place of a number of points a chunk: each chunk has its own (COPC)."""
@@ -76,10 +77,8 @@ def _table(path: Path, file: BinaryIO, record: bytes, offset: int) -> list[tuple
     lazrs: Any = import_module("lazrs")  # compiled, without type declarations
 
     file.seek(offset)
-    try:
+    with decoding(lambda why: _damaged(path, f"its table of chunks cannot be read ({why})")), without_native_output():
         return lazrs.read_chunk_table(file, lazrs.LazVlr(record))
-    except lazrs.LazrsError as error:
-        raise _damaged(path, f"its table of chunks cannot be read ({error})") from None
 
 
 def chunk_table(path: Path, record: bytes, offset: int) -> tuple[np.ndarray, np.ndarray]:
