@@ -53,3 +53,8 @@ def plain(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.12g}"
     return str(value)
+
+
+def exact_text(value: float) -> str:
+    """The shortest digits that stand for exactly this float64, also of a NumPy scalar, whose ``repr`` names its type."""
+    return repr(float(value))

@@ -18,6 +18,7 @@ import numpy as np
 
 from ...model.common.atomic_write import write_atomic
 from ..errors import InputError
+from ..text import exact_text
 from .clip import Vector
 
 COVERAGE = 2.0
@@ -143,7 +144,7 @@ def fitted_plane(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     middle = points.mean(axis=0)
     _, size, axes = np.linalg.svd(points - middle, full_matrices=True)
     rest = float(size[2]) if len(size) == 3 else 0.0
-    return middle, axes[2], rest / np.sqrt(len(points))
+    return middle, axes[2], rest / float(np.sqrt(len(points)))
 
 
 def _area(points: np.ndarray) -> tuple[float, np.ndarray, float]:
@@ -196,11 +197,12 @@ def csv_text(measurements: Iterable[Measurement], metres_per_unit: float | None)
     unit = unit_name(metres_per_unit)
     for measurement in measurements:
         result = evaluate(measurement)
-        head = [measurement.name, measurement.kind, repr(result.value), repr(result.uncertainty),
-                "deg" if result.power == 0 else unit if result.power == 1 else f"{unit}^2", repr(result.residual)]
+        head = [measurement.name, measurement.kind, exact_text(result.value), exact_text(result.uncertainty),
+                "deg" if result.power == 0 else unit if result.power == 1 else f"{unit}^2", exact_text(result.residual)]
         for number, point in enumerate(measurement.points, 1):
             first = head if number == 1 else [*head[:2], *[""] * 4]
-            writer.writerow([*first, number, *map(repr, point.position), repr(point.spacing), repr(point.noise), point.scan])
+            place = map(exact_text, point.position)
+            writer.writerow([*first, number, *place, exact_text(point.spacing), exact_text(point.noise), point.scan])
     return out.getvalue()
 
 
