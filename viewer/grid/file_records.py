@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
-from ..readers.source import Chunk, Records, Source
+from ..readers.source import AS_STORED, Chunk, Records, Source
 from .gathered_columns import GatheredColumns
 from .point_records import identity_of
 from .record_lookup import Lookup, SortedNumbers, lookup_of
@@ -129,7 +129,10 @@ class FileRecords:
         words = packed(self._scene, index)
         found = {"xyz": positions(self._scene, words, index), "rgb": colours(words)}
         known = attributes_of(self._scene, index)
-        columns = {"intensity": known.intensity, "classification": known.classification}
+        intensity, layout = known.intensity, self._scene.attributes
+        if intensity is not None and layout.ends not in (None, AS_STORED):
+            intensity = np.asarray(layout.in_file(intensity.astype(np.float64)))  # type: ignore[arg-type]
+        columns = {"intensity": intensity, "classification": known.classification}
         return found | {name: values for name, values in columns.items() if values is not None}
 
     # ---- the files'

@@ -168,10 +168,11 @@ def _scene(sources: Sequence[Source], first: FirstPass, placed: _Placed, points:
     warnings += precision_warnings(sources, counts, spacing if steps else None)
     scans = facts["scans"] if "scans" in facts else _listed_scans(first, points)
     if len(scans) > MOST_NUMBERS:
-        warnings.append(f"{len(scans)} scans: those from the {MOST_NUMBERS}th on share one scan number")
+        warnings.append(f"{len(scans)} scans: the picture hides and colours those from the {MOST_NUMBERS}th on as one; "
+                        "picking, export and Python tell all apart")  # fmt: skip
     meta = facts | first.facts | {
         "warnings": [warning for source in sources for warning in source.warnings] + warnings,
-        "attributes": first.attributes.to_meta(),
+        "attributes": first.attributes.to_meta([source.intensity_ends for source in sources]),
         "dropped": {"nan": counts.dropped[0], "invalid": counts.dropped[2], "stray": counts.dropped[1]},
         "scans": scans,
         "records": _origin(first.scans, records) | facts.get("records", {}),

@@ -26,6 +26,8 @@ class ExposureCompensation:
     """Observes the chunks of pass 1 (``add``), finds the gains (``solve``), and multiplies colours by them (``apply``)."""
 
     def __init__(self) -> None:
+        self.stations = 0
+        """Stations, scans and flight lines that were told apart, after ``solve``."""
         self._number: dict[tuple[int, int, int], int] = {}
         self._parts: list[tuple[np.ndarray, ...]] = []
         self._held, self._share = 0, 1.0
@@ -93,7 +95,8 @@ class ExposureCompensation:
             source[station] = key[0]
         shift = np.array([shifts[file] for file in source], np.uint8)
         rgb = (rgb >> shift[number][:, None]).astype(np.uint8)
-        exposures = self._solve_stations(xyz, rgb, number) if 2 <= len(self._number) <= MOST_STATIONS else None
+        self.stations = len(self._number)
+        exposures = self._solve_stations(xyz, rgb, number) if 2 <= self.stations <= MOST_STATIONS else None
         if self._gains is not None:
             rgb = _multiplied(rgb, self._gains[number])
         for file in np.unique(source):

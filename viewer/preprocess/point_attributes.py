@@ -5,11 +5,12 @@ In a scan with classification the upper 8 bits hold the class and the lower 8 bi
 lowest and the highest value of the whole scan; up to 256 different consecutive values this is exact.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..readers.source import Chunk
+from ..readers.source import AS_STORED, Chunk
 from ..text import counted
 
 CODES = 256
@@ -24,12 +25,14 @@ class AttributeLayout:
 
     classes: number of points by class code, in ascending order of the code, including points that the grid leaves out as
         invalid; empty where the scan has no classification.
-    low, high: range of the intensities over the whole scan, in the file's values; None where the scan has none.
+    low, high: range of the stored intensities over the whole scan; None where the scan has none.
+    ends: the file's values that stored intensities of 0 and 65535 stand for; None where files differ in them.
     """
 
     classes: dict[int, int]
     low: int | None = None
     high: int | None = None
+    ends: tuple[float, float] | None = AS_STORED
 
     @property
     def has_classes(self) -> bool:
@@ -64,14 +67,37 @@ class AttributeLayout:
             return bits.astype(np.uint16)
         return np.rint((bits & 0xFF) * self.step + (self.low or 0)).astype(np.uint16)
 
-    def to_meta(self) -> dict:
-        """The layout as JSON: {"class": {code: points}, "intensity": {"low", "high", "bits"}}, each only where it exists."""
+    def in_file(self, stored: float) -> float:
+        """The file's value of a stored intensity, exact where the file has whole numbers of 16 bits; as stored where files
+        differ in their scale."""
+        if self.ends is None or self.ends == AS_STORED:
+            return stored
+        zero, full = self.ends
+        return zero + (full - zero) * stored / AS_STORED[1]
+
+    def as_stored(self, value: float) -> float:
+        """The stored intensity of a file's value: the inverse of ``in_file``."""
+        if self.ends is None or self.ends == AS_STORED or self.ends[0] == self.ends[1]:
+            return value
+        zero, full = self.ends
+        return (value - zero) / (full - zero) * AS_STORED[1]
+
+    def to_meta(self, ends: Sequence[tuple[float, float]] = ()) -> dict:
+        """The layout as JSON: {"class": {code: points}, "intensity": {"low", "high", "bits"}}, each only where it exists.
+
+        ends: of the sources; where they are not AS_STORED, "zero" and "full" are added to the intensity, None where they
+        differ.
+        """
         found: dict = {}
         if self.has_classes:
             found["class"] = {str(code): count for code, count in self.classes.items()}
         if self.low is not None:
             bits = _QUANTISED_BITS if self.has_classes else _EXACT_BITS
             found["intensity"] = {"low": self.low, "high": self.high, "bits": bits}
+            if (known := set(ends)) - {AS_STORED}:
+                zero, full = known.pop() if len(known) == 1 else (None, None)
+                zero, full = (zero, full) if zero is not None and np.isfinite((zero, full)).all() else (None, None)
+                found["intensity"] |= {"zero": zero, "full": full}
         return found
 
 
@@ -89,7 +115,13 @@ def layout_from(meta: dict) -> AttributeLayout:
         raise ValueError("its classes are not codes from 0 to 255")
     if low is not None and high is not None and not 0 <= low <= high <= 65535:
         raise ValueError("its range of intensity is not within 0 to 65535")
-    return AttributeLayout(classes, low, high)
+    stated = found.get("intensity", {})
+    ends = AS_STORED
+    if "zero" in stated:
+        ends = None if stated["zero"] is None or stated["full"] is None else (float(stated["zero"]), float(stated["full"]))
+    if ends is not None and not np.isfinite(ends).all():
+        raise ValueError("the scale of its intensity is not finite")
+    return AttributeLayout(classes, low, high, ends)
 
 
 class AttributeCounts:
@@ -134,6 +166,14 @@ def described(meta: dict) -> list[tuple[str, str]]:
     if layout.has_classes:
         rows.append(("class", ", ".join(f"{code}: {counted(count, 'point')}" for code, count in layout.classes.items())))
     if layout.low is not None:
-        stored = "" if layout.step == 1 else f", stored in steps of {layout.step:.3g}"
-        rows.append(("intensity", f"{layout.low:,} to {layout.high:,}{stored}"))
+        low, high = layout.in_file(layout.low), layout.in_file(layout.high or 0)
+        step = abs(layout.in_file(layout.step) - layout.in_file(0.0))
+        stored = "" if layout.step == 1 else f", drawn in steps of {step:.3g}"
+        scale = " (each file by its own scale)" if layout.ends is None else ""
+        rows.append(("intensity", f"{_number(low)} to {_number(high)}{scale}{stored}"))
     return rows
+
+
+def _number(value: float) -> str:
+    """A whole number with its thousands, else six digits."""
+    return f"{int(value):,}" if value == int(value) else f"{value:.6g}"

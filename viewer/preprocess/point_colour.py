@@ -14,7 +14,7 @@ import numpy as np
 from ..progress import progress
 from ..readers.source import Chunk, Source
 from .black_border import DARK
-from .exposure_compensation import ExposureCompensation
+from .exposure_compensation import MOST_STATIONS, ExposureCompensation
 
 _RAMP = np.array([
     (68, 1, 84), (72, 40, 120), (62, 73, 137), (49, 104, 142), (38, 130, 142),
@@ -121,6 +121,9 @@ class Colours:
                 meter.update(0)
                 compensated = self._compensation.solve([file.shift for file in self._files], turns)
                 meter.update(0)
+            if self._compensation.stations > MOST_STATIONS:
+                warnings.append(f"exposures of {self._compensation.stations:,} stations or flight lines are not compensated: "
+                                f"at most {MOST_STATIONS} can be; open fewer files")  # fmt: skip
         for number, file in enumerate(self._files):
             if len(file.colourless) < len(file.scans):
                 kinds.add("rgb")

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .source import Chunk, Records, ScanInfo, Source, stretch
+from .class_codes import OddClasses, class_codes
+from .source import AS_STORED, Chunk, Records, ScanInfo, Source, stretch
 
 Columns = dict[str, np.ndarray]
 """Columns of rows, (n,) each: x y z coordinates, r g b colour, i intensity, c class, s station."""
@@ -52,8 +53,12 @@ class ColumnSource(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz and, where the file has them, rgb (uint8, or uint16 beyond 255), intensity, class and station."""
+        odd = OddClasses()
         for scan, columns in self._rows(ALL):
+            odd.add(columns.get("c"))
             yield self._chunk(scan, columns, self._file_ranges)
+        if text := odd.warning(self.path):
+            self._warn(text)
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  Intensities, classes and ids as the file has them."""
@@ -94,8 +99,12 @@ class ColumnSource(Source):
             plain = _is_level(columns["i"])
             intensity = columns["i"].astype(np.uint16) if plain else intensity_levels(columns["i"], *ranges()["i"])
         if "c" in columns:
-            classes = np.clip(np.nan_to_num(columns["c"]), 0, 255).astype(np.uint8)
+            classes = class_codes(columns["c"])
         return Chunk(xyz, rgb, intensity, scan, invalid, columns.get("s"), classes)
+
+    @property
+    def intensity_ends(self) -> tuple[float, float]:
+        return AS_STORED if self._ranges is None else level_ends(*self._ranges["i"])
 
     def _file_ranges(self) -> Ranges:
         """The ranges over the whole file, read at first need."""
@@ -139,6 +148,14 @@ def colour_levels(values: np.ndarray, largest: float) -> np.ndarray:
 
 def intensity_levels(values: np.ndarray, low: float, high: float) -> np.ndarray:
     """Intensities (n,) as uint16: unchanged where the range low..high of the file fits, else stretched.  Up to 1: shares."""
-    if low >= 0 and 1 < high <= 65535:
+    ends = level_ends(low, high)
+    if ends == AS_STORED:
         return np.clip(np.rint(np.nan_to_num(values)), 0, 65535).astype(np.uint16)
-    return stretch(values, 0, 1) if low >= 0 and high <= 1 else stretch(values, low, high)
+    return stretch(values, *ends)
+
+
+def level_ends(low: float, high: float) -> tuple[float, float]:
+    """The intensities that become 0 and 65535, for a file whose intensities go from low to high."""
+    if not low <= high or (low >= 0 and 1 < high <= 65535):
+        return AS_STORED
+    return (0.0, 1.0) if low >= 0 and high <= 1 else (low, high)

@@ -22,7 +22,7 @@ from .e57_packets import PacketReader, UnknownPacking
 from .e57_ranges import colour_range, intensity_range, range_of, trusted, zeros
 from .e57_records import BLOCK, RawField, arrays_for, columns_of, fields_of, raw_blocks
 from .sampling import interleaved
-from .source import Chunk, Records, ScanInfo, Source, stretch
+from .source import AS_STORED, Chunk, Records, ScanInfo, Source, stretch
 
 _CHUNK = 1 << 19  # points of a buffer, float64 for every field (4 MB each); chosen by hand
 _CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
@@ -235,6 +235,14 @@ class E57Source(Source):
         if text not in self.warnings:
             self.warnings.append(text)
         return ~nothing
+
+    @property
+    def intensity_ends(self) -> tuple[float, float]:
+        ends = {scan.intensity or self._ranges.get(number, (0.0, 0.0)) for number, scan in enumerate(self._scans)
+                if "intensity" in scan.fields}  # fmt: skip
+        if not ends:
+            return AS_STORED
+        return ends.pop() if len(ends) == 1 else (float("nan"), float("nan"))
 
     def _intensity_of(self, number: int, columns: dict[str, np.ndarray]) -> tuple[float, float]:
         """Range of a scan's intensities.  Where the file gives none, or one that its first block contradicts, that field is

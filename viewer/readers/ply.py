@@ -15,10 +15,11 @@ import numpy as np
 
 from ..errors import InputError
 from . import crs
+from .class_codes import OddClasses, class_codes
 from .column_source import RANGE_RUNS, Columns, Ranges
 from .ply_header import Element, read_header
 from .sampling import run_starts
-from .source import CHUNK, Chunk, Records, ScanInfo, Source, stretch, surplus_warning
+from .source import AS_STORED, CHUNK, Chunk, Records, ScanInfo, Source, stretch, surplus_warning
 from .text_numbers import number
 from .text_rows import TextRows
 from .text_sample import TextRegion, sample_rows
@@ -65,8 +66,12 @@ class PlySource(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint8, or uint16 where the fields are wider), intensity and class."""
+        odd = OddClasses()
         for columns in self._columns():
+            odd.add(columns.get(self._class or ""))
             yield self._chunk(columns, self._file_ranges)
+        if (text := odd.warning(self.path)) and text not in self.warnings:
+            self.warnings.append(text)
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every property besides coordinates and colour; numbers of text as float64."""
@@ -101,7 +106,7 @@ class PlySource(Source):
             xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
         rgb = None if self._rgb is None else np.stack([self._channel(columns, name, ranges) for name in self._rgb], axis=1)
         level = None if self._intensity is None else self._level(columns[self._intensity], ranges)
-        classes = None if self._class is None else _whole(columns[self._class], np.uint8)
+        classes = None if self._class is None else class_codes(columns[self._class])
         return Chunk(xyz, rgb, level, classification=classes)
 
     def _channel(self, columns: Columns, name: str, ranges: Callable[[], Ranges]) -> np.ndarray:
@@ -117,6 +122,11 @@ class PlySource(Source):
         if kind in ("u1", "u2"):
             return _whole(values, np.uint16)
         return stretch(values, *ranges()[self._intensity or ""])
+
+    @property
+    def intensity_ends(self) -> tuple[float, float]:
+        low, high = (self._ranges or {}).get(self._intensity or "", AS_STORED)
+        return (low, high) if low <= high else AS_STORED
 
     def _file_ranges(self) -> Ranges:
         """Ranges of colour and intensity over the whole file, read at first need."""

@@ -26,7 +26,6 @@ _SIZES = {"POSITION_CARTESIAN": ("i4", 3), "COLOR_PACKED": ("u1", 4), "RGBA_PACK
           "NORMAL": ("f4", 3), "NORMAL_SPHEREMAPPED": ("u1", 2), "NORMAL_OCT16": ("u1", 2), "FILLER_1B": ("u1", 1)}  # fmt: skip
 """Type and elements of the attributes that older versions give by name only."""
 _MOST_ELEMENTS = 64  # of an attribute; chosen by hand
-_DEEPEST = 64  # levels: more than the 52 bits of a double's mantissa can divide
 _LEAST_LAS_RECORD = 20
 """Bytes of a point in LAS point format 0, the shortest (LAS 1.4 specification, table 7)."""
 _COLOURS, _COLUMNS = ("COLOR_PACKED", "RGBA_PACKED", "RGB_PACKED", "RGBA", "RGB"), {"INTENSITY": "i", "CLASSIFICATION": "c"}
@@ -80,7 +79,7 @@ class Potree1Source(OctreeSource):
     def _points(self) -> Iterator[tuple[str, Path]]:
         """The nodes that hold points and their files, coarse ones first."""
         named = sorted((len(name), name) for name, suffix in self._files if suffix == self._suffix)
-        return ((name, self._files[name, self._suffix]) for _, name in named if len(name) <= _DEEPEST)
+        return ((name, self._files[name, self._suffix]) for _, name in named)
 
     def _records(self, stated: list) -> np.dtype:
         """The record of a point in a .bin node."""

@@ -17,6 +17,10 @@ CHUNK = 1 << 20
 """Points of the largest chunk; chosen by hand: 24 MB of coordinates."""
 
 
+AS_STORED = (0.0, 65535.0)
+"""The ends of intensities that are those of the file."""
+
+
 @dataclass(frozen=True)
 class ScanInfo:
     """One scanner station, or one file that does not state its stations.  position: (x, y, z) of the scanner, file coordinates.
@@ -114,6 +118,12 @@ class Source:
         else:
             raise InputError(f"{self.path}: has {first:,} points, fewer than when its grid was built; open it again")
         return joined(found)
+
+    @property
+    def intensity_ends(self) -> tuple[float, float]:
+        """The file's intensities that 0 and 65535 in ``Chunk.intensity`` stand for; known once the points have been read.
+        (0, 65535): they are the file's own.  (nan, nan): scans of the file differ."""
+        return AS_STORED
 
     @property
     def has_quick_records(self) -> bool:

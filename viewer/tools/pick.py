@@ -154,7 +154,8 @@ def describe(scene: "Scene", camera: "Camera", index: int, pixel: tuple[int, int
     distance = float(np.linalg.norm(xyz[0] - camera.position))
     known, number = attributes_of(scene, slice(index, index + 1)), int(FileRecords(scene).stations(slice(index, index + 1))[0])
     intensity, classes = known.intensity, known.classification
-    return Picked(index, (x, y, z), distance, (red, green, blue), None if intensity is None else int(intensity[0]), number,
+    level = None if intensity is None else scene.attributes.in_file(int(intensity[0]))
+    return Picked(index, (x, y, z), distance, (red, green, blue), level, number,
                   station_name(scene, number), pixel, None if classes is None else int(classes[0]))
 
 

@@ -69,6 +69,8 @@ class AttributeLegend(Overlay):
             return
         low, high = ends_of(context.session.work.edits, scene, context.camera)
         unit = "" if look.colour_by == "intensity" else f" {unit_of(context)}"
+        if look.colour_by == "intensity":
+            low, high = scene.attributes.in_file(low), scene.attributes.in_file(high)
         draw_ramp(overlay, table_of(look), title, f"{low:.4g}{unit}", f"{high:.4g}{unit}")
 
 
@@ -128,10 +130,13 @@ class Colours(Tool):
                     self._change(context, "ramp", ramp=name)
             ui.end_combo()
         low, high = ends_of(context.session.work.edits, context.scene, context.camera)
+        layout = context.scene.attributes
+        shown = (layout.in_file(low), layout.in_file(high)) if look.colour_by == "intensity" else (low, high)
         ui.set_next_item_width(-1)
-        changed, ends = ui.input_float2("##range", [low, high], "%.4g")
+        changed, ends = ui.input_float2("##range", list(shown), "%.4g")
         if changed and np.isfinite(ends).all():
-            self._change(context, "range", low=float(ends[0]), high=float(ends[1]))
+            stored = [layout.as_stored(float(end)) for end in ends] if look.colour_by == "intensity" else list(map(float, ends))
+            self._change(context, "range", low=stored[0], high=stored[1])
         if ui.is_item_hovered():
             ui.set_tooltip("lowest and highest value of the colour ramp")
 
