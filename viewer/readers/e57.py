@@ -6,9 +6,10 @@ its pose; the points of a scan without a pose are taken to be in the common fram
 
 import logging
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -118,17 +119,18 @@ class E57Source(Source):
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields the valid points of scan after scan."""
-        for number, scan in enumerate(self._scans):
-            if scan.count:
-                for columns in self._columns(number, scan.wanted):
-                    yield self._chunk(number, scan, columns, self._intensity_of(number, columns))
+        with open_e57(self.path) as file:  # once: libe57 parses the description of all scans whenever it opens a file
+            for number, scan in enumerate(self._scans):
+                if scan.count:
+                    for columns in self._columns(number, scan.wanted, file):
+                        yield self._chunk(number, scan, columns, self._intensity_of(number, columns, file))
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every field besides coordinates, colour and marks of missing values."""
-        for number, scan in enumerate(self._scans):
-            if not scan.count:
-                continue
-            with open_e57(self.path) as file:
+        with open_e57(self.path) as file:
+            for number, scan in enumerate(self._scans):
+                if not scan.count:
+                    continue
                 points = file.root()["data3D"][number]["points"]
                 fields, _ = fields_of(library().StructureNode(points.prototype()))
                 arrays, done = arrays_for(fields, min(BLOCK, scan.count)), 0
@@ -238,27 +240,27 @@ class E57Source(Source):
 
     @property
     def intensity_ends(self) -> tuple[float, float]:
-        ends = {scan.intensity or self._ranges.get(number, (0.0, 0.0)) for number, scan in enumerate(self._scans)
-                if "intensity" in scan.fields}  # fmt: skip
+        ends = set(self._ranges.values())
         if not ends:
             return AS_STORED
         return ends.pop() if len(ends) == 1 else (float("nan"), float("nan"))
 
-    def _intensity_of(self, number: int, columns: dict[str, np.ndarray]) -> tuple[float, float]:
+    def _intensity_of(self, number: int, columns: dict[str, np.ndarray], file: Any) -> tuple[float, float]:
         """Range of a scan's intensities.  Where the file gives none, or one that its first block contradicts, that field is
         read once."""
         if "intensity" not in columns:
             return 0.0, 0.0
         if number not in self._ranges:
             stated = trusted(self._scans[number].intensity, columns["intensity"])
-            self._ranges[number] = stated or range_of(found["intensity"] for found in self._columns(number, ["intensity"]))
+            blocks = self._columns(number, ["intensity"], file)
+            self._ranges[number] = stated or range_of(found["intensity"] for found in blocks)
         return self._ranges[number]
 
-    def _columns(self, number: int, names: list[str]) -> Iterator[dict[str, np.ndarray]]:
-        """Yields fields of one scan as scaled float64, up to _CHUNK rows at a time."""
+    def _columns(self, number: int, names: list[str], file: Any = None) -> Iterator[dict[str, np.ndarray]]:
+        """Yields fields of one scan as scaled float64, up to _CHUNK rows at a time.  file: as opened; None: it is opened."""
         libe57 = library()
         done, count = 0, self._scans[number].count
-        with open_e57(self.path) as file:
+        with open_e57(self.path) if file is None else nullcontext(file) as file:
             points = file.root()["data3D"][number]["points"]
             capacity = min(_CHUNK, count)
             arrays = {name: np.empty(capacity) for name in names}

@@ -18,6 +18,7 @@ from . import crs
 from .class_codes import OddClasses, class_codes
 from .column_source import RANGE_RUNS, Columns, Ranges
 from .ply_header import Element, read_header
+from .ply_text import lines_of, parsed
 from .sampling import run_starts
 from .source import AS_STORED, CHUNK, Chunk, Records, ScanInfo, Source, stretch, surplus_warning
 from .text_numbers import number
@@ -30,7 +31,6 @@ _COLOURS = (
 )  # fmt: skip
 _INTENSITIES = ("intensity", "scalar_intensity", "reflectance", "scalar_reflectance")
 _CLASSES = ("classification", "scalar_classification", "class", "scalar_class")
-_BLOCK = 1 << 24  # bytes of text read at a time; chosen by hand
 
 
 class PlySource(Source):
@@ -225,7 +225,7 @@ class PlySource(Source):
         skip = sum(element.count for element in self._before)
         names = [p.name.lower() for p in self._vertex.properties if not p.length_type]
         done = 0
-        blocks = _lines(self.path, file)
+        blocks = lines_of(self.path, file)
         for lines in blocks:
             skipped = min(skip, len(lines))
             skip -= skipped
@@ -235,7 +235,7 @@ class PlySource(Source):
                 rows = lines[start : start + CHUNK]
                 if self._vertex.has_lists:
                     rows = [self._without_lists(row) for row in rows]
-                if (table := _parsed(rows, len(names))) is None:
+                if (table := parsed(rows, len(names))) is None:
                     raise self._unreadable(rows, len(names), done)
                 done += len(table)
                 yield {name: table[:, i] for i, name in enumerate(names)}
@@ -294,30 +294,3 @@ class PlySource(Source):
 def _whole(values: np.ndarray, kind: type) -> np.ndarray:
     """Values as unsigned integers, clipped; values of text are floats of any size."""
     return values if values.dtype == kind else np.clip(np.nan_to_num(values), 0, np.iinfo(kind).max).astype(kind)
-
-
-def _parsed(rows: list[str], columns: int) -> np.ndarray | None:
-    """(n, columns) float64 of rows of text; None where one is not numbers in any spelling (viewer.readers.text_numbers)."""
-    try:
-        return np.loadtxt(rows, np.float64, comments=None, usecols=range(columns), ndmin=2)
-    except ValueError:
-        table = [[number(word) for word in row.split()[:columns]] for row in rows]
-    if any(len(values) < columns or None in values for values in table):
-        return None
-    return np.array(table, np.float64)
-
-
-def _lines(path: Path, file: BinaryIO) -> Iterator[list[str]]:
-    """Yields the rest of the file as lists of lines that are not blank."""
-    rest = b""
-    while block := file.read(_BLOCK):
-        head, newline, tail = block.rpartition(b"\n")
-        if not newline and len(rest) > _BLOCK:
-            raise InputError(f"{path}: says it is ascii but holds no lines of text; export it again")
-        if newline:
-            yield [line for line in (rest + head).decode("latin-1").split("\n") if line.strip()]
-            rest = tail
-        else:
-            rest += tail
-    if rest.strip():
-        yield [rest.decode("latin-1")]
