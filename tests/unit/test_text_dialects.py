@@ -57,6 +57,13 @@ ROWS = {
     "bars": ("a.csv", lambda i, p, c: "|".join(f"{v}" for v in (*p, *c))),
     "tabs and names with blanks": ("a.txt", lambda i, p, c: "\t".join([f"P{i}" + " x" * (i % 2), *map(str, p)])),
     "no label in some rows": ("a.csv", lambda i, p, c: f"{p[0]},{p[1]},{p[2]},{'tree' if i % 2 else ''}"),
+    "descriptions with commas": ("a.csv", lambda i, p, c: f"{i + 1},{p[0]},{p[1]},{p[2]},tree{', oak' * (i % 2)}"),
+    "pandas index": ("a.txt", lambda i, p, c: f"{'     x  y  z' + chr(10) if i == 0 else ''}{i}  {p[0]} {p[1]} {p[2]}"),
+    "row names of R": ("a.txt", lambda i, p, c: f'"{i + 1}" {p[0]} {p[1]} {p[2]} "wall {i}"'),
+    "sep= of Excel": ("a.csv", lambda i, p, c: ("sep=;\nNr;Y;X;H\n" if i == 0 else "")
+                      + ";".join([str(i), *map(comma, p[[1, 0, 2]])])),
+    "count and names of CloudCompare": ("a.asc", lambda i, p, c: ("//X Y Z R G B\n200\n" if i == 0 else "")
+                                        + " ".join(map(str, (*p, *c)))),
     "time stamps last": ("a.csv", lambda i, p, c: f"{p[0]},{p[1]},{p[2]},2024-05-01T12:00:{i % 60:02d}Z"),
 }
 
@@ -66,7 +73,7 @@ ROWS = {
 def test_rows_of_all_dialects_are_read(tmp_path, name, end):
     xyz, rgb = points()
     file, row = ROWS[name]
-    (tmp_path / file).write_bytes(end.join(row(i, *pair) for i, pair in enumerate(zip(xyz, rgb, strict=True))).encode())
+    (tmp_path / file).write_bytes(end.join(row(i, *pair).replace("\n", end) for i, pair in enumerate(zip(xyz, rgb, strict=True))).encode())
     found, _, _ = read(tmp_path / file)
     np.testing.assert_allclose(found, xyz, atol=6e-4)
 

@@ -51,17 +51,22 @@ def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
     Degrees have a place far from zero compared with an extent that is small compared with that of the heights, which are in
     metres or feet: a degree is 111 km.
     """
-    remedy = "lengths and shapes are wrong; reproject it to metres"
+    place = counts.bounds.mean(axis=0)
+    place = place[[1, 0]] if abs(place[1]) > 90 else place[:2]  # latitude may come first
+    zone = int((place[0] + 180) // 6) % 60 + 1
+    utm = f"EPSG:{(32600 if place[1] >= 0 else 32700) + zone}, UTM zone {zone}{'N' if place[1] >= 0 else 'S'}"
+    remedy = f"lengths and shapes are wrong; reproject it to metres, for example to {utm}"
     stated = [source.path.name for source in sources if source.units == "degree"]
     if stated:
         return [f"{stated[0]}: coordinates in degrees: {remedy}"]
     (x, y, _), (dx, dy, dz) = np.abs(counts.bounds).max(axis=0), np.ptp(counts.bounds, axis=0)
     side = max(dx, dy)
-    angles = x <= 360 and y <= 90 and max(x, y) > _DEGREES_FAR * side and dz > _DEGREES_STEEP * side > 0
+    swapped = x <= 90 < y <= 360  # latitude first
+    angles = (swapped or (x <= 360 and y <= 90)) and max(x, y) > _DEGREES_FAR * side and dz > _DEGREES_STEEP * side > 0
     if not angles or any(source.metres_per_unit for source in sources) or any(source.crs for source in sources):
         return []
-    place = ", ".join(f"{value:.4f}" for value in counts.bounds.mean(axis=0)[:2])
-    return [f"{sources[0].path.name}: x and y look like degrees of longitude and latitude (around {place}; heights do not): "
+    around = ", ".join(f"{value:.4f}" for value in place)
+    return [f"{sources[0].path.name}: x and y look like degrees of longitude and latitude (around {around}; heights do not): "
             f"{remedy}"]  # fmt: skip
 
 

@@ -73,7 +73,7 @@ def recognise(path: Path, given: str | None = None) -> Layout:
     counts = [len(fields_of(line, delimiter)) for line in lines]
     count = counts[0] + (delimiter != BLANKS and lines[0].rstrip().endswith(delimiter) and counts[0] + 1 in counts)
     if given is not None:
-        rest = delimiter == BLANKS and given[-1] == OTHER and len(given) < max(counts)
+        rest = given[-1] == OTHER and len(given) < max(counts)
         if count != len(given) and not rest:
             raise InputError(f"{path}: --columns names {len(given)} columns, but a row has {count}: {quoted(lines[0])}; name "
                              "every column, those of no use as -")  # fmt: skip
@@ -83,13 +83,13 @@ def recognise(path: Path, given: str | None = None) -> Layout:
     if named is None and headers and any(len(words) == count for words in header_words(headers[-1], delimiter)[:2]):
         raise unknown_columns(path, f"its header {quoted(headers[-1])} names no x, y, z")
     if named is not None:
-        rest = delimiter == BLANKS and named[-1] == OTHER and len(set(counts)) > 1
+        rest = named[-1] == OTHER and max(counts) > count
         return Layout(named, delimiter, before, decimal, rest, degrees=names_angles(title, delimiter, named))
-    if delimiter == BLANKS and _ends_with_words(lines, min(counts), decimal):
+    if max(counts) > min(counts) and _ends_with_words(lines, delimiter, min(counts), decimal):
         count = min(counts)
     table = _sample(path, delimiter, decimal, count, before)
     columns, notes = columns_by_values(path, table)
-    rest = delimiter == BLANKS and columns[-1] == OTHER and bool(np.isnan(table[:, -1]).all()) and max(counts) > count
+    rest = columns[-1] == OTHER and bool(np.isnan(table[:, -1]).all()) and max(counts) > count
     return Layout(columns, delimiter, before, decimal, rest, notes)
 
 
@@ -120,9 +120,9 @@ def _is_row(line: str, after: tuple[int, str] | None) -> bool:
     return sum(at < len(other) and other[at] is not None for at in known) >= 3
 
 
-def _ends_with_words(lines: list[str], count: int, decimal: str) -> bool:
-    """Whether the rows have words from field ``count`` on, which may have blanks between them."""
-    ends = [fields_of(line, BLANKS)[count - 1 :] for line in lines]
+def _ends_with_words(lines: list[str], delimiter: str, count: int, decimal: str) -> bool:
+    """Whether the rows have words from field ``count`` on, which may hold the delimiter."""
+    ends = [fields_of(line, delimiter)[count - 1 :] for line in lines]
     return count > 3 and all(any(number(word, decimal) is None for word in end) for end in ends)
 
 
@@ -163,7 +163,7 @@ def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) 
             lines = line_feeds(file.read(_SAMPLE_BYTES)).decode("latin-1").split("\n")
             whole = lines[headers if place == 0 else 1 : len(lines) if place + _SAMPLE_BYTES >= size else -1]
             found = (fields_of(line, delimiter) for line in whole if not line.startswith(("#", "//")))
-            rows += [fields for fields in found if len(fields) == count or (delimiter == BLANKS and len(fields) > count)]
+            rows += [fields for fields in found if len(fields) >= count]
     if not rows:
         raise InputError(f"{path}: holds no two rows with the same number of values; a row is x y z, and i, r g b if known")
     nothing = float("nan")

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import InputError
+from ..readers.formats import refuse_address
 from ..file_names import unique_names
 from .camera_formats.colmap import find_model, read_text_model
 from .camera_formats.colmap_binary import read_binary_model
@@ -44,6 +45,7 @@ def read_cameras(path: Path, *, size: tuple[int, int] | None = None) -> list[Cam
 
 
 def _read(path: Path, size: tuple[int, int] | None) -> list[Camera]:
+    refuse_address(path)
     if path.is_dir():
         undistorted = next((path / place for place in _UNDISTORTED if (path / place).is_file()), None)
         folder = find_model(path) if undistorted is None else None
