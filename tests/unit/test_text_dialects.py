@@ -73,7 +73,8 @@ ROWS = {
 def test_rows_of_all_dialects_are_read(tmp_path, name, end):
     xyz, rgb = points()
     file, row = ROWS[name]
-    (tmp_path / file).write_bytes(end.join(row(i, *pair).replace("\n", end) for i, pair in enumerate(zip(xyz, rgb, strict=True))).encode())
+    lines = [row(i, *pair).replace("\n", end) for i, pair in enumerate(zip(xyz, rgb, strict=True))]
+    (tmp_path / file).write_bytes(end.join(lines).encode())
     found, _, _ = read(tmp_path / file)
     np.testing.assert_allclose(found, xyz, atol=6e-4)
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from ..camera import Camera
 from ..errors import InputError
-from ..readers.formats import refuse_address
 from ..file_names import unique_names
+from ..readers.formats import refuse_address
 from .camera_formats.colmap import find_model, read_text_model
 from .camera_formats.colmap_binary import read_binary_model
 from .camera_formats.nerfstudio import read_json
