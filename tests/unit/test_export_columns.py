@@ -166,3 +166,31 @@ def test_geotiff_keys_become_the_text_of_an_e57(tmp_path):
     text = image.root()["coordinateMetadata"].value()
     image.close()
     assert pyproj.CRS.from_wkt(text).to_epsg() == 25832
+
+
+@pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
+def test_further_fields_of_pcd_are_kept(tmp_path, data):
+    import open3d
+
+    rng = np.random.default_rng(4)
+    xyz = np.round(rng.random((500, 3)) * 4, 2).astype(np.float32)
+    curvature, ring = rng.random(500).astype(np.float32), rng.integers(0, 64, 500).astype(np.int32)
+    points = open3d.t.geometry.PointCloud(xyz)
+    points.point["curvature"], points.point["ring"] = curvature[:, None], ring[:, None]
+    assert open3d.t.io.write_point_cloud(str(tmp_path / "a.pcd"), points, write_ascii=data == "ascii",
+                                         compressed=data == "binary_compressed")  # fmt: skip
+    export(tmp_path / "a.pcd", "--out", tmp_path / "b.las")
+    las = laspy.read(tmp_path / "b.las")
+    assert np.array_equal(np.round(las.xyz, 2), np.round(xyz.astype(float), 2))
+    assert np.allclose(las["curvature"], curvature, rtol=1e-5) and np.array_equal(las["ring"], ring)
+
+
+def test_shares_of_full_intensity_are_written_in_16_bits_and_kept_by_all_columns(tmp_path, capsys):
+    xyz, rgb, _ = cloud(6)
+    shares = np.linspace(0.25, 0.5, len(xyz)).astype(np.float32)
+    write_ply(tmp_path / "a.ply", xyz, rgb, {"intensity": shares})
+    export(tmp_path / "a.ply", "--out", tmp_path / "b.ply")
+    assert "times 65535" in capsys.readouterr().err
+    assert np.array_equal(plyfile.PlyData.read(str(tmp_path / "b.ply"))["vertex"]["intensity"], np.rint(shares * 65535.0))
+    export(tmp_path / "a.ply", "--all-columns", "--out", tmp_path / "c.ply")
+    assert np.array_equal(plyfile.PlyData.read(str(tmp_path / "c.ply"))["vertex"]["intensity"], shares)

@@ -65,6 +65,11 @@ class Column:
 
     gaps_in_values: bool = False
 
+    @property
+    def shares(self) -> bool:
+        """Whether the values are fractions from 0 to 1, such as the intensities of PTX and of most E57."""
+        return not self.whole and self.low >= 0 and self.high <= 1
+
     def add(self, source: int, values: np.ndarray) -> None:
         dtype = values.dtype.newbyteorder("=")
         self.dtype = np.result_type(self.dtype, dtype) if self.sources else dtype

@@ -127,12 +127,12 @@ class _Plan:
             for element in range(column.width) if column.width > _WIDEST else [None]:
                 self._add_extra(name, column, element)
         if (column := columns.get("intensity")) is not None and column.high >= column.low:
-            self._stretch = (column.low, column.high)
-            step = (column.high - column.low) / 65535
+            low, high = self._stretch = (0.0, 1.0) if column.shares else (column.low, column.high)
+            step = (high - low) / 65535
             losses.add(
                 f"intensities {column.low:g} to {column.high:g} are no whole numbers of 16 bits: they are kept in the extra "
                 f"dimension {next(made for made, of in self._extra_of.items() if of[0] == 'intensity')}, and the standard one "
-                f"holds (intensity - {column.low:g}) / {step:g}"
+                f"holds (intensity - {low:g}) / {step:g}"
             )
 
     def _needs_numbers(self, found: Survey, columns: dict[str, Column]) -> bool:

@@ -28,6 +28,10 @@ def write_ply(path: Path, stream: Stream, found: Survey, reference: Reference, l
     wide, most = all_columns and not found.exact8, max(found.counts, default=0)
     if most > _LAST and not all_columns:
         losses.add(f"of {most + 1} scans those from number {_LAST} on share that number (--all-columns tells them apart)")
+    intensity = found.columns.get("intensity")
+    shares = intensity is not None and not all_columns and intensity.shares
+    if shares:
+        losses.add("intensities from 0 to 1 are written as whole numbers, times 65535 (--all-columns keeps them)")
     further = _further(found) if all_columns else {}
     if not all_columns:
         _name_losses(found, losses)
@@ -35,11 +39,13 @@ def write_ply(path: Path, stream: Stream, found: Survey, reference: Reference, l
         losses.add("there are no colours in the file: red, green and blue are 0")
     colour = "<u2" if wide else "u1"
     kinds = [("x", "<f8"), ("y", "<f8"), ("z", "<f8"), ("red", colour), ("green", colour), ("blue", colour),
-             ("intensity", _kind(found.columns.get("intensity"), "<u2", 65535)),
+             ("intensity", "<u2" if shares else _kind(intensity, "<u2", 65535)),
              ("scan", "<i4" if all_columns and most > _LAST else "u1"),
              ("classification", _kind(found.columns.get("classification"), "u1", 255))]  # fmt: skip
     kinds += [(name, kind) for name, (_, kind) in further.items()]
     about = [f"crs {crs or 'unknown'}, unit {units or 'unknown'}"]
+    if shares:
+        about.append("intensity is stored times 65535")
     if reference.wkt:
         about.append(f"wkt {' '.join(reference.wkt.split())}")
     comments = "".join(f"comment {_plain(text)}\n" for text in ("pointglass", *about) if len(text) < _LONGEST)
@@ -57,7 +63,8 @@ def write_ply(path: Path, stream: Stream, found: Survey, reference: Reference, l
             rows["scan"] = piece.scan if all_columns else np.minimum(piece.scan, _LAST)
             for name in _FIXED:
                 if name in piece.columns:
-                    rows[name] = piece.columns[name]
+                    values = piece.columns[name]
+                    rows[name] = np.rint(np.nan_to_num(values) * 65535.0) if shares and name == "intensity" else values
             for name, (column, _) in further.items():
                 rows[name] = _values(piece, column, rows[name])
             rows.tofile(file)
