@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from pointglass.viewer.window.file_dialog import file_dialogs
 from pointglass.viewer.window.file_dialog.chosen_path import pasted
 from pointglass.viewer.window.file_dialog.file_choice import FileChoice, Request
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
@@ -226,6 +227,43 @@ def test_each_purpose_remembers_its_folder_and_a_folder_that_is_gone_is_not_used
     later.open("films", "Film", {"MP4": (".mp4",)}, chosen.append)
     wait(later.choice)
     assert later.choice.folder == folder and not later.choice.listing.problem
+
+
+class SystemDialog:
+    """The desktop's dialog, closed with an answer."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def ready(self, _seconds):
+        return True
+
+    def result(self):
+        return self.answer
+
+
+@pytest.mark.parametrize("answer, after, shown", [
+    ("", 0.1, True), ("", 3.0, False), ("{}/table", 3.0, True), ("{}/new", 3.0, False),
+])  # fmt: skip
+def test_the_desktops_dialog_is_helped_where_it_fails_or_the_ending_makes_another_name(folder, monkeypatch, answer, after, shown):
+    """One that ends at once could not be shown; one that was asked about "table" did not ask about "table.csv"."""
+    (folder / "table.csv").write_text("old")
+    now = [100.0]
+    monkeypatch.setattr(file_dialogs, "monotonic", lambda: now[0])
+    monkeypatch.setattr(file_dialogs, "system_dialog", lambda: True)
+    monkeypatch.setattr(file_dialogs, "_system", lambda request, begin: SystemDialog(answer.format(folder)))
+    chosen, files = [], FileDialogs()
+    files.save("tables", "Table", "a.csv", {"CSV": (".csv",)}, chosen.append)
+    now[0] += after
+    files.poll()
+    assert (files.choice is not None) == shown
+    if "table" in answer:
+        assert files.choice.question == folder / "table.csv" and not chosen
+        files.choice.answer(True)
+        files.poll()
+        assert chosen == [folder / "table.csv"]
+    elif "new" in answer:
+        assert chosen == [folder / "new.csv"]
 
 
 @pytest.mark.parametrize("text", ["[" * 100_000, "[]", '{"last": 3}', '{"last": {"a": 3}, "recent": [1]}', "\xff"])

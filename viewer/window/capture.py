@@ -49,7 +49,7 @@ def save_png(path: Path, image: np.ndarray, text: dict[str, str] | None = None) 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
     return InputError(f"{path}: cannot be written ({error.strerror or error}); "
-                      "start pointglass in a folder that has room and can be written to")
+                      "choose a folder that has room and can be written to")
 
 
 class FrameTimes:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from imgui_bundle import ImVec2, imgui
 
 from ..errors import InputError
+from ..readers.formats import FORMATS
 from ..tools.moved_scans import MissingScans, ScanPlace, difference
 from ..tools.project import places_in
 from . import theme
@@ -53,7 +54,8 @@ class MissingScansDialog:
         """Asks for the file, or the folder, that the scan is now."""
         scan, place = self.scan, self._place(self.scan)
         nearest = next((folder for folder in scan.parents if folder.is_dir()), None)
-        if place.size is None and not scan.suffix:
+        known = any(scan.suffix.lower() in row.suffixes for row in FORMATS)
+        if not scan.suffix or (place.size is None and not known):
             app.files.open_folder("scans", f"Locate {scan.name}", lambda folder: self.take(app, folder))
         else:
             app.files.open("scans", f"Locate {scan.name}", {f"Like {scan.name}": (scan.suffix.lower(),)},

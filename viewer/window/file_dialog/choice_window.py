@@ -10,7 +10,7 @@ from ..theme import Theme, fitted, text_in
 from ..widgets import button, compact_button, hint
 from .entries_table import draw_entries
 from .file_choice import FileChoice
-from .file_dialogs import FileDialogs, system_dialog
+from .file_dialogs import FileDialogs
 
 POPUP = "files"
 _WIDE, _HIGH = 860.0, 560.0
@@ -31,6 +31,7 @@ class ChoiceWindow:
         self._of: FileChoice | None = None
         self._shown_text = ""  # what the field held in the frame before
         self._new_folder: str | None = None  # the name that is typed, None where no folder is being made
+        self._kinds_open = False  # the list of kinds of file, which takes the keys
         self._focus_folder = False  # whether the field of its name is to get the keyboard
         self._answer = 0  # button of the question that Enter presses: 0 keeps the file, 1 replaces it
 
@@ -119,7 +120,9 @@ class ChoiceWindow:
 
     def _places(self, choice: FileChoice, files: FileDialogs, look: Theme, height: float) -> None:
         px = look.px
+        imgui.push_style_color(imgui.Col_.border, theme.LINE)
         imgui.begin_child("places", ImVec2(px(_PLACES), height), imgui.ChildFlags_.borders)
+        imgui.pop_style_color()
         imgui.push_font(look.regular, theme.SMALL)
         for title, places in _places_of(choice, files):
             text_in(theme.DIM, title)
@@ -186,21 +189,26 @@ class ChoiceWindow:
         do = names[choice.request.kind]
         width = max(px(96), imgui.calc_text_size(do).x + px(28))
         if choice.request.kind != "folder":
-            imgui.set_next_item_width(px(220))
-            if imgui.begin_combo("##kind", fitted(kinds[choice.kind], px(220) - imgui.get_frame_height() - px(16))):
+            room = min(px(220), imgui.get_content_region_avail().x - width - px(96) - px(24))
+            imgui.set_next_item_width(room)
+            shown = fitted(kinds[choice.kind], room - imgui.get_frame_height() - px(16))
+            self._kinds_open = imgui.begin_combo("##kind", shown)
+            if self._kinds_open:
                 for number, (name, endings) in enumerate(choice.request.endings.items()):
                     if imgui.selectable(_kind_text(name, endings), number == choice.kind)[0]:
                         _choose_kind(choice, number)
                 imgui.end_combo()
             imgui.same_line()
-        choice.hidden = imgui.checkbox("Hidden files", choice.hidden)[1]
-        hint("Show names that begin with a dot (Ctrl + H)", look)
-        if system_dialog():
+        if imgui.get_window_width() > px(620):  # Ctrl + H does it, too
+            choice.hidden = imgui.checkbox("Hidden files", choice.hidden)[1]
+            hint("Show names that begin with a dot (Ctrl + H)", look)
             imgui.same_line()
+        if files.has_system and imgui.get_window_width() > px(760):
             inside = imgui.checkbox("Always here", files.folders.in_window)[1]
             files.prefer_window(inside)
             hint("Choose files in this window, not in the system's dialog", look)
-        imgui.same_line(imgui.get_window_width() - imgui.get_style().window_padding.x - width - px(96) - px(8))
+            imgui.same_line()
+        imgui.set_cursor_pos_x(imgui.get_window_width() - imgui.get_style().window_padding.x - width - px(96) - px(8))
         if button("Cancel", look, width=px(96)):
             choice.cancel()
         imgui.same_line(0, px(8))
@@ -226,7 +234,10 @@ class ChoiceWindow:
         """naming: whether keys belong to the name of a new folder."""
         key, pressed, io = imgui.Key, imgui.is_key_pressed, imgui.get_io()
         enter = pressed(key.enter, False) or pressed(key.keypad_enter, False)
-        if pressed(key.escape, False):
+        if self._kinds_open:
+            if pressed(key.escape, False):
+                imgui.internal.close_popups_except_modals()
+        elif pressed(key.escape, False):
             if naming:
                 self._new_folder = None
             else:
@@ -290,5 +301,7 @@ def _places_of(choice: FileChoice, files: FileDialogs) -> list[tuple[str, list[t
     if scan is not None:
         places.append(("The scan's folder", scan.absolute()))
     places.append(("Computer", Path(Path.cwd().anchor)))
-    recent = [(folder.name or str(folder), folder) for folder in files.folders.recent]
+    names = [folder.name for folder in files.folders.recent]
+    recent = [(f"{folder.parent.name}/{folder.name}" if names.count(folder.name) > 1 else folder.name or str(folder), folder)
+              for folder in files.folders.recent]
     return [("Places", places)] + ([("Recent", recent)] if recent else [])

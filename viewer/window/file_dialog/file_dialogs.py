@@ -18,6 +18,7 @@ import shutil
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from time import monotonic
 from typing import Any
 
 from .file_choice import EVERY, Endings, FileChoice, Request
@@ -25,6 +26,8 @@ from .remembered_folders import RememberedFolders
 
 PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 """What shows the system's dialog on Linux."""
+_AT_ONCE = 0.4
+"""Seconds within which nobody closes a dialog: one that ends sooner could not be shown, and that inside the window is."""
 
 
 def system_dialog() -> bool:
@@ -38,7 +41,7 @@ def system_dialog() -> bool:
 class FileDialogs:
     """The dialogs of one window.
 
-    choice: the dialog inside the window that is open, else None.  scan_folder: where the scan shown lies, replaceable.
+    choice: the dialog inside the window that is open, else None.  has_system: whether the system has one.  scan_folder: where the scan shown lies, replaceable.
     wake: called on another thread when there is something to draw.
     """
 
@@ -47,6 +50,8 @@ class FileDialogs:
         self.folders = RememberedFolders()
         self.choice: FileChoice | None = None
         self._system: tuple[Any, Request] | None = None
+        self.has_system = system_dialog()
+        self._since = 0.0  # when it was opened, seconds
 
     @property
     def shown(self) -> bool:
@@ -84,7 +89,9 @@ class FileDialogs:
         if self.shown:
             return
         begin = ([folder] if folder is not None else []) + self.first_folders(request.purpose)
-        if system_dialog() and not self.folders.in_window:
+        self.has_system = system_dialog()  # which may have been installed meanwhile
+        if self.has_system and not self.folders.in_window:
+            self._since = monotonic()
             self._system = _system(request, next((folder for folder in begin if folder.is_dir()), begin[-1])), request
         else:
             self.choice = FileChoice(request, begin, self._wake)
@@ -102,11 +109,14 @@ class FileDialogs:
         if self._system is not None and self._system[0].ready(0):
             (dialog, request), self._system = self._system, None
             chosen = dialog.result()
+            failed = not chosen and monotonic() - self._since < _AT_ONCE
             paths = [Path(path) for path in ([chosen] if isinstance(chosen, str) else chosen) if path]
             if paths and request.kind == "save":
                 self._check_ending(request, paths[0])
             elif paths:
                 self._finish(request, paths)
+            elif failed:
+                self.choice = FileChoice(request, self.first_folders(request.purpose), self._wake)
         after = self.choice, self.choice and (self.choice.question, self.choice.problem, self.choice.listing.folder)
         return before != after
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import PointglassError
+from ...file_names import safe_name
 from ...readers.e57_pictures import StoredPicture, picture_file, picture_of
 from ..capture import write_beside
 from ..theme import fitted
@@ -29,9 +30,7 @@ _MOST = 32.0
 
 def file_name(stored: StoredPicture) -> str:
     """The name of a photograph as that of a file, without an ending: names from a file may hold anything."""
-    kept = "".join(c if c.isprintable() and c not in '\\/:*?"<>|' else "_" for c in stored.name).strip(" .")
-    kept = kept.removesuffix(".jpg").removesuffix(".png")
-    return kept[:80] or "photograph"
+    return safe_name(stored.name.removesuffix(".jpg").removesuffix(".png"), "photograph")
 
 
 class PictureViewer:

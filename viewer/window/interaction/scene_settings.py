@@ -45,5 +45,10 @@ class SceneSettings(Tool):
             if label and ui.is_item_hovered():
                 ui.set_tooltip(f"{verb}: {label}")
 
+        if context.files.has_system:
+            context.files.prefer_window(ui.checkbox("choose files in this window", context.files.folders.in_window)[1])
+            if ui.is_item_hovered():
+                ui.set_tooltip("not in the dialog of the desktop")
+
     def close(self) -> None:
         self.reference.close()
