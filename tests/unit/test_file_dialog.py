@@ -245,7 +245,7 @@ class SystemDialog:
 @pytest.mark.parametrize("answer, after, shown", [
     ("", 0.1, True), ("", 3.0, False), ("{}/table", 3.0, True), ("{}/new", 3.0, False),
 ])  # fmt: skip
-def test_the_desktops_dialog_is_helped_where_it_fails_or_the_ending_makes_another_name(folder, monkeypatch, answer, after, shown):
+def test_the_desktops_dialog_is_helped_where_it_fails_or_an_ending_is_added(folder, monkeypatch, answer, after, shown):
     """One that ends at once could not be shown; one that was asked about "table" did not ask about "table.csv"."""
     (folder / "table.csv").write_text("old")
     now = [100.0]

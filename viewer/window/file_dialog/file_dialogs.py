@@ -41,7 +41,8 @@ def system_dialog() -> bool:
 class FileDialogs:
     """The dialogs of one window.
 
-    choice: the dialog inside the window that is open, else None.  has_system: whether the system has one.  scan_folder: where the scan shown lies, replaceable.
+    choice: the dialog inside the window that is open, else None.  has_system: whether the system has one.
+    scan_folder: where the scan shown lies, replaceable.
     wake: called on another thread when there is something to draw.
     """
 
