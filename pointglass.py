@@ -19,10 +19,28 @@
     (False, (120, 160))
     >>> scan.close()                                             # or: with pointglass.open(...) as scan:
 
-World frame: the scan file's own coordinates and unit of length, z up unless a camera says otherwise.  Pictures have row 0 at
-the top.  The same scan, camera and settings give the same bytes.  Bad input raises :class:`InputError`, a device that cannot do
-what was asked :class:`DeviceError`; both are one line that names the value and the remedy.  Importing this module loads neither
-torch nor OpenGL: OpenGL loads with the first picture, torch with the first neural one.
+    >>> mine = pointglass.from_points([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1.0, 0, 0]] * 3)        # arrays of your own
+    >>> mine.points.rgb[0]
+    array([255,   0,   0], dtype=uint8)
+
+World frame: the scan file's own coordinates and unit of length, right-handed, z up unless a camera says otherwise.
+Camera frame of ``camera_to_world``: OpenGL's, x right, y up, the camera looks along -z; its fourth column is the position.
+View frame, ``camera.view_rotation``: x right, y down, z forward.
+Pixels: row 0 at the top, column 0 at the left; pixel (column i, row j) covers [i, i+1] x [j, j+1], its centre is at +0.5.
+A point (x, y, z) of the view frame lies at column ``cx + fx * x / z`` and row ``cy + fy * y / z``.
+Depth: z of the view frame, so the distance along the viewing axis, not along the ray; in file units, +inf without points.
+The place seen in a pixel is ``camera.position + depth * (camera.forward + right - up)``, with
+``right = (column + 0.5 - cx) / fx * camera.right`` and ``up = (row + 0.5 - cy) / fy * camera.up``.
+Colour: uint8 sRGB, premultiplied by alpha; alpha 0 is background.
+
+The same scan, camera and settings give the same bytes.  Pictures display in notebooks, and ``save`` writes PNGs from which
+``pointglass render SCAN --like PNG`` draws them again.  Work of more than a few seconds shows a bar on a terminal, else a line
+on standard error now and then.  A scan draws on one thread and in one process: other threads open it again, and processes are
+started with ``multiprocessing.set_start_method("spawn")``.
+
+Bad input raises :class:`InputError`, a device that cannot do what was asked :class:`DeviceError`; both are one line that names
+the value and the remedy.  Importing this module loads neither torch nor OpenGL: OpenGL loads with the first picture, torch with
+the first neural one.
 """
 
 from importlib import import_module

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from clouds import camera_in, room
 from PIL import Image
+from scipy.spatial import cKDTree
 
 import pointglass
 from pointglass.viewer.cli import main
@@ -109,6 +110,29 @@ def test_several_cameras_give_a_list_of_the_same_pictures(seed, capsys):
     assert [picture.shape for picture in together] == [(36, 48, 4), (36, 49, 4), (36, 50, 4)]
     for one, listed, frame in zip(alone, together, frames, strict=True):
         assert np.array_equal(one, listed) and np.array_equal(one, frame.image)
+
+
+def test_pixels_and_depth_lead_back_to_points_as_the_documentation_says(seed):
+    rng = np.random.default_rng(seed)
+    xyz = rng.uniform(-3, 3, (300, 3)) + (4.5e5, 5.2e6, 300)
+    eye = xyz.mean(axis=0) + rng.normal(size=3) * 2 + (9, 0, 0)
+    camera = pointglass.look_at(eye, xyz.mean(axis=0), up=rng.normal(size=3), size=(300, 200))
+    with pointglass.from_points(xyz, rng.random((300, 3))) as scan:
+        depth = scan.render(camera, view="raw", full=True).depth
+    row, column = np.nonzero(np.isfinite(depth))
+    along = depth[row, column][:, None]
+    right = ((column + 0.5 - camera.cx) / camera.fx)[:, None] * camera.right
+    up = ((row + 0.5 - camera.cy) / camera.fy)[:, None] * camera.up
+    places = camera.position + along * (camera.forward + right - up)
+    distance, _ = cKDTree(xyz).query(places)
+    half_a_pixel = np.sqrt(0.5) * along[:, 0] / camera.fx
+    assert len(places) > 50 and (distance <= half_a_pixel * 1.01 + 1e-4).all()
+    view = (xyz - camera.position) @ camera.view_rotation.T  # and forwards
+    ahead = view[view[:, 2] > 0.1]
+    x, y = ahead[:, 0] / ahead[:, 2], ahead[:, 1] / ahead[:, 2]
+    lands = np.floor([camera.cx + camera.fx * x, camera.cy + camera.fy * y])
+    inside = (lands >= 0).all(axis=0) & (lands[0] < 300) & (lands[1] < 200)
+    assert np.isfinite(depth[lands[1, inside].astype(int), lands[0, inside].astype(int)]).mean() > 0.98
 
 
 def test_a_picture_is_an_array_that_notebooks_show(seed):

@@ -1,5 +1,7 @@
 """``pointglass.from_points``: arrays come back as points, and what does not fit is refused in words that name the argument."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -89,3 +91,15 @@ def test_what_does_not_fit_is_refused_in_one_line(given, said):
 ])  # fmt: skip
 def test_messages_name_python_arguments(option, argument):
     assert in_python(option) == argument
+
+
+def test_colours_of_all_points_need_at_most_twice_the_memory_of_the_result():
+    rng = np.random.default_rng(1)
+    with pointglass.from_points(rng.random((600_000, 3)), rng.random((600_000, 3)).astype(np.float32)) as scan:
+        tracemalloc.start()
+        try:
+            colours = scan.points.rgb
+            assert tracemalloc.get_traced_memory()[1] < 2 * colours.nbytes
+        finally:
+            tracemalloc.stop()
+        assert np.array_equal(scan.points[::-7].rgb, colours[::-7])

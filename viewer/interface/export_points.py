@@ -1,5 +1,7 @@
 """Exports points for Python: what is left of a scan by boxes and stations, as ``pointglass export`` writes it."""
 
+from __future__ import annotations
+
 import logging
 from collections.abc import Iterable
 from pathlib import Path
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
-def export_points(scene: "Scene", path: Path, clip: npt.ArrayLike | None, stations: Iterable[int] | None, exposures: str,
+def export_points(scene: Scene, path: Path, clip: npt.ArrayLike | None, stations: Iterable[int] | None, exposures: str,
                   all_columns: bool) -> int:
     """See Scan.export."""
     if exposures not in ("as-scanned", "matched"):
@@ -47,7 +49,7 @@ def _boxes(clip: npt.ArrayLike | None) -> tuple[Clip, ...]:
     return tuple(box_around(boxes[n, 0], boxes[n, 1], "clip") for n in range(len(boxes)))
 
 
-def _hidden(scene: "Scene", stations: Iterable[int] | None) -> frozenset[int]:
+def _hidden(scene: Scene, stations: Iterable[int] | None) -> frozenset[int]:
     """The stations that are left out."""
     if stations is None:
         return frozenset()

@@ -1,5 +1,7 @@
 """A scan from arrays: points that a program has in memory are drawn as those of a file are."""
 
+from __future__ import annotations
+
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +30,7 @@ def from_points(
     metres_per_unit: float | None = None,
     name: str = "points",
     gpu_memory: int | None = None,
-) -> "Scan":
+) -> Scan:
     """A scan in memory, from arrays of N points.
 
     xyz: (N, 3) numbers, any frame, z up; points that are not finite are left out.

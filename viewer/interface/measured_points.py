@@ -1,5 +1,7 @@
 """The measured points of a scan: values of the files, read on demand."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, overload
 
@@ -16,6 +18,10 @@ if TYPE_CHECKING:
 Index = slice | int | Sequence[int] | npt.NDArray[np.integer[Any]] | npt.NDArray[np.bool_]
 
 
+_PIECE = 1 << 16
+"""Points whose colours are decoded at a time: a few megabytes beside the result."""
+
+
 class Points:
     """The measured points of a scan, or some of them: a view that reads an array each time one is asked for.
 
@@ -28,19 +34,19 @@ class Points:
     one by one; many are read by one pass over the files, in at most twice the memory of the result.
     """
 
-    def __init__(self, scene: "Scene", chosen: "range | np.ndarray"):
+    def __init__(self, scene: Scene, chosen: range | np.ndarray):
         self._scene, self._chosen = scene, chosen
 
     def __len__(self) -> int:
         return len(self._chosen)
 
     @overload
-    def __getitem__(self, index: Index) -> "Points": ...
+    def __getitem__(self, index: Index) -> Points: ...
 
     @overload
     def __getitem__(self, index: str) -> npt.NDArray[Any]: ...
 
-    def __getitem__(self, index: "Index | str") -> "Points | npt.NDArray[Any]":
+    def __getitem__(self, index: Index | str) -> Points | npt.NDArray[Any]:
         """Some of the points, or an attribute by its name.  Raises IndexError beyond the last point, InputError where the index
         is of another kind or no file has the attribute."""
         if isinstance(index, str):
@@ -65,7 +71,11 @@ class Points:
         intensity or height where the file has no colour.  ``points["rgb"]`` are the colours of the file, uint8 or uint16."""
         from ..grid.scene import colours, packed
 
-        return colours(packed(self._scene, self._index))
+        made = np.empty((len(self), 3), np.uint8)
+        for start in range(0, len(self), _PIECE):
+            part = self[start : start + _PIECE]
+            made[start : start + len(part)] = colours(packed(self._scene, part._index))
+        return made
 
     @property
     def intensity(self) -> npt.NDArray[Any]:
@@ -84,7 +94,7 @@ class Points:
         return self._records.stations(self._index)
 
     @property
-    def attributes(self) -> "Attributes":
+    def attributes(self) -> Attributes:
         """The attributes of the points by name, in the file's type and scale, each (n,) or (n, k), read when it is asked for:
         "rgb", "intensity", "classification", "gps_time", "return_number", "point_source_id", ... as laspy names those of LAS;
         other fields, such as extra dimensions, by their name in the file."""
@@ -103,13 +113,13 @@ class Points:
         return self._records.column(self._index, name)[0]
 
     @property
-    def _records(self) -> "FileRecords":
+    def _records(self) -> FileRecords:
         from ..grid.file_records import FileRecords
 
         return FileRecords(self._scene)
 
     @property
-    def _index(self) -> "slice | np.ndarray":
+    def _index(self) -> slice | np.ndarray:
         own = self._chosen
         if not isinstance(own, range):
             return own
@@ -125,7 +135,7 @@ class Points:
 class Attributes(Mapping[str, npt.NDArray[Any]]):
     """Attributes of points by name; each is read from the files when it is asked for."""
 
-    def __init__(self, records: "FileRecords", index: "slice | np.ndarray"):
+    def __init__(self, records: FileRecords, index: slice | np.ndarray):
         self._records, self._index, self._known = records, index, None
 
     @property

@@ -1,5 +1,7 @@
 """An open scan and its pictures, for Python."""
 
+from __future__ import annotations
+
 import html
 import os
 import threading
@@ -35,7 +37,7 @@ class Scan:
     started with "spawn".  Several scans may be open and be rendered in turn.
     """
 
-    def __init__(self, scene: "Scene", name: str, memory: Memory):
+    def __init__(self, scene: Scene, name: str, memory: Memory):
         self._scene: Scene | None = scene
         self._name, self._memory = name, memory
         self._drawing: tuple[Any, Renderer] | None = None  # the context and what draws in it, once there is a picture
@@ -140,7 +142,7 @@ class Scan:
                     meter.update(1)
             return made
 
-    def _picture(self, scene: "Scene", camera: Camera, chosen: Settings, full: bool) -> Picture | Frame:
+    def _picture(self, scene: Scene, camera: Camera, chosen: Settings, full: bool) -> Picture | Frame:
         from ..tools.shot_metadata import describe_shot
 
         view = chosen.view
@@ -235,12 +237,12 @@ class Scan:
         return f"<table>{cells}</table>"
 
     @property
-    def _open(self) -> "Scene":
+    def _open(self) -> Scene:
         if self._scene is None:
             raise InputError(f"{self._name}: this scan was closed; open it again")
         return self._scene
 
-    def _begin(self, scene: "Scene") -> "tuple[Any, Renderer]":
+    def _begin(self, scene: Scene) -> tuple[Any, Renderer]:
         from ..render.context import create_context
         from ..render.renderer import Renderer
 

@@ -1,5 +1,7 @@
 """Cameras from Python: placed by hand, read from a file, written to one."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
 from typing import Literal
 
