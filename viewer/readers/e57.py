@@ -122,8 +122,10 @@ class E57Source(Source):
         with open_e57(self.path) as file:  # once: libe57 parses the description of all scans whenever it opens a file
             for number, scan in enumerate(self._scans):
                 if scan.count:
+                    if "intensity" in scan.fields and scan.intensity is None:  # here: a file has one reader at a time
+                        self._measure_intensity(number, file)
                     for columns in self._columns(number, scan.wanted, file):
-                        yield self._chunk(number, scan, columns, self._intensity_of(number, columns, file))
+                        yield self._chunk(number, scan, columns, self._intensity_of(number, columns))
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every field besides coordinates, colour and marks of missing values."""
@@ -245,16 +247,22 @@ class E57Source(Source):
             return AS_STORED
         return ends.pop() if len(ends) == 1 else (float("nan"), float("nan"))
 
-    def _intensity_of(self, number: int, columns: dict[str, np.ndarray], file: Any) -> tuple[float, float]:
+    def _intensity_of(self, number: int, columns: dict[str, np.ndarray]) -> tuple[float, float]:
         """Range of a scan's intensities.  Where the file gives none, or one that its first block contradicts, that field is
         read once."""
         if "intensity" not in columns:
             return 0.0, 0.0
         if number not in self._ranges:
             stated = trusted(self._scans[number].intensity, columns["intensity"])
-            blocks = self._columns(number, ["intensity"], file)
-            self._ranges[number] = stated or range_of(found["intensity"] for found in blocks)
+            if stated is None:
+                self._measure_intensity(number)
+            else:
+                self._ranges[number] = stated
         return self._ranges[number]
+
+    def _measure_intensity(self, number: int, file: Any = None) -> None:
+        if number not in self._ranges:
+            self._ranges[number] = range_of(found["intensity"] for found in self._columns(number, ["intensity"], file))
 
     def _columns(self, number: int, names: list[str], file: Any = None) -> Iterator[dict[str, np.ndarray]]:
         """Yields fields of one scan as scaled float64, up to _CHUNK rows at a time.  file: as opened; None: it is opened."""
