@@ -20,17 +20,17 @@ UNREADABLE = ".unreadable"
 _log = logging.getLogger(__name__)
 
 
-def read_state(path: Path, parse: Callable[[Any], T], otherwise: T) -> T:
+def read_state(path: Path, parse: Callable[[Any], T], otherwise: T, *, most: int = _MOST) -> T:
     """What ``parse`` makes of the JSON in a file; ``otherwise`` where there is no file, or none that can be read.
 
-    parse: may raise what conversions raise, and InputError.
+    parse: may raise what conversions raise, and InputError.  most: bytes.
     """
     try:
         if not path.exists():
             return otherwise
         if not path.is_file():  # opening a pipe would block
             raise ValueError("not a regular file")
-        if path.stat().st_size > _MOST:
+        if path.stat().st_size > most:
             raise ValueError(f"{path.stat().st_size:,} bytes are too many")
         return parse(json.loads(path.read_text("utf-8")))
     except PermissionError as error:

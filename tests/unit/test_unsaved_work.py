@@ -100,6 +100,13 @@ def autosaves(folder: Path) -> list[Path]:
     return sorted((folder / "state" / "autosave").glob("[!.]*.json"))
 
 
+def held(file: Path) -> Document:
+    """The document in an autosave."""
+    found = read_unsaved(file)
+    assert found is not None
+    return found.document
+
+
 def until(condition, seconds: float = 20.0):
     end = time.monotonic() + seconds
     while not (found := condition()):
@@ -250,10 +257,10 @@ def test_a_project_that_another_window_has_saved_is_not_replaced_without_a_quest
 def test_the_autosave_holds_what_is_not_saved_and_goes_when_it_is(window, tmp_path):
     window.edit(measurements=(TAPE,))
     (file,) = until(lambda: autosaves(tmp_path))
-    assert read_unsaved(file).document.measurements == (TAPE,)
-    assert read_unsaved(file).document.scans[0].path == str(window.scan)
+    assert held(file).measurements == (TAPE,)
+    assert held(file).scans[0].path == str(window.scan)
     window.edit(clips=(BOX,))
-    until(lambda: read_unsaved(file).document.clips == (BOX,))
+    until(lambda: held(file).clips == (BOX,))
     assert autosaves(tmp_path) == [file] and recoverable() == [], "its window is open"
     window.flow.save()
     window.flow.follow()
@@ -345,7 +352,7 @@ def test_restored_work_is_unsaved_and_its_autosave_goes_on(window, tmp_path):
     window.answer("Restore")
     assert window.session.document.measurements == (TAPE,) and window.flow.changed
     window.edit(clips=(BOX,))
-    until(lambda: read_unsaved(file).document.clips == (BOX,))
+    until(lambda: held(file).clips == (BOX,))
     assert autosaves(tmp_path) == [file] and window.flow.offers == []
     window.session.work.undo()
     window.session.work.undo()
@@ -377,7 +384,7 @@ def test_a_damaged_autosave_is_set_aside(tmp_path, monkeypatch, text):
     folder = tmp_path / "state" / "autosave"
     folder.mkdir(parents=True)
     (folder / "a.json").write_text(text, "latin-1")
-    assert recoverable() == [] and (folder / "a.json.damaged").exists() and recoverable() == []
+    assert recoverable() == [] and (folder / "a.json.unreadable").exists() and recoverable() == []
 
 
 def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_project_is_offered(window, tmp_path):
@@ -404,3 +411,15 @@ def test_a_scan_that_is_opened_again_is_seen_from_where_it_was_left_and_its_proj
     act_on_notice(window.session, offer.action)
     window.take()
     assert window.session.work.project == tmp_path / "room.pointglass" and window.session.document.clips == (BOX,)
+
+
+def test_a_window_with_unfinished_work_ends_after_a_question_only(window):
+    ended = []
+    window.flow.leave(lambda: window.flow.end(["A film is being rendered."], lambda: ended.append(1)))
+    assert window.asked == "Close the window?" and "film" in window.session.notices.message.text
+    window.answer("Go on")
+    assert ended == []
+    window.flow.end(["A film is being rendered."], lambda: ended.append(1))
+    window.answer("Close")
+    window.flow.end([], lambda: ended.append(2))
+    assert ended == [1, 2]

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from x_keyboard import needs_xdotool, request_close
@@ -17,7 +18,7 @@ LONGEST_S = 90.0
 """Seconds that anything may take beside other work."""
 
 
-def until(condition: Callable[[], object], what: str, seconds: float = LONGEST_S):
+def until(condition: Callable[[], Any], what: str, seconds: float = LONGEST_S) -> Any:
     """Waits for a condition; returns what it returned."""
     end = time.monotonic() + seconds
     while not (found := condition()):

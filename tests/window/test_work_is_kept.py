@@ -66,7 +66,9 @@ def test_a_measurement_survives_kill_9_and_is_restored_by_the_next_start(display
     assert time.monotonic() - begin < 5.0, "at most five seconds of work are lost"
     window.process.send_signal(signal.SIGKILL)
     assert window.ended() == -signal.SIGKILL
-    made = read_unsaved(file).document.measurements
+    found = read_unsaved(file)
+    assert found is not None
+    made = found.document.measurements
     assert len(made) >= 1
     window = opened(display, scan)
     time.sleep(1.0)  # the question has come

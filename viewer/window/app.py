@@ -212,7 +212,8 @@ class App:
         self.glfw.set_window_should_close(self.window, False)  # GLFW sets it before it tells
         if self.glfw.get_window_attrib(self.window, self.glfw.ICONIFIED) and self.projects.changed:
             self.glfw.restore_window(self.window)  # the question must be seen
-        self.projects.leave(lambda: self.glfw.set_window_should_close(self.window, True))
+        end = partial(self.projects.end, self.toolbox.unfinished, lambda: self.glfw.set_window_should_close(self.window, True))
+        self.projects.leave(end)
 
     # -- the loop ----------------------------------------------------------------------------------------------------
 

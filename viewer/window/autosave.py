@@ -20,6 +20,7 @@ from pathlib import Path
 from ...model.common.atomic_write import write_atomic
 from ...model.common.state_folder import state_dir
 from ..errors import InputError
+from ..state_files import read_state
 from ..tools.document import Document
 from ..tools.project import document_from_json, to_json, with_paths, write_durably
 
@@ -58,20 +59,18 @@ class UnsavedWork:
                            "digest": self.digest, "document": to_json(document)}, allow_nan=False)
 
 
-def read_unsaved(path: Path) -> UnsavedWork:
-    """The work in an autosave file.  Raises InputError where it is damaged, OSError where it cannot be read."""
-    if path.stat().st_size > LARGEST:
-        raise InputError(f"{path}: {path.stat().st_size} bytes are too many for saved work")
-    try:
-        data = json.loads(path.read_bytes().decode("utf-8"))
+def read_unsaved(path: Path) -> UnsavedWork | None:
+    """The work in an autosave file; None where it is gone.  One that cannot be read is set aside (viewer.state_files)."""
+
+    def parse(data) -> UnsavedWork:
         if data["pointglass_autosave"] != VERSION:
-            raise InputError(f"{path}: made by another version of pointglass")
+            raise InputError("made by another version of pointglass")
         texts = [data[name] for name in ("project", "digest", "title")]
         if not all(isinstance(text, str) for text in texts):
-            raise TypeError
+            raise TypeError("its project, digest or title is no text")
         return UnsavedWork(document_from_json(data["document"]), *texts, time=float(data["time"]))
-    except (ValueError, TypeError, KeyError, RecursionError, InputError) as error:
-        raise InputError(f"{path}: {' '.join(str(error).split())[:200] or 'damaged'}") from None
+
+    return read_state(path, parse, None, most=LARGEST)
 
 
 def lock(path: Path) -> int | None:

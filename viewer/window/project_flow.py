@@ -161,6 +161,14 @@ class ProjectFlow:
         self._session.notices.ask(f"Save the changes to {self.name}?", "Discard loses everything since the last save.", (
             Answer("Save", lambda: self.save(then)), Answer("Discard", give_up), Answer("Cancel")))  # fmt: skip
 
+    def end(self, unfinished: list[str], then: Callable[[], object]) -> None:
+        """Calls ``then``, which ends the window; asks first where something is ``unfinished``, in sentences."""
+        if unfinished:
+            self._session.notices.ask("Close the window?", f"{' '.join(unfinished)} Closing loses it.", (
+                Answer("Go on"), Answer("Close", then)))  # fmt: skip
+        else:
+            then()
+
     def may_replace(self, loaded: Loaded) -> bool:
         """Whether a scene may be accepted now: it leaves the work as it is, or that is saved or given up."""
         session = self._session

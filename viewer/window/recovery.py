@@ -1,7 +1,6 @@
 """Recovery: work that a process which is gone has left in an autosave, what it holds in words, and how it is opened again."""
 
 import contextlib
-import logging
 import os
 import time
 from dataclasses import dataclass, replace
@@ -13,8 +12,6 @@ from ..text import counted
 from ..tools.document import Document
 from ..tools.project import read_project
 from .autosave import UnsavedWork, autosave_folder, lock, read_unsaved
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -80,21 +77,15 @@ def recoverable() -> list[Recoverable]:
                 held = lock(file.with_suffix(".lock"))
                 if held is None:
                     continue  # its window is open
-                try:
-                    found.append(Recoverable(file, read_unsaved(file)))
-                except FileNotFoundError:  # saved meanwhile
+                if (unsaved := read_unsaved(file)) is not None:
+                    found.append(Recoverable(file, unsaved))
+                else:  # saved meanwhile, or not readable
                     file.with_suffix(".lock").unlink(missing_ok=True)
-                except InputError as error:
-                    _log.warning("%s; it is set aside as %s.damaged", error, file.name)
-                    file.replace(file.with_name(file.name + ".damaged"))
-                finally:
-                    os.close(held)
+                os.close(held)
     return sorted(found, key=lambda each: each.unsaved.time, reverse=True)
 
 
 def renewed(found: Recoverable) -> Recoverable | None:
     """The same as it is on disk now; None where it is gone, or another window has taken it."""
-    try:
-        return replace(found, unsaved=read_unsaved(found.file)) if found.file.exists() else None
-    except (OSError, InputError):
-        return None
+    unsaved = read_unsaved(found.file)
+    return None if unsaved is None else replace(found, unsaved=unsaved)

@@ -112,6 +112,10 @@ class Film(Tool):
         elif done.error is None:
             context.toast(str(done.result))
 
+    @property
+    def unfinished(self) -> str:
+        return "A film is being rendered." if self.worker is not None else ""
+
     def close(self) -> None:
         end(self.worker)
 

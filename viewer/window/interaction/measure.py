@@ -128,6 +128,10 @@ class Measure(Tool):
             return False
         return True
 
+    @property
+    def unfinished(self) -> str:
+        return f"{NAMES[self.kind]}: not ended yet." if len(self.points) > 1 else ""
+
     def _drop_last(self) -> None:
         if self.points:
             self.points.pop()

@@ -180,6 +180,11 @@ class Tool:
     def follow(self, context: ToolContext) -> None:
         """Called in every turn of the window's loop, selected or not: takes what work in the background has brought."""
 
+    @property
+    def unfinished(self) -> str:
+        """What would be lost if the window closed now, besides the document; "" for nothing."""
+        return ""
+
     def close(self) -> None:
         """The window closes: cancels work in the background and waits until it has removed what it was writing."""
 
@@ -220,6 +225,11 @@ class Toolbox:
         """Lets every tool take what its work in the background has brought."""
         for tool in self.tools:
             tool.follow(context)
+
+    @property
+    def unfinished(self) -> list[str]:
+        """What tools would lose if the window closed now."""
+        return [tool.unfinished for tool in self.tools if tool.unfinished]
 
     def close(self) -> None:
         """Ends the work of every tool."""
