@@ -119,7 +119,7 @@ def test_a_header_that_counts_no_points_is_refused(tmp_path):
     path = write_laz(tmp_path / "a.laz")
     data = bytearray(path.read_bytes())
     struct.pack_into("<Q", data, 247, 0)
-    struct.pack_into("<I", data, 107, COUNT)
+    struct.pack_into("<I", data, 107, 0)
     path.write_bytes(data)
     with pytest.raises(InputError, match=r"a\.laz: holds no points"):
         open_scene(path, cache=False)

@@ -52,7 +52,7 @@ _OPTIONAL = {*_LATER, "noise", "records", "records_high", "record_sums"}
 _CACHE_REMEDY = "free space or set POINTGLASS_CACHE to a writable folder (view, render and info also take --no-cache)"
 _OUT_REMEDY = "free space or give --out a writable folder"
 _NPY_ERRORS = (OSError, ValueError, TypeError, SyntaxError, EOFError, OverflowError, MemoryError, RecursionError, KeyError,
-               IndexError, UserWarning, tokenize.TokenError)  # fmt: skip
+               IndexError, Warning, tokenize.TokenError)  # fmt: skip
 """What a damaged .npy header raises: NumPy evaluates it as a Python literal and makes a type of it."""
 _JOB = 16  # chunks whose checksums a thread computes at a time (12 MiB); chosen by hand
 
@@ -168,7 +168,7 @@ def _mapped(path: Path) -> np.ndarray:
     if not path.is_file():  # opening a pipe would block
         raise DamagedGrid(f"{path.name} is no file")
     try:
-        with warnings.catch_warnings(action="error", category=UserWarning):  # NumPy warns of headers that Python 2 wrote
+        with warnings.catch_warnings(action="error"):  # NumPy warns of headers that Python 2 wrote, and of huge shapes
             array = np.lib.format.open_memmap(path, mode="r")  # unlike np.load, it does not accept zip files and pickles
     except _NPY_ERRORS as error:
         raise DamagedGrid(f"{path.name}: {first_line(error)}") from None

@@ -34,8 +34,13 @@ def decoding(failed: Callable[[str], InputError]) -> Iterator[None]:
 def without_native_output() -> Iterator[None]:
     """Within the block nothing that native code writes to standard error is seen: Rust reports a panic there, which becomes an
     error here.  For blocks of milliseconds; other threads' messages are lost as well."""
-    sys.stderr.flush()
-    kept = os.dup(2)
+    try:
+        kept = os.dup(2)
+    except OSError:  # closed
+        yield
+        return
+    if sys.stderr is not None:
+        sys.stderr.flush()
     try:
         with open(os.devnull, "wb") as nothing:
             os.dup2(nothing.fileno(), 2)

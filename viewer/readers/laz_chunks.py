@@ -19,6 +19,10 @@ VARIABLE = 2**32 - 1
 """In place of a number of points a chunk: each chunk has its own (COPC)."""
 _SIZES = {6: 20, 7: 8, 8: 6, 9: 29, 10: 30, 11: 6, 12: 8, 13: 29}
 """Bytes of an item by its type in LASzip; extra bytes, types 0 and 14, have any number."""
+_BY_POINTS, _LAYERED = 2, 3
+"""Compressors: chunks of points one after the other, and of layers."""
+_FIRST_LAYERED = 10
+"""Types from this one on are stored in layers."""
 _LAYERS = {10: 9, 11: 1, 12: 2, 13: 1}
 """Layers in which an item is stored, by its type; extra bytes, type 14, have one each."""
 
@@ -53,7 +57,7 @@ def check_chunks(path: Path, record: bytes, *, offset: int, length: int, count: 
             raise _damaged(path, f"{points:,} of {count:,} points could be read, its chunks hold no more")
         if chunk_size == VARIABLE and points > count:
             raise _damaged(path, f"its header counts {count:,} points, its chunks hold {points:,}")
-        if items[0][2] >= 3:
+        if any(kind >= _FIRST_LAYERED for kind, _, _ in items):  # whatever version they state, which lazrs does not check
             _check_layers(path, file, table, offset + 8, length, sum(_LAYERS.get(kind, n) for kind, n, _ in items))
     return max(n for n, _ in table), points
 
@@ -66,6 +70,9 @@ def _described(path: Path, record: bytes, length: int) -> tuple[int, list[tuple[
     items = list(struct.iter_unpack("<3H", record[34 : 34 + 6 * number]))
     if sum(n for _, n, _ in items) != length or any(_SIZES.get(kind, n) != n for kind, n, _ in items):
         raise _damaged(path, f"its compressed points are not made of {length} bytes")
+    compressor = int.from_bytes(record[:2], "little")
+    if compressor != (_LAYERED if any(kind >= _FIRST_LAYERED for kind, _, _ in items) else _BY_POINTS):
+        raise _damaged(path, f"states compressor {compressor}, which its kind of points does not have")
     chunk_size = int.from_bytes(record[12:16], "little")
     if chunk_size == 0:
         raise _damaged(path, "says that its chunks have 0 points")

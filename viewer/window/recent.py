@@ -40,7 +40,7 @@ class RecentScan:
     @property
     def thumbnail(self) -> Path:
         """Its picture, which may be missing."""
-        name = hashlib.sha256("\n".join(self.paths).encode()).hexdigest()[:24]
+        name = hashlib.sha256("\n".join(self.paths).encode("utf-8", "surrogatepass")).hexdigest()[:24]
         return state_dir() / f"{name}.png"
 
     @property
