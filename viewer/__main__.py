@@ -4,10 +4,12 @@ import gc
 from typing import NoReturn
 
 from ..model.common.signals import stop_at_once
+from .limited_memory import run_in_child_where_limited
 
 
 def main() -> NoReturn:
     """Runs the command line and ends the process with its exit code."""
+    run_in_child_where_limited()
     stop_at_once()  # before anything slow is imported
     gc.disable()  # a tenth of a start would go into collecting what imports make; viewer.cli turns it on again
     from ..model.common.background_threads import leave

@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
 from itertools import pairwise
@@ -77,6 +78,11 @@ class Parser(argparse.ArgumentParser):
             if not any(option.startswith(name) for option in known):
                 meant = get_close_matches(name, known, 1, 0.7)
                 self.error(f"unrecognized arguments: {name}{f', did you mean {meant[0]}?' if meant else ''}")
+
+    def _print_message(self, message: str, file=None) -> None:
+        """argparse's own ignores a full disk."""
+        if message:
+            (file or sys.stderr).write(message)
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see `{self.prog} --help`)")

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...model.common.scanner_positions import MAX_STATIONS, station_positions_of
 from ...model.noise import NoiseModel
+from ..errors import InputError
 from ..preprocess.point_attributes import AttributeLayout, layout_from
 from ..readers.source import Source
 from .marked_points import MarkedPoints
@@ -156,8 +157,20 @@ def attributes_of(scene: Scene, index: Any = slice(None)) -> PointAttributes:
     )
 
 
+def refuse_changed_file(array: np.ndarray) -> None:
+    """Raises InputError where the file behind a memory map is shorter than the map: reading it would end the process (SIGBUS).
+
+    This program replaces the file of a grid by renames only, which leave a map as it is; another one may still truncate it.
+    """
+    mapped: Any = getattr(array, "_mmap", None)
+    if mapped is not None and len(mapped) > mapped.size():  # of the open file, whatever has its name now
+        name = getattr(array, "filename", None) or "the grid"
+        raise InputError(f"{name}: was truncated while it was open; open the scan again, which builds its grid anew")
+
+
 def packed(scene: Scene, index: Any = slice(None)) -> np.ndarray:
     """(n, 3) uint32: the packed points at ``index``, as for ``unpack``."""
+    refuse_changed_file(scene.points)
     words = np.atleast_2d(np.asarray(scene.points[index]))
     if scene.marked is None:
         return words
