@@ -2,12 +2,13 @@
 
 import json
 import os
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
-from pointglass.viewer.window.file_dialog import file_dialogs
+from pointglass.viewer.window.file_dialog import file_dialogs, folder_list
 from pointglass.viewer.window.file_dialog.chosen_path import pasted
 from pointglass.viewer.window.file_dialog.file_choice import FileChoice, Request
 from pointglass.viewer.window.file_dialog.file_dialogs import FileDialogs
@@ -276,3 +277,21 @@ def test_damaged_memory_counts_as_empty(state, text):
 def test_sizes_and_order():
     assert [size_text(size) for size in (None, 5, 1500, 7.9e7, 1.23e10)] == ["", "5 B", "1.5 kB", "79 MB", "12 GB"]
     assert natural("A10b") > natural("a9z") and natural("10") > natural("9")
+
+
+def test_a_folder_that_does_not_answer_stops_nothing(folder, monkeypatch):
+    """A network drive may hang for minutes: the dialog opens at once, and leaves it for another folder."""
+    answers, scandir = threading.Event(), os.scandir
+
+    def slow(path):
+        if Path(path) == folder:
+            assert answers.wait(30.0)
+        return scandir(path)
+
+    monkeypatch.setattr(folder_list.os, "scandir", slow)
+    choice = FileChoice(Request("test", "Test", "open", print), [folder])
+    assert choice.rows == [] and not choice.listing.finished
+    choice.type(f"{folder}/deeper/")
+    choice.listing.join(10.0)
+    assert names(choice) == ["inside.laz"]
+    answers.set()
