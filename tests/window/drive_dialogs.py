@@ -99,6 +99,10 @@ def check_keys_of_the_dialog_do_nothing_behind_it(p: Person, folder: Path) -> No
     p.listed()
     assert p.choice.folder == folder / "scans", "the folder used last"
     p.type("w1v")
+    p.d.session.notices.say("A message", "over the dialog")
+    p.d.settle()
+    p.key("Escape")
+    assert p.d.session.notices.message is None and p.choice is not None and p.choice.text == "w1v"
     p.key("Escape")
     assert p.choice is None and (p.d.session.flight.state, p.d.session.view_settings.settings) == before
     assert not p.d.app.closing

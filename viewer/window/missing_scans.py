@@ -115,7 +115,8 @@ class MissingScansDialog:
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
         imgui.dummy(ImVec2(width, px(4)))
-        enter = imgui.is_key_pressed(imgui.Key.enter, False) or imgui.is_key_pressed(imgui.Key.keypad_enter, False)
+        keys = not imgui.is_window_appearing()  # else the key of this frame closed what covered the question
+        enter = keys and any(imgui.is_key_pressed(key, False) for key in (imgui.Key.enter, imgui.Key.keypad_enter))
         if self.doubt is not None:
             if button("Use it", look, width=px(120)):
                 self.use(app, self.doubt[0])
@@ -124,7 +125,7 @@ class MissingScansDialog:
             self.use(app, None)
         imgui.same_line()
         imgui.set_cursor_pos_x(px(16) + width - 2 * px(120) - px(8))
-        if button("Cancel", look, width=px(120)) or imgui.is_key_pressed(imgui.Key.escape, False):
+        if button("Cancel", look, width=px(120)) or (keys and imgui.is_key_pressed(imgui.Key.escape, False)):
             self.cancel()
         imgui.same_line(0, px(8))
         if button("Locate…", look, width=px(120), primary=True) or enter:

@@ -69,7 +69,8 @@ class ChoiceWindow:
             self._buttons(choice, files, look)
         else:
             self._question(choice, look)
-        self._keys(choice, naming)
+        if not imgui.is_window_appearing():  # the key of this frame closed what covered the dialog
+            self._keys(choice, naming)
         if choice.cancelled or choice.result is not None:
             imgui.close_current_popup()
         imgui.end_popup()
