@@ -160,8 +160,6 @@ class SourceRecords:
 
 def why_gone(scene: "Scene") -> str | None:
     """Why the files of a scene cannot be read again; None where they can."""
-    if scene.live:
-        return None
     files = (scene.meta.get("records") or {}).get("files") or [[path] for path in scene.meta.get("sources") or []]
     for name, *state in files:
         try:
@@ -169,7 +167,7 @@ def why_gone(scene: "Scene") -> str | None:
                 return f"{Path(name).name} has changed since the grid was built"
         except OSError as error:
             return f"{Path(name).name} cannot be read ({error.strerror or error})"
-    return None if files else "the points were not read from files"
+    return None if files or scene.live else "the points were not read from files"
 
 
 def _shown_colours(scene: "Scene") -> np.ndarray:

@@ -15,6 +15,8 @@ from .losses import Losses
 from .ply_writer import write_ply
 from .record_stream import SourceRecords, refuse_empty, why_gone
 from .selection import Selection
+from .whole_file import can_copy as can_copy_file
+from .whole_file import copy_file
 
 ENDINGS = (".las", ".laz", ".ply", ".e57")
 _BYTES = {".ply": 32, ".las": 30, ".laz": 6, ".e57": 20}
@@ -45,6 +47,8 @@ def write(path: Path, selection: Selection, losses: Losses, *, columns: str | No
         grid = GridColumns(selection)
         return _write_columns(path, grid, selection, without_sources(scene.meta), losses, 2.0**-53, all_columns)
     records = SourceRecords(selection, columns, matched=matched)
+    if can_copy_file(records, kind):
+        return copy_file(path, records)
     reference = reference_of(scene.meta, records.sources, losses)
     if kind in (".las", ".laz") and can_copy_las(records.sources):
         count = copy_las(path, records, reference, losses)
