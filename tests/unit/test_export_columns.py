@@ -194,3 +194,13 @@ def test_shares_of_full_intensity_are_written_in_16_bits_and_kept_by_all_columns
     assert np.array_equal(plyfile.PlyData.read(str(tmp_path / "b.ply"))["vertex"]["intensity"], np.rint(shares * 65535.0))
     export(tmp_path / "a.ply", "--all-columns", "--out", tmp_path / "c.ply")
     assert np.array_equal(plyfile.PlyData.read(str(tmp_path / "c.ply"))["vertex"]["intensity"], shares)
+
+
+def test_a_ply_exported_again_keeps_the_numbers_of_its_scans(tmp_path, capsys):
+    a, b = (las_with(tmp_path / f"{name}.las", 7, "1.4", seed) for seed, name in enumerate("ab"))
+    export(tmp_path / "a.las", tmp_path / "b.las", "--out", tmp_path / "c.ply")
+    capsys.readouterr()
+    export(tmp_path / "c.ply", "--clip", "-9e9,-9e9,-9e9,9e9,9e9,9e9", "--out", tmp_path / "d.ply")
+    assert capsys.readouterr().err == ""
+    first, again = (plyfile.PlyData.read(str(tmp_path / f"{name}.ply"))["vertex"].data for name in "cd")
+    assert np.array_equal(first["scan"], np.repeat([0, 1], [len(a), len(b)])) and np.array_equal(first, again)

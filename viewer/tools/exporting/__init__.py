@@ -1,6 +1,12 @@
-"""``pointglass export``: the measured points of a scan, or those inside clips, as a LAZ, LAS, PLY or E57 file.
+"""``pointglass export``: the measured points of a scan, or those in sight, as a LAZ, LAS, PLY or E57 file.
 
-    points (grid -> blocks of points left by the clips) -> formats (LAS/LAZ, PLY, E57)
+The files of the scan are read again and whole records are written; the grid decides nothing but which points are passers-by.
 
-``command`` is the command line's part.
+    one file, its own format, no selection      -> its bytes                          whole_file
+    LAS to LAS, E57 to E57                      -> records as stored                  las_copy, e57_copy
+    other pairs                                 -> columns (a survey, then a pass)    las_writer, e57_writer, ply_writer
+    a grid whose files are gone                 -> columns of the grid (selection)
+
+``record_stream`` reads the records that a ``Selection`` keeps, ``losses`` gathers what the target cannot hold, ``command`` is
+the command line's part, and :func:`command.export` the function for other callers.
 """

@@ -164,8 +164,8 @@ def _check(out: BinaryIO, offset: int, described: Any, expected: Iterator[np.nda
         decompressor.decompress_many(found)
         if found.tobytes() != records.tobytes():
             raise InputError(
-                f"{layout.path}: point format {layout.point_format} with alternating scanner channels is not compressed without "
-                "loss here; give --out a name that ends in .las"
+                f"{layout.path}: point format {layout.point_format} with alternating scanner channels is not compressed "
+                "without loss here; give --out a name that ends in .las"
             )
 
 

@@ -26,15 +26,17 @@ def write_ply(path: Path, stream: Stream, found: Survey, reference: Reference, l
               units: str | None, all_columns: bool = False) -> None:  # fmt: skip
     """Binary little-endian PLY.  all_columns: also the further columns, and 16-bit colours as they are."""
     wide, most = all_columns and not found.exact8, max(found.counts, default=0)
+    # a file that was exported before tells its scans apart by this column alone
+    own = most == 0 and "scan" in found.columns and found.columns["scan"].fits(0, _LAST) and not found.columns["scan"].gaps
     if most > _LAST and not all_columns:
         losses.add(f"of {most + 1} scans those from number {_LAST} on share that number (--all-columns tells them apart)")
     intensity = found.columns.get("intensity")
     shares = intensity is not None and not all_columns and intensity.shares
     if shares:
         losses.add("intensities from 0 to 1 are written as whole numbers, times 65535 (--all-columns keeps them)")
-    further = _further(found) if all_columns else {}
+    further = _further(found, own) if all_columns else {}
     if not all_columns:
-        _name_losses(found, losses)
+        _name_losses(found, own, losses)
     if not found.coloured:
         losses.add("there are no colours in the file: red, green and blue are 0")
     colour = "<u2" if wide else "u1"
@@ -60,7 +62,8 @@ def write_ply(path: Path, stream: Stream, found: Survey, reference: Reference, l
             colours = found.colours16(piece) if wide else found.colours8(piece)
             for axis, name in enumerate(("red", "green", "blue")):
                 rows[name] = colours[:, axis]
-            rows["scan"] = piece.scan if all_columns else np.minimum(piece.scan, _LAST)
+            scans = piece.columns["scan"] if own else piece.scan
+            rows["scan"] = scans if all_columns else np.minimum(scans, _LAST)
             for name in _FIXED:
                 if name in piece.columns:
                     values = piece.columns[name]
@@ -79,12 +82,12 @@ def _kind(column: Column | None, fixed: str, most: int) -> str:
     return "<i2" if column.fits(-(2**15), 2**15 - 1) else "<i4" if column.fits(-(2**31), 2**31 - 1) else "<f8"
 
 
-def _further(found: Survey) -> dict[str, tuple[tuple[str, int | None], str]]:
+def _further(found: Survey, own: bool) -> dict[str, tuple[tuple[str, int | None], str]]:
     """Property -> ((column, element of its rows), type)."""
     made: dict[str, tuple[tuple[str, int | None], str]] = {}
     taken = {"x", "y", "z", "red", "green", "blue", "scan", *_FIXED}
     for name, column in found.columns.items():
-        if name in _FIXED:
+        if name in _FIXED or (own and name == "scan"):
             continue
         kind = column.dtype.str[1:] if column.dtype.str[1:] in _NAMES else "f8" if column.dtype.kind == "f" else "i4"
         if column.dtype.kind in "iu" and column.dtype.itemsize > 4 and not column.fits(-(2**31), 2**31 - 1):
@@ -109,11 +112,13 @@ def _values(piece: Piece, column: tuple[str, int | None], otherwise: np.ndarray)
     return values if element is None else values[:, element]
 
 
-def _name_losses(found: Survey, losses: Losses) -> None:
+def _name_losses(found: Survey, own: bool, losses: Losses) -> None:
     left_out = [
         name
         for name, column in found.columns.items()
-        if name not in _FIXED and column.low <= column.high and (column.low, column.high) != (_PLAIN.get(name, 0),) * 2
+        if name not in (*_FIXED, *(("scan",) if own else ()))
+        and column.low <= column.high
+        and (column.low, column.high) != (_PLAIN.get(name, 0),) * 2
     ]
     if left_out:
         shown = ", ".join(left_out[:12]) + (f" and {len(left_out) - 12} more" if len(left_out) > 12 else "")

@@ -92,17 +92,6 @@ class Selection:
         last = np.searchsorted(offsets, stop, side="left")
         return np.arange(first, last) % len(self.scene.cell_coords)
 
-    def count(self) -> np.ndarray:
-        """(256,) int64: how many points are left of each scan number.  Raises InputError where none is."""
-        found = np.zeros(256, np.int64)
-        for block in self.blocks("counting"):
-            found += np.bincount(block.station, minlength=256)
-        if not found.any():
-            low, high = self.scene.bounds
-            raise InputError("the clips and hidden stations leave no point; the scan lies between "
-                             f"{_triple(low)} and {_triple(high)} (file coordinates)")
-        return found
-
 
 def parse_box(text: str) -> Clip:
     """``xmin,ymin,zmin,xmax,ymax,zmax`` in file coordinates -> the box.  Raises InputError."""
@@ -120,7 +109,3 @@ def parse_box(text: str) -> Clip:
 def clips_of(texts: Sequence[str]) -> tuple[Clip, ...]:
     """The boxes of ``--clip`` options; a point inside any of them is left."""
     return tuple(parse_box(text) for text in texts)
-
-
-def _triple(values: np.ndarray) -> str:
-    return ",".join(f"{value:.3f}" for value in values)
