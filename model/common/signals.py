@@ -20,6 +20,8 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 
+from .native_output import error_descriptor
+
 STOPS = (signal.SIGINT, signal.SIGTERM)
 """Signals that stop a command and that a scheduler or a person sends."""
 _ALL = (*STOPS, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
@@ -53,8 +55,9 @@ def stopped(_number: int, _frame) -> None:
             with contextlib.suppress(BaseException):
                 undo()
         with contextlib.suppress(OSError):
-            shown = b"\n" if "tqdm" in sys.modules and os.isatty(2) else b""  # below a progress bar
-            os.write(2, shown + b"pointglass: stopped\n")
+            error = error_descriptor()
+            shown = b"\n" if "tqdm" in sys.modules and os.isatty(error) else b""  # below a progress bar
+            os.write(error, shown + b"pointglass: stopped\n")
     os._exit(130)
 
 

@@ -6,6 +6,7 @@ machine.
 
 import argparse
 import random
+import signal
 import sys
 import tempfile
 import time
@@ -23,6 +24,8 @@ def main() -> int:
                         default=list(KINDS), help=", ".join(KINDS))  # fmt: skip
     parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no further case after so long")
     options = parser.parse_args()
+    for stop in (signal.SIGINT, signal.SIGTERM):  # also in the background of a shell, which ignores the first
+        signal.signal(stop, signal.default_int_handler)
     chosen = [kind for kind in KINDS if any(kind == given or kind.startswith(f"{given}/") for given in options.kinds)]
     end, failures = time.monotonic() + 60 * options.minutes, 0
     with tempfile.TemporaryDirectory(prefix="faults-") as folder:

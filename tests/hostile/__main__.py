@@ -6,6 +6,7 @@ The same seed gives the same mutants.  Failures are minimised and kept in DIR, t
 
 import argparse
 import os
+import signal
 import sys
 import tempfile
 import time
@@ -29,6 +30,8 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, default=KEPT, help="folder for minimised failures (default: %(default)s)")
     parser.add_argument("--every", type=float, default=60.0, help="seconds between lines about progress")
     options = parser.parse_args()
+    for stop in (signal.SIGINT, signal.SIGTERM):  # also in the background of a shell, which ignores the first
+        signal.signal(stop, signal.default_int_handler)
     memory = Path("/dev/shm")
     begun = last = time.monotonic()
     end = begun + 60 * options.minutes if options.minutes else float("inf")

@@ -141,10 +141,11 @@ def _check_name(name: str) -> None:
 
 
 def _like(path: Path, depth: int) -> None:
+    from pointglass.viewer.file_names import safe_name
     from pointglass.viewer.tools.shot_metadata import camera_line, parse_camera_line, read_shot
 
     shot = read_shot(path)
-    _check_name(shot.camera.name)
+    _check_name(safe_name(shot.camera.name, "picture"))
     shot.text()
     parse_camera_line(camera_line(shot.camera))
 

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..errors import InputError
-from .las_decoding import decoding, without_native_output
+from .las_decoding import decoding
 
 VARIABLE = 2**32 - 1
 """In place of a number of points a chunk: each chunk has its own (COPC)."""
@@ -84,7 +84,7 @@ def _table(path: Path, file: BinaryIO, record: bytes, offset: int) -> list[tuple
     lazrs: Any = import_module("lazrs")  # compiled, without type declarations
 
     file.seek(offset)
-    with decoding(lambda why: _damaged(path, f"its table of chunks cannot be read ({why})")), without_native_output():
+    with decoding(lambda why: _damaged(path, f"its table of chunks cannot be read ({why})")):
         return lazrs.read_chunk_table(file, lazrs.LazVlr(record))
 
 
