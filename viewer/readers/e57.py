@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -17,11 +18,13 @@ from ..errors import InputError
 from ..text import counted
 from . import crs
 from .column_source import RANGE_RUNS
+from .e57_blocks import e57_blocks
 from .e57_length import length_warning
-from .e57_nodes import check_prototypes, child, is_number, library, open_e57, pose_of, text_of, xml_of
+from .e57_nodes import check_prototypes, child, is_number, library, open_e57, point_vectors, pose_of, text_of, xml_of
 from .e57_packets import PacketReader, UnknownPacking
 from .e57_ranges import colour_range, intensity_range, range_of, trusted, zeros
 from .e57_records import BLOCK, RawField, arrays_for, columns_of, fields_of, raw_blocks
+from .record_blocks import RecordBlocks
 from .sampling import interleaved
 from .source import AS_STORED, Chunk, Records, ScanInfo, Source, stretch
 
@@ -70,6 +73,8 @@ class E57Source(Source):
         super().__init__(path, "E57", units="metre", metres_per_unit=1.0)
         self.warnings += [text for text in [length_warning(path)] if text]
         self._scans: list[_Scan] = []
+        self._blocks: RecordBlocks | bool | None = None  # False: only libe57 decodes its points
+        self._indexing = Lock()
         with open_e57(self.path) as file:
             root = file.root()
             self.crs = _crs(root)
@@ -156,23 +161,37 @@ class E57Source(Source):
         columns = {field.name: np.asarray(field.scaled(raw[field.name]), np.float64) for field in fields
                    if field.name in scan.wanted}  # fmt: skip
         chunk = self._chunk(number, scan, columns, scan.intensity or (0.0, 1.0))
-        return self._valid(number, columns), chunk
+        return self.valid_records(number, columns), chunk
+
+    def records(self, numbers: np.ndarray) -> Records:
+        """See Source: by packets, where these can be decoded here.  Checksums of pages are not checked."""
+        with self._indexing:
+            if self._blocks is None:
+                self._blocks = self._made_blocks() or False
+        return self._blocks.take(numbers) if isinstance(self._blocks, RecordBlocks) else super().records(numbers)
+
+    @property
+    def has_quick_records(self) -> bool:
+        return bool(self._blocks)
+
+    def _made_blocks(self) -> RecordBlocks | None:
+        vectors = point_vectors(self._xml, [scan.count for scan in self._scans])
+        if vectors is None:
+            return None
+        deciding = [[scan.state] if scan.state in scan.fields else list(scan.coordinates) for scan in self._scans]
+        return e57_blocks(self, vectors, deciding)
 
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """See Source; None where the points are packed in a way that only libe57 decodes.  Checksums are not checked.  Where
         the file gives no range of intensities, that of the scan's first RANGE_RUNS runs stands for it."""
-        vectors = [None] * len(self._scans) if self._xml is None else self._xml.findall("{*}data3D/*")
-        vectors = [None if node is None else node.find("{*}points") for node in vectors]
-        if len(vectors) != len(self._scans):
+        vectors = point_vectors(self._xml, [scan.count for scan in self._scans])
+        if vectors is None:
             return None
         with ExitStack() as opened:
             file = opened.enter_context(self.path.open("rb"))
             readers: list[PacketReader | None] = []
             try:
-                for scan, vector in zip(self._scans, vectors, strict=True):
-                    if scan.count and vector is None:
-                        return None
-                    readers.append(PacketReader(self.path, file, vector) if scan.count and vector is not None else None)
+                readers += [None if vector is None else PacketReader(self.path, file, vector) for vector in vectors]
             except UnknownPacking as error:
                 _log.info("%s: no sample of it: %s", self.path, error)
                 return None
@@ -196,7 +215,7 @@ class E57Source(Source):
     def _chunk(self, number: int, scan: _Scan, columns: dict[str, np.ndarray], intensities: tuple[float, float]) -> Chunk:
         """columns: scaled, of ``scan.wanted``.  intensities: range that becomes the whole of uint16."""
         size = len(columns[scan.coordinates[0]])
-        valid = self._valid(number, columns)
+        valid = self.valid_records(number, columns)
         if valid is not None:
             columns = {name: values[valid] for name, values in columns.items()}
         if scan.coordinates is _CARTESIAN:
@@ -220,7 +239,7 @@ class E57Source(Source):
                 intensity[columns[_NO_INTENSITY] != 0] = 0
         return Chunk(xyz, rgb, intensity, number, size - len(xyz))
 
-    def _valid(self, number: int, columns: dict[str, np.ndarray]) -> np.ndarray | None:
+    def valid_records(self, number: int, columns: dict[str, np.ndarray]) -> np.ndarray | None:
         """(n,) bool: which records are points, not directions without a return; None: all."""
         scan = self._scans[number]
         if scan.state in columns:

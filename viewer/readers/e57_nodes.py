@@ -67,6 +67,18 @@ def xml_of(path: Path) -> ElementTree.Element | None:
         return None
 
 
+def point_vectors(root: ElementTree.Element | None, counts: list[int]) -> list[ElementTree.Element | None] | None:
+    """The ``points`` elements of the scans, None for one without points; None where the XML does not tell.
+
+    root: of the file's XML.  counts: points of each scan.
+    """
+    nodes = [] if root is None else root.findall("{*}data3D/*")
+    if len(nodes) != len(counts):
+        return None
+    found = [node.find("{*}points") if count else None for node, count in zip(nodes, counts, strict=True)]
+    return None if any(vector is None and count for vector, count in zip(found, counts, strict=True)) else found
+
+
 def check_prototypes(path: Path, root: ElementTree.Element | None) -> None:
     """Raises InputError where points have no prototype, which declares their fields: libe57 would end the process over that;
     and where more points are stated than the file can hold.

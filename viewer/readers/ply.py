@@ -18,7 +18,8 @@ from . import crs
 from .class_codes import OddClasses, class_codes
 from .column_source import RANGE_RUNS, Columns, Ranges
 from .ply_header import Element, read_header
-from .ply_text import lines_of, parsed
+from .ply_text import lines_of, parsed, without_lists
+from .record_blocks import RecordBlocks, even_blocks
 from .sampling import run_starts
 from .source import AS_STORED, CHUNK, Chunk, Records, ScanInfo, Source, stretch, surplus_warning
 from .text_numbers import number
@@ -63,6 +64,7 @@ class PlySource(Source):
         if self._header.order and all(self._types[axis] == "f4" for axis in "xyz"):
             self.precision = 2.0**-24
         self._ranges: Ranges | None = None
+        self._blocks: RecordBlocks | None = None
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint8, or uint16 where the fields are wider), intensity and class."""
@@ -75,12 +77,43 @@ class PlySource(Source):
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every property besides coordinates and colour; numbers of text as float64."""
+        for found in self._columns():
+            yield self._record(found)
+
+    def _record(self, found: Columns) -> Records:
         placed = {*"xyz", *(self._rgb or ())}
         names = {self._intensity: "intensity", self._class: "classification"}
-        for found in self._columns():
-            chunk = self._chunk(found, self._file_ranges)
-            columns = {names.get(name, name): values for name, values in found.items() if name not in placed}
-            yield Records(chunk.xyz, chunk.rgb, chunk.scan, columns)
+        columns = {names.get(name, name): values for name, values in found.items() if name not in placed}
+        return Records(*self._placed(found, self._file_ranges), 0, columns)
+
+    @property
+    def has_quick_records(self) -> bool:
+        measured = self._ranges is not None or all(self._types[name][0] != "f" for name in self._rgb or ())
+        return measured and self._seekable
+
+    @property
+    def _seekable(self) -> bool:
+        return bool(self._header.order) and not any(element.has_lists for element in (self._vertex, *self._before))
+
+    def records(self, numbers: np.ndarray) -> Records:
+        """See Source: binary vertices without lists by their place."""
+        if not self._seekable:
+            return super().records(numbers)
+        if self._blocks is None:
+            starts = even_blocks(self._vertex.count)
+            self._blocks = RecordBlocks(starts, lambda block: self._block(int(starts[block]), int(starts[block + 1])))
+        return self._blocks.take(numbers)
+
+    def _block(self, start: int, stop: int) -> Records:
+        dtype = self._dtype(self._vertex)
+        begin = self._header.data + sum(element.count * self._dtype(element).itemsize for element in self._before)
+        with self.path.open("rb") as file:
+            file.seek(begin + start * dtype.itemsize)
+            data = file.read((stop - start) * dtype.itemsize)
+        if len(data) < (stop - start) * dtype.itemsize:
+            raise self._truncated(start + len(data) // dtype.itemsize)
+        rows = np.frombuffer(data, dtype)
+        return self._record({p.name.lower(): rows[f"{i}"] for i, p in enumerate(self._vertex.properties)})
 
     def sample(self, points: int, run: int) -> Iterator[Chunk] | None:
         """See Source; None where lists, whose length varies, are in or before the vertices.  Ranges of floating-point colours
@@ -102,12 +135,16 @@ class PlySource(Source):
             yield self._chunk(columns, sample_ranges)
 
     def _chunk(self, columns: Columns, ranges: Callable[[], Ranges]) -> Chunk:
-        with np.errstate(invalid="ignore"):  # damaged files contain signalling NaN
-            xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
-        rgb = None if self._rgb is None else np.stack([self._channel(columns, name, ranges) for name in self._rgb], axis=1)
+        xyz, rgb = self._placed(columns, ranges)
         level = None if self._intensity is None else self._level(columns[self._intensity], ranges)
         classes = None if self._class is None else class_codes(columns[self._class])
         return Chunk(xyz, rgb, level, classification=classes)
+
+    def _placed(self, columns: Columns, ranges: Callable[[], Ranges]) -> tuple[np.ndarray, np.ndarray | None]:
+        """Coordinates and colours."""
+        with np.errstate(invalid="ignore"):  # damaged files contain signalling NaN
+            xyz = np.stack([columns[axis] for axis in "xyz"], axis=1).astype(np.float64)
+        return xyz, None if self._rgb is None else np.stack([self._channel(columns, n, ranges) for n in self._rgb], axis=1)
 
     def _channel(self, columns: Columns, name: str, ranges: Callable[[], Ranges]) -> np.ndarray:
         kind, values = self._types[name], columns[name]
@@ -234,7 +271,7 @@ class PlySource(Source):
             for start in range(0, len(lines), CHUNK):
                 rows = lines[start : start + CHUNK]
                 if self._vertex.has_lists:
-                    rows = [self._without_lists(row) for row in rows]
+                    rows = [without_lists(row, self._vertex.properties) for row in rows]
                 if (table := parsed(rows, len(names))) is None:
                     raise self._unreadable(rows, len(names), done)
                 done += len(table)
@@ -269,20 +306,6 @@ class PlySource(Source):
             shown = "".join(c if c.isascii() and c.isprintable() else "?" for c in row[:40])
             return InputError(f"{self.path}: vertex {place:,} is not {columns} numbers: {shown!r}; export it again")
         return InputError(f"{self.path}: its vertices cannot be read as numbers; export it again")
-
-    def _without_lists(self, row: str) -> str:
-        words, kept = iter(row.split()), []
-        try:
-            for p in self._vertex.properties:
-                word = next(words)
-                if p.length_type:
-                    for _ in range(int(word)):
-                        next(words)
-                else:
-                    kept.append(word)
-        except (StopIteration, ValueError):
-            return "incomplete"
-        return " ".join(kept)
 
     def _truncated(self, done: int, where: str = "") -> InputError:
         place = f" ({where})" if where else ""

@@ -1,12 +1,13 @@
 """The text of an ascii PLY file as lines, and rows of numbers in any spelling."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 
 from ..errors import InputError
+from .ply_header import Property
 from .text_numbers import number
 
 _BLOCK = 1 << 24  # bytes of text read at a time; chosen by hand
@@ -37,3 +38,19 @@ def lines_of(path: Path, file: BinaryIO) -> Iterator[list[str]]:
             rest += tail
     if rest.strip():
         yield [rest.decode("latin-1")]
+
+
+def without_lists(row: str, properties: Sequence[Property]) -> str:
+    """A row of text without the lists in it; "incomplete" where it ends early."""
+    words, kept = iter(row.split()), []
+    try:
+        for p in properties:
+            word = next(words)
+            if p.length_type:
+                for _ in range(int(word)):
+                    next(words)
+            else:
+                kept.append(word)
+    except (StopIteration, ValueError):
+        return "incomplete"
+    return " ".join(kept)
