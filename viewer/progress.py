@@ -46,7 +46,8 @@ class Progress:
             self._bar.update(int(n))
         if self._sink is not None and not self._sink(self.label, self.done, self.total):
             raise Cancelled(f"{self.label}: cancelled")
-        if self._unit is not None and (now := monotonic()) >= self._next_line:
+        finished = 0 < self.total <= self.done
+        if self._unit is not None and not finished and (now := monotonic()) >= self._next_line:
             self._next_line = now + _NEXT_LINE
             with contextlib.suppress(OSError, ValueError):  # whoever read standard error has gone
                 print(f"pointglass: {self._line(now - self._start)}", file=sys.stderr, flush=True)
@@ -55,7 +56,7 @@ class Progress:
         """"rendering: 37 of 200 pictures (18 %), about 1 min 12 s left"."""
         unit = f" {self._unit}" if self._unit else ""
         if not 0 < self.done < self.total:
-            counts = f": {self.done if not self.total else self.total:,}{unit}" if self.done else ""
+            counts = f": {self.done:,}{unit}" if self.done else ""
             return printable(f"{self.label}{counts}, {duration_text(seconds)} so far")
         left = duration_text(seconds * (self.total - self.done) / self.done)
         share = 100 * self.done // self.total
