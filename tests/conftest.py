@@ -41,6 +41,15 @@ def own_cache(tmp_path_factory):
 
 
 @pytest.fixture(scope="session", autouse=True)
+def no_progress_lines():
+    """Beside other work a command takes longer, and tests of what it says would find lines of its progress."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr("pointglass.viewer.progress._FIRST_LINE", float("inf"))
+    yield
+    patch.undo()
+
+
+@pytest.fixture(scope="session", autouse=True)
 def ctrl_c_is_heard():
     """Also where the tests are started in the background, which a shell makes deaf to it, and with them what they start."""
     if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:

@@ -17,7 +17,7 @@ from .text import printable
 Sink = Callable[[str, int, int], bool]
 """Called with (label, done, total); total is 0 where it is not known.  Returns False to cancel."""
 
-_FIRST_LINE, _NEXT_LINE = 8.0, 5.0
+_FIRST_LINE, _NEXT_LINE = 10.0, 5.0
 """Seconds until the first line in a pipe, so that short work is silent, and between lines; chosen by hand."""
 _local = threading.local()
 

@@ -14,6 +14,7 @@ from pointglass.viewer.progress import duration_text, progress, set_sink
 def clock(monkeypatch):
     now = [100.0]
     monkeypatch.setattr(module, "monotonic", lambda: now[0])
+    monkeypatch.setattr(module, "_FIRST_LINE", 8.0)  # tests/conftest.py silences it
     return now
 
 
