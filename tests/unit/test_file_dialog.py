@@ -69,6 +69,17 @@ def test_folders_come_first_and_numbers_count(folder):
     assert names(choice)[:2] == ["deeper", "scan 10.laz"]
 
 
+def test_the_selected_row_stays_selected_in_another_order(folder):
+    choice = made(folder)
+    choice.select(names(choice).index("scan 9.laz"))
+    choice.descending = True
+    assert names(choice)[choice.cursor] == "scan 9.laz"
+    choice.hidden, choice.order = True, "size"
+    assert names(choice)[choice.cursor] == "scan 9.laz"
+    choice.filter = "10"
+    assert names(choice) == ["scan 10.laz"] and choice.cursor == -1
+
+
 def test_typing_searches_completes_and_enters_folders(folder):
     choice = made(folder)
     choice.type("sc")

@@ -52,7 +52,7 @@ class Person:
     def click(self, label: str) -> None:
         (left, top), (right, bottom) = self.items.find(label)
         for _ in range(20):  # the panel is scrolled until the item is in sight
-            if bottom < self.d.session.area.window_size[1] - 40:
+            if bottom < self.d.session.area.window_size[1] - 30:
                 break
             xdo("mousemove", round((left + right) / 2), self.d.session.area.window_size[1] - 80)
             self.d.settle()

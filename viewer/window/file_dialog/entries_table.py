@@ -65,7 +65,11 @@ def _row(choice: FileChoice, look: Theme, number: int, entry: Entry) -> None:
     flags = imgui.SelectableFlags_.span_all_columns | imgui.SelectableFlags_.allow_double_click | (
         imgui.SelectableFlags_.no_auto_close_popups)
     selected = number == choice.cursor or entry.name in choice.chosen
+    if selected:  # and under the pointer
+        imgui.push_style_color(imgui.Col_.header_hovered, (theme.ACCENT.x, theme.ACCENT.y, theme.ACCENT.z, 0.4))
     pressed = imgui.selectable("##row", selected, flags)[0]
+    if selected:
+        imgui.pop_style_color()
     if number == choice.cursor and choice.moved:
         imgui.set_scroll_here_y(0.5)
     draw = imgui.get_window_draw_list()

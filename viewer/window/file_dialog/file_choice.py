@@ -79,7 +79,11 @@ class FileChoice:
         """The entries that are shown, in order: folders first."""
         key = (self.listing, self.listing.entries, self.filter, self.kind, self.hidden, self.order, self.descending)
         if self._rows is None or any(a is not b and a != b for a, b in zip(self._rows[0], key)):
+            before = self._rows[1] if self._rows is not None and self._rows[0][0] is self.listing else []
+            name = before[self.cursor].name if 0 <= self.cursor < len(before) else None
             self._rows = key, self._sorted()
+            if name is not None:  # the cursor stays on its entry
+                self.cursor = next((at for at, entry in enumerate(self._rows[1]) if entry.name == name), -1)
         return self._rows[1]
 
     def _sorted(self) -> list[Entry]:
