@@ -43,6 +43,22 @@ the value and the remedy.  Importing this module loads neither torch nor OpenGL:
 the first neural one.
 """
 
+import sys
+
+if sys.argv[:1] == ["-m"] or sys.argv[0].replace("\\", "/").rpartition("/")[2] in ("pointglass", "pointglass.exe"):
+    # This is the command line, not a program that imports pointglass: Ctrl-C and SIGTERM end it with one line and exit code 130
+    # from here on, before anything else is imported.  viewer/__main__.py then takes charge of them (model/common/signals.py).
+    import _signal
+    import os
+
+    def _stopped(_number: int, _frame: object) -> None:
+        os.write(2, b"pointglass: stopped\n")
+        os._exit(130)
+
+    for _stop in (_signal.SIGINT, _signal.SIGTERM):
+        if _signal.getsignal(_stop) in (_signal.SIG_DFL, _signal.default_int_handler):
+            _signal.signal(_stop, _stopped)
+
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

@@ -28,6 +28,8 @@ _ALL = (*STOPS, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 _CHILDREN_S = 5.0
 """Seconds that child processes have for their own clean-up; chosen by hand."""
 
+_EARLY = "_stopped"
+"""Name of the handler that pointglass.py installs before anything is imported."""
 AFTER_CHILDREN: list[Callable[[], object]] = []
 """Called where the process is stopped and had child processes, once these have ended."""
 _undo: dict[int, Callable[[], object]] = {}
@@ -38,7 +40,8 @@ def stop_at_once() -> None:
     """From now on these signals end the process, cleaned up, with exit code 130.  Signals that are ignored stay so (a shell's
     background jobs)."""
     for stop in _ALL:
-        if signal.getsignal(stop) in (signal.SIG_DFL, signal.default_int_handler):
+        present = signal.getsignal(stop)
+        if present in (signal.SIG_DFL, signal.default_int_handler) or getattr(present, "__name__", "") == _EARLY:
             signal.signal(stop, stopped)
 
 
