@@ -188,3 +188,12 @@ def test_the_e57_of_a_set_is_still_read_with_all_of_its_scans(tmp_path):
     e57 = write_e57(tmp_path / "a.e57", [E57Scan(xyz, rgb), E57Scan(xyz, rgb)])
     scene = open_scene([e57, empty_las(tmp_path / "b.las")], cache=False)
     assert scene.count == 600 and len(scene.meta["scans"]) == 2
+
+
+def test_the_window_names_the_files_that_the_scene_left_out(tmp_path):
+    from pointglass.viewer.window.loading import open_each
+
+    files = [tile(tmp_path / "a.laz"), empty_las(tmp_path / "b.las"), tile(tmp_path / "c.laz", 3.0)]
+    scene, opened, problems = open_each(files, lambda paths: open_scene(paths, cache=False))
+    assert scene.count == 1400 and opened == [files[0], files[2]]
+    assert [file for file, _ in problems] == [files[1]] and "holds no points" in problems[0][1]

@@ -137,7 +137,11 @@ def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") ->
     problems: list[tuple[Path, str]] = []
     while True:
         try:
-            return open_scene(files), files, problems
+            scene = open_scene(files)
+            for file, text in _left_out(scene, files):
+                problems.append((file, text))
+                files = [other for other in files if other != file]
+            return scene, files, problems
         except Cancelled:
             raise
         except PointglassError as error:
@@ -146,6 +150,14 @@ def open_each(files: list[Path], open_scene: "Callable[[list[Path]], Scene]") ->
                 raise
             problems.append((named[0], str(error)))
             files = [file for file in files if file != named[0]]
+
+
+def _left_out(scene: "Scene", files: list[Path]) -> list[tuple[Path, str]]:
+    """(file, one line) of the files that were left out of a scene because they could not be opened."""
+    from ..readers.formats import LEFT_OUT
+
+    lines = [text.removeprefix(LEFT_OUT) for text in scene.meta.get("warnings", []) if text.startswith(LEFT_OUT)]
+    return [(file, line) for line in lines for file in files if line.startswith((f"{file}:", f"{file.name}:"))]
 
 
 class ScanLoads:
