@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las, write_ply
+from format_files import some, write_pcd
 
 from pointglass.viewer.readers import e57_blocks, record_blocks
 from pointglass.viewer.readers.formats import open_source
@@ -71,3 +72,9 @@ def test_e57_leaves_points_at_the_scanner_out(tmp_path, seed):
 def test_las(tmp_path, seed, suffix):
     xyz, rgb = surface(2500)
     assert_same(write_las(tmp_path / f"a.{suffix}", xyz, rgb, np.arange(2500)), seed, quick=True)
+
+
+@pytest.mark.parametrize("form", ["binary", "ascii", "binary_compressed"])
+def test_pcd(tmp_path, seed, form):
+    write_pcd(tmp_path / "a.pcd", some(2500), data=form, pad=True)
+    assert_same(tmp_path / "a.pcd", seed)

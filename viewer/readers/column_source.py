@@ -63,10 +63,14 @@ class ColumnSource(Source):
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  Intensities, classes and ids as the file has them."""
         for scan, columns in self._record_rows():
-            chunk = self._chunk(scan, columns, self._file_ranges)
-            kept, _, _ = self._placed(scan, columns)
-            named = {_NAMES.get(name, name): values for name, values in kept.items() if name not in "xyzrgb"}
-            yield Records(chunk.xyz, chunk.rgb, chunk.scan, named)
+            yield self._record(scan, columns)
+
+    def _record(self, scan: int, columns: Columns) -> Records:
+        """Whole records of rows."""
+        chunk = self._chunk(scan, columns, self._file_ranges)
+        kept, _, _ = self._placed(scan, columns)
+        named = {_NAMES.get(name, name): values for name, values in kept.items() if name not in "xyzrgb"}
+        return Records(chunk.xyz, chunk.rgb, chunk.scan, named)
 
     def _record_rows(self) -> Iterator[tuple[int, Columns]]:
         """Yields rows as ``_rows`` does, with all columns of the file; further ones by names of more than one letter."""

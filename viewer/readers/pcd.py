@@ -14,8 +14,9 @@ from ..errors import InputError
 from .column_source import ALL, Columns, ColumnSource
 from .lzf import MOST, DamagedLzf, LzfReader
 from .pcd_header import Header, read_header
+from .record_blocks import RecordBlocks, even_blocks
 from .sampling import run_starts
-from .source import CHUNK, surplus_warning
+from .source import CHUNK, Records, surplus_warning
 from .text_rows import ROWS, TextRows
 from .text_sample import TextRegion, sample_rows
 
@@ -37,6 +38,7 @@ class PcdSource(ColumnSource):
         with path.open("rb") as file:
             self._header = header = read_header(path, file)
         self.count = header.points
+        self._points: RecordBlocks | None = None
         self._columns: dict[str, LzfReader] = {}  # of the compressed form: where each begins
         names = {field.name: field for field in header.fields}
         if missing := [axis for axis in "xyz" if axis not in names or names[axis].count != 1]:
@@ -88,9 +90,36 @@ class PcdSource(ColumnSource):
         return self._ascii if form == "ascii" else self._binary if form == "binary" else self._compressed
 
     def _record_rows(self) -> Iterator[tuple[int, Columns]]:
+        yield from self._named(ALL, self._blocks(), self._further())
+
+    def _further(self) -> list[str]:
+        """Fields besides coordinates, colour, intensity and class."""
         used = {*self._fields.values(), self._rgb, "_"}
-        further = [field.name for field in self._header.fields if field.count == 1 and field.name not in used]
-        yield from self._named(ALL, self._blocks(), further)
+        return [field.name for field in self._header.fields if field.count == 1 and field.name not in used]
+
+    @property
+    def has_quick_records(self) -> bool:
+        return self._header.data == "binary" and self._ranges is not None
+
+    def records(self, numbers: np.ndarray) -> Records:
+        """See Source: binary points by their place."""
+        if self._header.data != "binary":
+            return super().records(numbers)
+        if self._points is None:
+            starts = even_blocks(self._header.points)
+            self._points = RecordBlocks(starts, lambda block: self._block(int(starts[block]), int(starts[block + 1])))
+        return self._points.take(numbers)
+
+    def _block(self, start: int, stop: int) -> Records:
+        dtype = self._header.dtype
+        with self.path.open("rb") as file:
+            file.seek(self._header.offset + start * dtype.itemsize)
+            data = file.read((stop - start) * dtype.itemsize)
+        if len(data) < (stop - start) * dtype.itemsize:
+            raise self._truncated(start + len(data) // dtype.itemsize, self._header.points)
+        rows = np.frombuffer(data, dtype)
+        blocks = self._named(ALL, lambda names: iter([{name: self._word(name, rows[name]) for name in names}]), self._further())
+        return self._record(*next(blocks))
 
     def _sample_rows(self, wanted: str, points: int, run: int) -> Iterator[tuple[int, Columns]] | None:
         form, size = self._header.data, self._header.points * self._header.dtype.itemsize
