@@ -28,8 +28,8 @@ def opened(options: argparse.Namespace, *, match: bool | None = None) -> "tuple[
         scans = scans_of(options.scans[0], document)
     else:
         document, scans = Document(tuple(ScanFile(str(path)) for path in options.scans)), list(options.scans)
-    match = options.exposures == "matched" if match is None else match
-    scene = open_scene(scans, cache=not options.no_cache, match=match, columns=options.columns)
+    matched = bool(options.exposures == "matched") if match is None else match
+    scene = open_scene(scans, cache=not options.no_cache, match=matched, columns=options.columns)
     scene = prepared(scene, document.ghosts)
     return replace(scene, meta=with_reference(scene.meta, document.scans)), document
 
