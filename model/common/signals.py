@@ -158,8 +158,9 @@ def _children() -> list[int]:
         for task in os.listdir("/proc/self/task"):
             with open(f"/proc/self/task/{task}/children") as file:
                 found |= set(map(int, file.read().split()))
-    if (multiprocessing := sys.modules.get("multiprocessing")) is not None:
-        found |= {process.pid for process in multiprocessing.active_children() if process.pid is not None}
+    active = getattr(sys.modules.get("multiprocessing"), "active_children", None)  # None too while it is being imported
+    if active is not None:
+        found |= {process.pid for process in active() if process.pid is not None}
     for name, holder, number in (("resource_tracker", "_resource_tracker", "_pid"),
                                  ("forkserver", "_forkserver", "_forkserver_pid")):
         helper = getattr(sys.modules.get(f"multiprocessing.{name}"), holder, None)
