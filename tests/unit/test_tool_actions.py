@@ -95,9 +95,10 @@ def test_an_area_ends_with_enter_and_points_are_taken_back(context):
         click(tool, context, place)
         if place[0] == 2.0:
             assert tool.key_event(KeyEvent("BACKSPACE", "press"), context)
+    assert tool.unfinished == "Area: not ended yet.", "a window that closes asks"
     assert tool.key_event(KeyEvent("ENTER", "press"), context)
     (made,) = context.document.measurements
-    assert evaluate(made).value == pytest.approx(4.0, rel=0.01)
+    assert evaluate(made).value == pytest.approx(4.0, rel=0.01) and tool.unfinished == ""
 
 
 def test_background_sets_no_point(context):
