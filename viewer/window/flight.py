@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..camera import Camera
+from ..camera import Camera, from_fov
 from ..tools.up_axis import turned, upright_axes
 from .framing import overview
 from .gamepad import STILL
@@ -50,7 +50,15 @@ class Flight:
         self._glide: tuple[float, Glide] | None = None  # since when
         self._dragged = False  # since the last call of advance
         self._moved = clock()
+        self._camera: tuple[tuple[int, int], float, FlyState, Camera] | None = None
         self._time: float | None = None
+
+    def camera(self, size: tuple[int, int]) -> Camera:
+        """The camera of a picture of so many pixels; the same object until something changes."""
+        made, lens, state = self._camera, self.field_of_view, self.state  # a state is never changed, but replaced
+        if made is None or made[0] != size or made[1] != lens or made[2] is not state:
+            made = self._camera = size, lens, state, from_fov(*size, lens, state.camera_to_world)
+        return made[3]
 
     def begin(self, state: FlyState, seen: Survey) -> None:
         """Visits another scene, from ``state`` on, with the usual field of view."""

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..camera import Camera, from_fov
+from ..camera import Camera
 from ..settings import Settings
 from ..text import counted
 from ..tools.document import Document, Viewpoint
@@ -110,7 +110,7 @@ class Session:
     @property
     def camera(self) -> Camera:
         """The camera of the picture, at the framebuffer's size."""
-        return from_fov(*self.area.size, self.flight.field_of_view, self.flight.state.camera_to_world)
+        return self.flight.camera(self.area.size)
 
     @property
     def spec(self) -> PictureSpec:
