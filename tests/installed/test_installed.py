@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+import tarfile
 import zipfile
 from email.parser import BytesParser
 from pathlib import Path
@@ -18,6 +19,7 @@ import pytest
 from PIL import Image
 from product import ROOT, build_wheel
 
+import pointglass
 from pointglass.viewer.commands import COMMANDS
 
 CAMERAS = ROOT / "assets" / "demo_cameras.json"
@@ -115,6 +117,19 @@ def test_an_editable_installation_holds_no_copy_of_the_code(tmp_path):
     with zipfile.ZipFile(tmp_path / done.stdout.split()[-1]) as archive:
         files = [name for name in archive.namelist() if ".dist-info/" not in name]
         assert [Path(name).suffix for name in files] == [".pth"] and archive.read(files[0]).decode().strip() == str(ROOT)
+
+
+@pytest.mark.slow
+def test_a_source_distribution_makes_the_same_wheel(installed, tmp_path):
+    """The links in .ci/editor hid the folders that they lead to from the builder."""
+    code = "import sys, hatchling.build as build; print(getattr(build, sys.argv[1])(sys.argv[2]))"
+    for what, folder in (("build_sdist", ROOT), ("build_wheel", tmp_path / f"pointglass-{pointglass.__version__}")):
+        subprocess.run([sys.executable, "-c", code, what, tmp_path], cwd=folder, check=True, timeout=120, capture_output=True)
+        if what == "build_sdist":
+            with tarfile.open(tmp_path / f"pointglass-{pointglass.__version__}.tar.gz") as archive:
+                archive.extractall(tmp_path, filter="data")
+    with zipfile.ZipFile(tmp_path / installed.wheel.name) as made, zipfile.ZipFile(installed.wheel) as known:
+        assert set(made.namelist()) == set(known.namelist())
 
 
 @pytest.mark.parametrize("command", [None, *COMMANDS])
