@@ -13,7 +13,6 @@ from format_files import PtxScan, some, text_rows, write_ept, write_pcd, write_p
 from pointglass.viewer.errors import InputError
 from pointglass.viewer.readers.copc_nodes import read_nodes
 from pointglass.viewer.readers.formats import open_source
-from pointglass.viewer.readers.lzf import decompress
 from pointglass.viewer.readers.sampling import interleaved, run_starts, sampled_nodes
 
 COUNT, WANTED, RUN = 60_000, 4_000, 50
@@ -215,43 +214,6 @@ def test_an_e57_whose_xml_and_packets_disagree_has_no_sample(tmp_path, pattern):
         list(open_source(path).sample(500, 20) or ())
     except InputError as error:
         assert str(error).startswith(str(path))
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_lzf_gives_back_what_was_compressed(seed):
-    random = np.random.default_rng((SEED, seed))
-    plain = bytes(random.integers(0, random.integers(2, 257), random.integers(1, 5000), dtype=np.uint8))
-    packed = compressed(plain)
-    out = np.zeros(len(plain), np.uint8)
-    assert decompress(np.frombuffer(packed, np.uint8), out) == len(plain) and out.tobytes() == plain
-    cut = np.frombuffer(packed[: random.integers(1, len(packed) + 1)], np.uint8)
-    assert decompress(cut, np.zeros(len(plain), np.uint8)) <= len(plain)
-    noise = random.integers(0, 256, 300, dtype=np.uint8)
-    assert -1 <= decompress(noise, np.zeros(100, np.uint8)) <= 100
-
-
-def compressed(plain: bytes) -> bytes:
-    """LZF by the plainest search: the longest of the last places where the next three bytes stood."""
-    out, literals, i, places = b"", b"", 0, {}
-
-    def flushed(literals):
-        return b"".join(bytes([len(part) - 1]) + part for k in range(0, len(literals), 32) if (part := literals[k : k + 32]))
-
-    while i < len(plain):
-        at = places.get(plain[i : i + 3], -1)
-        places[plain[i : i + 3]] = i
-        length = 0
-        most = min(264, len(plain) - i) if 0 <= i - at <= 8192 and at >= 0 else 0
-        while length < most and plain[at + length] == plain[i + length]:
-            length += 1
-        if length < 3:
-            literals += plain[i : i + 1]
-            i += 1
-            continue
-        out, literals, back, more = out + flushed(literals), b"", i - at - 1, length - 2
-        out += bytes([min(more, 7) << 5 | back >> 8]) + (bytes([more - 7]) if more >= 7 else b"") + bytes([back & 255])
-        i += length
-    return out + flushed(literals)
 
 
 @pytest.mark.parametrize("seed", range(20))
