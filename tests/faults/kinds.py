@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from . import interrupts, limits
+from . import interrupts, limits, saves
 from .product import Product
 
 Cases = Callable[[Product, Path, random.Random], Iterator[str]]
@@ -23,6 +23,7 @@ def _named(cases: Callable[[Product, Path, str, random.Random], Iterator[str]], 
 KINDS: dict[str, Cases] = {
     **{f"interrupt/{name}": _named(interrupts.interrupts, name) for name in interrupts.COMMANDS},
     **{f"kill/{name}": _named(interrupts.kills, name) for name in interrupts.KILLED},
+    **{f"save/{name}": _named(saves.killed_saves, name) for name in ("autosave", "project")},
     **{f"disk/{name}": _named(limits.full_disk, name) for name in limits.DISK},
     "disk/log": _named(limits.full_log, "log"),
     **{

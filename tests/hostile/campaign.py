@@ -67,10 +67,7 @@ class Campaign:
         causes = len(self.failures)
         failed = ", ".join(f"{kinds[kind]:,} {kind}" for kind in FAILURES)
         good = f"{kinds['read']:,} read, {kinds['refused']:,} refused in one line"
-        return (
-            f"{sum(kinds.values()):,} mutants: {good}, {failed} ({causes} causes), "
-            f"at most {self.most_memory / 1e6:.0f} MB"
-        )
+        return f"{sum(kinds.values()):,} mutants: {good}, {failed} ({causes} causes), at most {self.most_memory / 1e6:.0f} MB"
 
     def table(self) -> str:
         """The counts by format, and the causes of failures."""

@@ -192,6 +192,12 @@ def _in_state_folder(path: Path, run: Callable[[], object]) -> None:
         raise Wrong(f"the window would not open: {error}") from None
 
 
+def _unsaved(path: Path, depth: int) -> None:
+    from pointglass.viewer.window.autosave import read_unsaved
+
+    read_unsaved(path)
+
+
 def _film(path: Path, depth: int) -> None:
     from pointglass.viewer.tools.film import encode
 
@@ -238,7 +244,7 @@ def _command(*arguments: str) -> None:
 
 KINDS: dict[str, Callable[[Path, int], None]] = {
     "scan": _scan, "grid": _grid, "cameras": _cameras, "like": _like, "project": _project, "preferences": _preferences,
-    "recent": _recent, "film": _film, "weights": _weights, "room": _room, "rgbd": _rgbd,
+    "recent": _recent, "film": _film, "unsaved": _unsaved, "weights": _weights, "room": _room, "rgbd": _rgbd,
 }  # fmt: skip
 
 

@@ -245,6 +245,7 @@ def _window_files() -> list[Seed]:
     from test_shot_metadata import shot
 
     from pointglass.viewer.tools.project import write_project
+    from pointglass.viewer.window.autosave import UnsavedWork
     from pointglass.viewer.window.preferences import Preferences
 
     with tempfile.TemporaryDirectory() as folder:
@@ -252,6 +253,7 @@ def _window_files() -> list[Seed]:
         document = random_document(np.random.default_rng(5), [str(path.parent / "floor.ply")])
         write_project(path, replace(document, scans=(replace(document.scans[0], visible=True, crs="EPSG:25832"),)))
         project = path.read_bytes()
+        unsaved = UnsavedWork(document, "", "", "floor", 5.0).text().replace(folder, "/scans").encode()
         scan = write_ply(path.with_name("floor.ply"), *surface(60)).read_bytes()
     from pointglass.viewer.tools.document import Alterations
     from pointglass.viewer.tools.look import Look
@@ -271,6 +273,7 @@ def _window_files() -> list[Seed]:
         Seed(
             "state", "recent", "recent", {"recent.json": json.dumps(recent).encode(), "thumbnail.png": _png("x", (20, 32))}, ""
         ),
+        Seed("state", "autosave", "unsaved", {"work.json": unsaved}, "work.json"),
         Seed("state", "film", "film", {"film.json": json.dumps(film).encode()}, "film.json"),
     ]
 

@@ -12,6 +12,8 @@ from ..file_names import leads_elsewhere
 
 MOST_RATIO = 1000
 """Times its size to which compressed data may unpack; constant columns of real points reach a few hundred.  Chosen by hand."""
+_LONGEST_NAME = 255
+"""Characters of a name; file systems allow no longer one."""
 _LEAST = 1 << 20
 """Bytes to which anything may unpack; chosen by hand."""
 
@@ -19,6 +21,9 @@ _LEAST = 1 << 20
 def own_path(folder: Path, name: str) -> Path:
     """The path ``name`` below ``folder``.  Raises InputError where it leads out of it."""
     path = folder / name
+    if len(name) > _LONGEST_NAME:
+        raise InputError(f"{folder}: {name!r:.80}... is no name of a folder or file, it has {len(name):,} characters; copy or "
+                         "convert the scan again")
     if leads_elsewhere(name) or "\0" in name or not is_inside(folder, path):
         raise InputError(f"{folder}: {name!r:.80} leads out of this folder; only what lies inside is read, copy it there")
     return path
