@@ -1,17 +1,20 @@
 """Inspect: a click shows what is known of the nearest measured point; the status bar shows the one under the pointer."""
 
+import weakref
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...text import coordinate, plain
 from ...tools.look import CLASSES
-from ...tools.pick import Picked, surface_around
+from ...tools.pick import Picked, is_quick, surface_around
 from .editing import Pointing, unit_of
 from .exact_points import ExactPoints
 from .tool import Overlay, PointerEvent, Tool, ToolContext
 
 if TYPE_CHECKING:
+    from ...grid.scene import Scene
     from ..overlay import OverlayCanvas
 
 
@@ -47,28 +50,33 @@ def more_lines_of(picked: Picked) -> list[str]:
 class UnderPointer(Overlay):
     """Keeps ``Work.under_pointer`` up to date while the picture is at rest, for the status bar.  Draws nothing itself.
 
-    The point is shown with the grid's values until those of the file have been read, on a thread.
+    The point is shown with the grid's values until those of the file have been read, on a thread; of formats in which that
+    takes a pass over the file, a click reads them.
     """
 
     name = "point under the pointer"
 
     def __init__(self) -> None:
         self._pointing, self._reading = Pointing(), ExactPoints()
-        self._exact: Picked | None = None
+        self._exact: tuple[weakref.ref[Scene], Picked] | None = None
 
     def draw(self, overlay: "OverlayCanvas", context: ToolContext) -> None:
         work = context.session.work
         work.exact_points.poll()
         self._reading.poll()
         found = self._pointing.at(context, context.session.pointer)
-        if found is not None and self._exact is not None and self._exact.index == found.index:
-            found = self._exact
-        elif found is not None and not self._reading.busy:
-            self._reading.start(context, found, self._arrived)
+        scene = context.scene
+        if found is not None and scene is not None:
+            known = self._exact[1] if self._exact is not None and self._exact[0]() is scene else None
+            if known is not None and known.index == found.index:
+                found = replace(known, distance=found.distance, pixel=found.pixel)
+            elif not self._reading.busy and is_quick(scene, found.index):
+                of = weakref.ref(scene)
+                self._reading.start(context, found, lambda exact: self._arrived(of, exact))
         work.under_pointer = found
 
-    def _arrived(self, exact: Picked) -> None:
-        self._exact = exact
+    def _arrived(self, scene: "weakref.ref[Scene]", exact: Picked) -> None:
+        self._exact = scene, exact
 
 
 class InspectPoint(Tool):
