@@ -160,9 +160,40 @@ def test_numbers_in_other_spellings(text, mark, value):
     assert number(text, mark) == value
 
 
-def test_utf_16_is_refused_in_words(tmp_path, capsys):
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize(("suffix", "text"), [
+    (".csv", "x;y;z;Größe\r\n{};{};{};7\r\n"), (".xyz", "{} {} {}\n"), (".txt", "X\tY\tZ\n{}\t{}\t{}\n"),
+    (".asc", "{} {} {}\n"), (".pts", "2000\n{} {} {} 5 1 2 3\n"), (".pts", "{} {} {} 5 1 2 3\n"),
+])  # fmt: skip
+def test_utf_16_with_a_byte_order_mark_is_read(tmp_path, encoding, suffix, text):
+    xyz = np.round(np.random.default_rng(4).random((2000, 3)) * (30, 20, 4) + (100, 200, 0), 3)
+    *head, row = text.splitlines(keepends=True)
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(("\ufeff" + "".join(head) + "".join(row.format(*point) for point in xyz)).encode(encoding))
+    source = open_source(path)
+    assert np.array_equal(np.concatenate([chunk.xyz for chunk in source.chunks()]), xyz)
+    runs = [chunk.xyz for chunk in source.sample(500, 50) or ()]
+    assert len(np.concatenate(runs)) >= 400 and np.isin(np.concatenate(runs), xyz).all()
+    assert not list(tmp_path.glob("pointglass-*")) and main(["info", "--no-cache", str(path)]) == 0
+
+
+def test_an_esri_grid_in_utf_16_is_read(tmp_path):
+    path = tmp_path / "a.asc"
+    path.write_bytes("ncols 3\nnrows 2\nxllcorner 5\nyllcorner 6\ncellsize 1\n1 2 3\n4 5 6\n".encode("utf-16"))
+    xyz = np.concatenate([chunk.xyz for chunk in open_source(path).chunks()])
+    assert xyz[:, 2].tolist() == [1, 2, 3, 4, 5, 6] and xyz[0].tolist() == [5.5, 7.5, 1]
+
+
+def test_damaged_utf_16_is_refused_in_words(tmp_path):
     path = tmp_path / "a.csv"
-    for encoding in ("utf-16", "utf-16-le", "utf-16-be", "utf-32"):
+    path.write_bytes("x;y;z\n1;2;3\n1;2;3\n4;5;".encode("utf-16") + b"\x00\xd8\x36")
+    with pytest.raises(InputError, match="line 4"):
+        list(open_source(path).chunks())
+
+
+def test_text_of_two_or_four_bytes_without_a_mark_is_refused_in_words(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    for encoding in ("utf-16-le", "utf-16-be", "utf-32"):
         path.write_bytes("x;y;z\n1;2;3\n".encode(encoding))
         with pytest.raises(InputError, match="UTF-16 text, save it as UTF-8"):
             open_source(path)

@@ -16,6 +16,7 @@ from ..text import whole_number
 from . import crs
 from .source import CHUNK, Chunk, ScanInfo, Source
 from .text_numbers import number, token_text
+from .utf16 import open_text, size_of
 
 _HEADER = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:ncols|nrows|xll(?:corner|center|centre)|yll(?:corner|center|centre)|cellsize)\s",
                      re.IGNORECASE)  # fmt: skip
@@ -42,9 +43,9 @@ class EsriGridSource(Source):
 
     def __init__(self, path: Path):
         super().__init__(path, "ESRI grid", scans=[ScanInfo(path.stem)])
-        with path.open("rb") as file:
+        with open_text(path) as file:
             header = self._header(file)
-            self._begin = file.tell()
+            self._begin, size = file.tell(), size_of(file)
         self._columns, self._rows = (self._whole(header, name) for name in ("ncols", "nrows"))
         width = self._real(header, "cellsize") if "cellsize" in header else self._real(header, "dx")
         height = self._real(header, "cellsize") if "cellsize" in header else self._real(header, "dy")
@@ -57,7 +58,7 @@ class EsriGridSource(Source):
         self.count = self._columns * self._rows
         if self.count == 0:
             raise InputError(f"{path}: a grid of {self._columns} x {self._rows} cells holds no points; export it again")
-        if (room := (path.stat().st_size - self._begin + 1) // _LEAST_BYTES) < self.count:
+        if (room := (size - self._begin + 1) // _LEAST_BYTES) < self.count:
             raise self._truncated(room)
         beside = next((file for file in (path.with_suffix(".prj"), path.with_suffix(".PRJ")) if file.is_file()), None)
         if beside is not None:
@@ -110,7 +111,7 @@ class EsriGridSource(Source):
     def _heights(self) -> Iterator[np.ndarray]:
         """Yields the values in the order of the file, up to CHUNK at a time, not more than there are cells."""
         left, rest = self.count or 0, b""
-        with self.path.open("rb") as file:
+        with open_text(self.path) as file:
             file.seek(self._begin)
             while left:
                 block = file.read(_BLOCK)

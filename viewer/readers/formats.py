@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from ..errors import InputError
 from ..grid_folder import is_grid
+from .utf16 import as_utf8
 
 if TYPE_CHECKING:
     from .source import Source
@@ -171,6 +172,8 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     suffix = path.suffix.lower()
+    if suffix in _TEXTS:
+        head = as_utf8(head)
     row = folder_format(path) or next((row for row in FORMATS if head.startswith(row.magic or (b"\0" * _HEAD,))), None)
     if row is None and suffix in _TEXTS:
         from .esri_grid import is_grid_text, other_grid

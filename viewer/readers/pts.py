@@ -14,6 +14,7 @@ from .text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, fields_of, named_col
 from .text_numbers import number
 from .text_rows import ROWS, TextRows, quoted
 from .text_sample import TextRegion, sample_rows
+from .utf16 import open_text, size_of
 from .xyz import XyzSource
 
 _HEAD_BYTES = 1 << 12  # read to see whether there is a count; chosen by hand
@@ -24,7 +25,7 @@ def open_pts(path: Path, columns: str | None = None) -> ColumnSource:
 
     columns: as in XyzSource.  Raises InputError as PtsSource and XyzSource.
     """
-    with path.open("rb") as file:
+    with open_text(path) as file:
         text = TextRows(path, file, block=_HEAD_BYTES)
         first = text.line() or ""
         lines = [first, text.line() or first]
@@ -48,8 +49,8 @@ class PtsSource(ColumnSource):
         self._columns = "" if columns is None else named_columns(path, columns)
         self._counts: list[int] = []
         self._extents: list[tuple[int, int]] = []  # bytes of the rows of each part
-        with path.open("rb") as file:
-            text, left = TextRows(path, file), path.stat().st_size
+        with open_text(path) as file:
+            text, left = TextRows(path, file), size_of(file)
             while (line := text.peek()) is not None:
                 count = self._count(line, left // LEAST_ROW)
                 if count is None:
@@ -96,7 +97,7 @@ class PtsSource(ColumnSource):
         if not wanted:
             return
         target = Layout(self._columns).target(wanted)
-        with self.path.open("rb") as file:
+        with open_text(self.path) as file:
             text = TextRows(self.path, file)
             for scan, count in enumerate(self._counts):
                 text.line()

@@ -17,6 +17,7 @@ from .source import ScanInfo
 from .text_columns import LEAST_ROW, LEICA_COLUMNS
 from .text_rows import ROWS, TextRows, quoted
 from .text_sample import TextRegion, sample_rows
+from .utf16 import open_text
 
 _VECTORS = (3, 3, 3, 3, 4, 4, 4, 4)  # numbers in the lines of a header after columns and rows
 _ORTHOGONAL = 1e-3  # largest error of a rotation matrix; chosen by hand: poses are written with six digits or more
@@ -43,7 +44,7 @@ class PtxSource(ColumnSource):
         self.units, self.metres_per_unit = "metre", 1.0
         self._scans: list[_Scan] = []
         infos: list[ScanInfo] = []
-        with path.open("rb") as file:
+        with open_text(path) as file:
             text = TextRows(path, file)
             while not text.at_end():
                 count, matrix = self._header(text)
@@ -112,7 +113,7 @@ class PtxSource(ColumnSource):
             return columns, xyz + pose.translation, size - len(xyz)
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
-        with self.path.open("rb") as file:
+        with open_text(self.path) as file:
             text = TextRows(self.path, file)
             for number, scan in enumerate(self._scans):
                 self._header(text)

@@ -14,6 +14,7 @@ from .text_header import OTHER, columns_named, header_words, names_angles
 from .text_numbers import decimal_mark, number
 from .text_rows import BLANKS, TextRows, has_decimal_comma, line_feeds, quoted
 from .text_values import columns_by_values, unknown_columns
+from .utf16 import open_text, size_of
 
 COLUMNS = "xyzrgbic"
 LEICA_COLUMNS = {3: "xyz", 4: "xyzi", 6: "xyzrgb", 7: "xyzirgb"}
@@ -97,7 +98,7 @@ def _beginning(path: Path) -> tuple[list[str], int, list[str]]:
     """The lines before the first row that are not blank, the number of lines before it, and the first rows; no rows where
     there are none."""
     lines: list[tuple[int, str]] = []
-    with path.open("rb") as file:
+    with open_text(path) as file:
         text = TextRows(path, file, block=_SAMPLE_BYTES)
         while len(lines) <= _MOST_HEADERS + _FIRST_ROWS and (line := text.line(tabs=True)) is not None:
             lines.append((text.line_number - 1, line))
@@ -156,8 +157,9 @@ def fields_of(line: str, delimiter: str) -> list[str]:
 
 def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) -> np.ndarray:
     """(n, count) float64: rows from the beginning, the middle and the end of a file; NaN where a field is not a number."""
-    size, rows = path.stat().st_size, []
-    with path.open("rb") as file:
+    rows = []
+    with open_text(path) as file:
+        size = size_of(file)
         for place in sorted({0, max(0, size // 2), max(0, size - _SAMPLE_BYTES)}):
             file.seek(place)
             lines = line_feeds(file.read(_SAMPLE_BYTES)).decode("latin-1").split("\n")

@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import InputError
 from .sampling import interleaved
 from .text_rows import BLANKS, TextRows, line_feeds
+from .utf16 import open_text
 
 _MEASURED_BYTES = 1 << 16  # at the beginning of a region, to learn the length of a row; chosen by hand
 _LINE_END_BYTES = 1 << 12  # read behind a block to complete its last line; rows of scans have up to about 200 bytes
@@ -38,7 +39,7 @@ def sample_rows(path: Path, regions: list[TextRegion], points: int, run: int, de
     delimiter, decimal, rest: as in Layout (viewer.readers.text_columns).
     Raises InputError naming the bytes where a block does not hold rows of numbers.
     """
-    with path.open("rb") as file:
+    with open_text(path) as file:
         row_bytes = max((_row_bytes(file, region) for region in regions), default=1)
         block_bytes = run * row_bytes
         sizes = [region.end - region.begin for region in regions]

@@ -10,6 +10,7 @@ from .column_source import Columns, ColumnSource
 from .text_columns import named_columns, recognise
 from .text_rows import ROWS, TextRows
 from .text_sample import TextRegion, sample_rows
+from .utf16 import open_text, size_of
 
 _HEADER_BLOCK = 1 << 16  # bytes read at a time to pass the lines before the rows; chosen by hand
 
@@ -32,7 +33,7 @@ class XyzSource(ColumnSource):
         if not wanted:
             return
         separators = self._layout.delimiter, self._layout.decimal, self._layout.rest
-        with self.path.open("rb") as file:
+        with open_text(self.path) as file:
             text = TextRows(self.path, file)
             text.skip_lines(self._layout.headers)
             while True:
@@ -48,11 +49,11 @@ class XyzSource(ColumnSource):
         wanted = "".join(name for name in wanted if name in self._layout.columns)
         if not wanted:
             return
-        with self.path.open("rb") as file:
+        with open_text(self.path) as file:
             text = TextRows(self.path, file, block=_HEADER_BLOCK)
             text.skip_lines(self._layout.headers)
-            begin = text.position
+            begin, end = text.position, size_of(file)
         separators = self._layout.delimiter, self._layout.decimal, self._layout.rest
-        region = TextRegion(begin, self.path.stat().st_size, self._layout.target(wanted))
+        region = TextRegion(begin, end, self._layout.target(wanted))
         for scan, table in sample_rows(self.path, [region], points, run, *separators):
             yield scan, {name: table[:, i] for i, name in enumerate(wanted)}
