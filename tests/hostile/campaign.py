@@ -28,8 +28,7 @@ class Campaign:
 
     def run(self, form: str, first: int, count: int) -> list[tuple[int, Outcome]]:
         """Reads ``count`` mutants of a format from number ``first`` on; returns those that failed."""
-        if form not in self._ready:
-            self.warm(form)
+        self.warm(form)
         mutants = [mutant(form, self._run, first + i) for i in range(count)]
         failed = []
         for made, outcome in zip(mutants, self.server.run(mutants), strict=True):
@@ -48,8 +47,10 @@ class Campaign:
         return failed
 
     def warm(self, form: str) -> None:
-        """Reads the seeds as they are in this process, so that libraries are loaded and loops compiled."""
-        if "las" not in self._ready and form != "las" and seeds(form)[0].kind == "scan":
+        """Reads the seeds as they are in this process, so that libraries are loaded and loops compiled.  Once."""
+        if form in self._ready:
+            return
+        if form != "las" and seeds(form)[0].kind == "scan":
             self.warm("las")
         for seed in seeds(form):
             for number in range(4):

@@ -107,7 +107,8 @@ class LasSource(Source):
         done, outside = 0, False
         with self._open() as reader:
             # one step of rounding on either side: some writers round the bounds, some the points
-            low, high = reader.header.mins - reader.header.scales, reader.header.maxs + reader.header.scales
+            with np.errstate(invalid="ignore", over="ignore"):  # of a damaged header; no comparison with NaN holds
+                low, high = reader.header.mins - reader.header.scales, reader.header.maxs + reader.header.scales
             names = set(reader.header.point_format.dimension_names)
             iterator = reader.chunk_iterator(max(1, min(CHUNK, _BLOCK // reader.header.point_format.size)))
             while done < (self.count or 0):
