@@ -49,7 +49,8 @@ def test_ply_to_laz_keeps_decimals_and_every_column(tmp_path, capsys, seed, digi
     assert las.header.scales.tolist() == [10.0 ** -max(digits, 3)] * 3
     assert np.array_equal(np.round(las.xyz, digits), xyz)
     assert np.array_equal(np.stack([las.red, las.green, las.blue], axis=1), rgb * np.uint16(257))
-    for name in ("time", "quality", "level"):
+    assert np.array_equal(las.gps_time, columns["time"])
+    for name in ("quality", "level"):
         assert np.array_equal(las[name], columns[name]) and np.asarray(las[name]).dtype == columns[name].dtype
     assert np.array_equal(las["intensity_value"], columns["intensity"]) and "intensity_value" in told
     scale = np.ptp(columns["intensity"].astype(float)) / 65535
@@ -69,7 +70,7 @@ def test_ply_to_e57_to_las_keeps_every_column(tmp_path, seed):
     export(tmp_path / "b.e57", "--out", tmp_path / "c.las")
     las = laspy.read(tmp_path / "c.las")
     assert np.array_equal(np.round(las.xyz, 3), xyz)
-    assert np.array_equal(las["time"], columns["time"]) and np.array_equal(las["quality"], columns["quality"])
+    assert np.array_equal(las.gps_time, columns["time"]) and np.array_equal(las["quality"], columns["quality"])
 
 
 def test_ply_keeps_its_rows_and_names_what_they_cannot_hold(tmp_path, capsys):

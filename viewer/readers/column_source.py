@@ -69,7 +69,7 @@ class ColumnSource(Source):
         """Whole records of rows."""
         chunk = self._chunk(scan, columns, self._file_ranges)
         kept, _, _ = self._placed(scan, columns)
-        named = {_NAMES.get(name, name): values for name, values in kept.items() if name not in "xyzrgb"}
+        named = {_NAMES.get(name, name): values for name, values in kept.items() if name not in set("xyzrgb")}
         return Records(chunk.xyz, chunk.rgb, chunk.scan, named)
 
     def _record_rows(self) -> Iterator[tuple[int, Columns]]:

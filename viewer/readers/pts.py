@@ -11,6 +11,7 @@ from ..text import counted, whole_number
 from .column_source import Columns, ColumnSource
 from .source import ScanInfo, surplus_warning
 from .text_columns import LEAST_ROW, LEICA_COLUMNS, Layout, fields_of, named_columns, separators
+from .text_header import OTHER
 from .text_numbers import number
 from .text_rows import ROWS, TextRows, quoted
 from .text_sample import TextRegion, sample_rows
@@ -91,6 +92,14 @@ class PtsSource(ColumnSource):
             raise InputError(f"{self.path}: says that it holds {count:,} points, which its {self.path.stat().st_size:,} bytes "
                              "cannot; it is truncated or damaged, copy or export it again")  # fmt: skip
         return count
+
+    def _record_rows(self) -> Iterator[tuple[int, Columns]]:
+        """The columns that ``_rows`` knows: PTS has no header that would name others."""
+        others = [str(at + 1) for at, column in enumerate(self._columns) if column == OTHER]
+        text = f"{self.path.name}: column{'s' * (len(others) > 1)} {', '.join(others)} without a name in a header left out"
+        if others and text not in self.record_losses:
+            self.record_losses.append(text)
+        return super()._record_rows()
 
     def _rows(self, wanted: str) -> Iterator[tuple[int, Columns]]:
         wanted = "".join(name for name in wanted if name in self._columns)

@@ -89,6 +89,8 @@ class Source:
     warnings: list[str] = field(default_factory=list)
     crs_text: str | None = None
     """The definition of ``crs`` as the file has it, where it is a text."""
+    record_losses: list[str] = field(default_factory=list)
+    """Sentences about what of the file is not in its records; complete once ``record_chunks`` has been read to its end."""
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields the points from the beginning.  Raises InputError where the file is damaged."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
-from .text_header import OTHER, columns_named, header_words, names_angles
+from .text_header import OTHER, columns_named, header_words, names_angles, words_of
 from .text_numbers import decimal_mark, number
 from .text_rows import BLANKS, TextRows, has_decimal_comma, line_feeds, quoted
 from .text_values import columns_by_values, unknown_columns
@@ -33,7 +33,7 @@ class Layout:
     """columns: a letter per field.  delimiter: between fields, BLANKS for blanks and tabs.  headers: lines before the rows.
     decimal: the mark before a fraction.  rest: the last field, which is not wanted, ends with its line, blanks in it or not.
     notes: what a person should know about how the columns were recognised.  degrees: the header calls x and y longitude and
-    latitude."""
+    latitude.  words: the name of each field in the header; empty where there is none."""
 
     columns: str
     delimiter: str = BLANKS
@@ -42,6 +42,7 @@ class Layout:
     rest: bool = False
     notes: tuple[str, ...] = ()
     degrees: bool = False
+    words: tuple[str, ...] = ()
 
     def target(self, wanted: str) -> list[int]:
         """For each field its index in ``wanted``, -1 for fields that are not wanted."""
@@ -78,14 +79,16 @@ def recognise(path: Path, given: str | None = None) -> Layout:
         if count != len(given) and not rest:
             raise InputError(f"{path}: --columns names {len(given)} columns, but a row has {count}: {quoted(lines[0])}; name "
                              "every column, those of no use as -")  # fmt: skip
-        return Layout(given, delimiter, before, decimal, rest)
+        words = next((found for header in reversed(headers) if (found := words_of(header, delimiter, len(given)))), ())
+        return Layout(given, delimiter, before, decimal, rest, words=words)
     named, title = next(((found, header) for header in reversed(headers)
                          if (found := columns_named(header, delimiter, count))), (None, ""))  # fmt: skip
     if named is None and headers and any(len(words) == count for words in header_words(headers[-1], delimiter)[:2]):
         raise unknown_columns(path, f"its header {quoted(headers[-1])} names no x, y, z")
     if named is not None:
         rest = named[-1] == OTHER and max(counts) > count
-        return Layout(named, delimiter, before, decimal, rest, degrees=names_angles(title, delimiter, named))
+        degrees, words = names_angles(title, delimiter, named), words_of(title, delimiter, count, named)
+        return Layout(named, delimiter, before, decimal, rest, degrees=degrees, words=words)
     if max(counts) > min(counts) and _ends_with_words(lines, delimiter, min(counts), decimal):
         count = min(counts)
     table = _sample(path, delimiter, decimal, count, before)
@@ -157,7 +160,16 @@ def fields_of(line: str, delimiter: str) -> list[str]:
 
 def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) -> np.ndarray:
     """(n, count) float64: rows from the beginning, the middle and the end of a file; NaN where a field is not a number."""
-    rows = []
+    rows = sample_fields(path, delimiter, count, headers)
+    if not rows:
+        raise InputError(f"{path}: holds no two rows with the same number of values; a row is x y z, and i, r g b if known")
+    nothing = float("nan")
+    return np.array([[nothing if (value := number(word, decimal)) is None else value for word in row[:count]] for row in rows])
+
+
+def sample_fields(path: Path, delimiter: str, count: int, headers: int) -> list[list[str]]:
+    """Rows from the beginning, the middle and the end of a file, of at least ``count`` fields each, as text."""
+    rows = list[list[str]]()
     with open_text(path) as file:
         size = size_of(file)
         for place in sorted({0, max(0, size // 2), max(0, size - _SAMPLE_BYTES)}):
@@ -166,7 +178,4 @@ def _sample(path: Path, delimiter: str, decimal: str, count: int, headers: int) 
             whole = lines[headers if place == 0 else 1 : len(lines) if place + _SAMPLE_BYTES >= size else -1]
             found = (fields_of(line, delimiter) for line in whole if not line.startswith(("#", "//")))
             rows += [fields for fields in found if len(fields) >= count]
-    if not rows:
-        raise InputError(f"{path}: holds no two rows with the same number of values; a row is x y z, and i, r g b if known")
-    nothing = float("nan")
-    return np.array([[nothing if (value := number(word, decimal)) is None else value for word in row[:count]] for row in rows])
+    return rows

@@ -86,6 +86,24 @@ def names_angles(header: str, delimiter: str, columns: str) -> bool:
     return False
 
 
+def words_of(header: str, delimiter: str, count: int, columns: str | None = None) -> tuple[str, ...]:
+    """The names in a header, one a field, as they are written; empty where it does not hold ``count`` names.
+
+    columns: those that ``columns_named`` found in it; None: any ``count`` words of which one has a letter.
+    """
+    raw = header.encode("latin-1", "replace")
+    for encoding in _ENCODINGS:
+        try:
+            text = raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        for words in header_words(text, delimiter):
+            named = _columns_of(words) == columns if columns else any(c.isalpha() for word in words for c in word)
+            if len(words) == count and named:
+                return tuple(words)
+    return ()
+
+
 def header_words(header: str, delimiter: str) -> list[list[str]]:
     """The ways in which a header can be split into names.  It may be a comment."""
     text = header.strip().lstrip("#/%; \t\ufeff") if not delimiter else header.strip().lstrip("#/% \ufeff")

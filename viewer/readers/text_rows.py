@@ -36,6 +36,8 @@ class TextRows:
         self._added = 0  # newlines that the file does not have
         self.line_number = lines
         """Number of lines before the current position."""
+        self.words: dict[int, int] = {}
+        """By column of the result, fields that are words where numbers would be (``lenient`` in :meth:`rows`)."""
 
     def line(self, tabs: bool = False) -> str | None:
         """The next line that is not blank, without its end and blanks around it; None at the end of the file.
@@ -55,12 +57,13 @@ class TextRows:
             self._at, self.line_number = self._text.rfind(b"\n", 0, self._at - 1) + 1, self.line_number - 1
         return found
 
-    def rows(self, target: list[int], most: int, delimiter: str = BLANKS, decimal: str = ".", rest: bool = False
-             ) -> tuple[np.ndarray, int | None]:  # fmt: skip
+    def rows(self, target: list[int], most: int, delimiter: str = BLANKS, decimal: str = ".", rest: bool = False,
+             lenient: int | None = None) -> tuple[np.ndarray, int | None]:  # fmt: skip
         """Reads up to ``most`` of the next rows.
 
         target: for each field of a line its column in the result, -1 for none.  delimiter, decimal, rest: as in Layout
-        (viewer.readers.text_columns).
+        (viewer.readers.text_columns).  lenient: columns of the result from this one on become NaN where a field is no number,
+        which ``words`` counts.
         Returns (n, columns) float64, and the number of fields of the next line where it differs, else None.
         Raises InputError naming the line where a wanted field is not a number.
         """
@@ -77,7 +80,9 @@ class TextRows:
             for row, column, begin, end in slow[:slows].tolist():
                 value = number(token_text(self._text[begin:end]), decimal)
                 if value is None:
-                    raise self.unreadable(begin)
+                    if lenient is None or column < lenient:
+                        raise self.unreadable(begin)
+                    value, self.words[column] = np.nan, self.words.get(column, 0) + 1
                 table[done + row, column] = value
             done, self._at, self.line_number = done + n, at, self.line_number + lines
             other = fields if why == OTHER_WIDTH else None

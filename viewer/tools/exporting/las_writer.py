@@ -34,6 +34,11 @@ _WIDEST = 3
 """Values of an extra dimension, at most."""
 _LONGEST = 32
 """Bytes of a dimension's name."""
+_SPELLINGS = {
+    "gpstime": "gps_time", "time": "gps_time", "timegps": "gps_time", "scalargpstime": "gps_time",
+    **{name.replace("_", ""): name for name in _STANDARD if name != "scan_angle"},
+}  # fmt: skip
+"""Dimension by the spelling of a column's name in other formats: lower case, letters and digits only."""
 
 
 def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, losses: Losses, *, precision: float,
@@ -111,16 +116,17 @@ class _Plan:
             for name in dropped:
                 del columns[name]
         self._ranks = columns.pop("scan_angle_rank", None) is not None
-        gps = columns.get("gps_time")
-        if gps is not None and gps.width == 1:
-            self.standard["gps_time"] = "gps_time"
-            del columns["gps_time"]
+        own = _spelled(columns)
+        if (name := own.get("gps_time")) is not None and columns[name].width == 1:
+            self.standard["gps_time"] = name
+            del columns[name]
         if "nir" in columns and columns["nir"].fits(0, 65535) and found.coloured:
             self.standard["nir"] = "nir"
             del columns["nir"]
-        for name, (low, high) in _STANDARD.items():
-            if name in columns and columns[name].fits(low, high):
-                self.standard[name] = name
+        for dimension, (low, high) in _STANDARD.items():
+            name = own.get(dimension)
+            if name is not None and columns[name].fits(low, high):
+                self.standard[dimension] = name
                 del columns[name]
         self._numbered = self._needs_numbers(found, columns)
         for name, column in columns.items():
@@ -138,7 +144,7 @@ class _Plan:
     def _needs_numbers(self, found: Survey, columns: dict[str, Column]) -> bool:
         """Whether the number of the scan becomes the point source id: no source has such ids, or all of them are 0 and there
         are several scans."""
-        column = found.columns.get("point_source_id")
+        column = found.columns.get(self.standard.get("point_source_id", "point_source_id"))
         if "point_source_id" in columns:
             return False  # kept as an extra dimension
         return max(found.counts, default=0) < 65535 and (column is None or (column.high <= 0 and len(found.counts) > 1))
@@ -168,7 +174,9 @@ class _Plan:
         """Sets the dimensions of a piece."""
         for name, column in self.standard.items():
             if column in piece.columns:
-                points[name] = piece.columns[column]
+                values = piece.columns[column]
+                whole = name != "gps_time" and values.dtype.kind == "f"  # of text; packed dimensions take no fractions
+                points[name] = np.rint(values).astype(np.int64) if whole else values
         for name, (column, element) in self._extra_of.items():
             if column in piece.columns:
                 values = piece.columns[column]
@@ -181,14 +189,23 @@ class _Plan:
         if self._numbered:
             points["point_source_id"] = piece.scan + 1
         ones = np.ones(len(piece.xyz), np.uint8)
-        if "return_number" not in piece.columns:
-            points["return_number"] = ones
-        if "number_of_returns" not in piece.columns:
-            points["number_of_returns"] = ones
+        for name in ("return_number", "number_of_returns"):
+            if self.standard.get(name, name) not in piece.columns:
+                points[name] = ones
         if self._stretch is not None and "intensity" in piece.columns:
             low, high = self._stretch
             share = (np.asarray(piece.columns["intensity"], np.float64) - low) / ((high - low) or 1.0)
             points["intensity"] = np.rint(np.nan_to_num(np.clip(share, 0, 1), nan=0.0) * 65535).astype(np.uint16)
+
+
+def _spelled(columns: dict[str, Column]) -> dict[str, str]:
+    """Standard dimension -> the column that its name means; the one with its own name first."""
+    found = {}
+    for name in columns:
+        dimension = _SPELLINGS.get("".join(c for c in name.lower() if c.isalnum()))
+        if dimension is not None and dimension not in columns:
+            found.setdefault(dimension, name)
+    return found | {name: name for name in (*_STANDARD, "gps_time") if name in columns}
 
 
 def _cut(name: str, ending: str) -> str:

@@ -60,6 +60,9 @@ def write(path: Path, selection: Selection, losses: Losses, *, columns: str | No
         count = _write_columns(path, stream, selection, reference, losses, precision, all_columns)
         if stream.lost or stream.far:
             losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
+    for source in records.sources:
+        for text in source.record_losses:
+            losses.add(text)
     if count == 0:
         raise refuse_empty(scene)
     return count
