@@ -176,4 +176,4 @@ def described(meta: dict) -> list[tuple[str, str]]:
 
 def _number(value: float) -> str:
     """A whole number with its thousands, else six digits."""
-    return f"{int(value):,}" if value == int(value) else f"{value:.6g}"
+    return f"{value:,.0f}" if abs(value) < 1e15 and float(value).is_integer() else f"{value:.6g}"
