@@ -2,6 +2,7 @@
 units."""
 
 from collections.abc import Sequence
+from shlex import quote
 
 import numpy as np
 
@@ -53,21 +54,30 @@ def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
     """
     place = counts.bounds.mean(axis=0)
     place = place[[1, 0]] if abs(place[1]) > 90 else place[:2]  # latitude may come first
-    zone = int((place[0] + 180) // 6) % 60 + 1
-    utm = f"EPSG:{(32600 if place[1] >= 0 else 32700) + zone}, UTM zone {zone}{'N' if place[1] >= 0 else 'S'}"
-    remedy = f"lengths and shapes are wrong; reproject it to metres, for example to {utm}"
+    path = next((source.path for source in sources if source.units == "degree"), sources[0].path)
+    command = f"pointglass export {quote(path.name)} --reproject {utm_of(place)} --out {quote(path.stem + '-utm.laz')}"
+    remedy = f"lengths and shapes are wrong; reproject it to metres: {command}"
     stated = [source.path.name for source in sources if source.units == "degree"]
     if stated:
         return [f"{stated[0]}: coordinates in degrees: {remedy}"]
-    (x, y, _), (dx, dy, dz) = np.abs(counts.bounds).max(axis=0), np.ptp(counts.bounds, axis=0)
-    side = max(dx, dy)
-    swapped = x <= 90 < y <= 360  # latitude first
-    angles = (swapped or (x <= 360 and y <= 90)) and max(x, y) > _DEGREES_FAR * side and dz > _DEGREES_STEEP * side > 0
-    if not angles or any(source.metres_per_unit for source in sources) or any(source.crs for source in sources):
+    if any(source.metres_per_unit or source.crs for source in sources) or not like_degrees(counts.bounds):
         return []
     around = ", ".join(f"{value:.4f}" for value in place)
     return [f"{sources[0].path.name}: x and y look like degrees of longitude and latitude (around {around}; heights do not): "
             f"{remedy}"]  # fmt: skip
+
+
+def like_degrees(bounds: np.ndarray) -> bool:
+    """Whether numbers with these bounds, (2, 3), look like degrees and heights in another unit (see degree_warnings)."""
+    (x, y, _), (dx, dy, dz) = np.abs(bounds).max(axis=0), np.ptp(bounds, axis=0)
+    side = max(dx, dy)
+    swapped = x <= 90 < y <= 360  # latitude first
+    return bool((swapped or (x <= 360 and y <= 90)) and max(x, y) > _DEGREES_FAR * side and dz > _DEGREES_STEEP * side > 0)
+
+
+def utm_of(place: np.ndarray) -> str:
+    """The EPSG code of the UTM zone (WGS 84) of (longitude, latitude) in degrees."""
+    return f"EPSG:{(32600 if place[1] >= 0 else 32700) + int((place[0] + 180) // 6) % 60 + 1}"
 
 
 def precision_warnings(sources: Sequence[Source], counts: CellCounts, spacing: float | None) -> list[str]:

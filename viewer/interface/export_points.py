@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 def export_points(scene: Scene, path: Path, clip: npt.ArrayLike | None, stations: Iterable[int] | None, exposures: str,
-                  all_columns: bool) -> int:
+                  all_columns: bool, reproject: str | None) -> int:
     """See Scan.export."""
     if exposures not in ("as-scanned", "matched"):
         raise InputError(f"exposures {exposures!r}: expected as-scanned or matched")
@@ -31,7 +31,7 @@ def export_points(scene: Scene, path: Path, clip: npt.ArrayLike | None, stations
     def note(text: str) -> None:
         _log.warning("%s: %s", path, text)
 
-    return export(selection, path, matched=exposures == "matched", all_columns=all_columns, note=note)
+    return export(selection, path, matched=exposures == "matched", all_columns=all_columns, reproject=reproject, note=note)
 
 
 def _boxes(clip: npt.ArrayLike | None) -> tuple[Clip, ...]:

@@ -183,7 +183,7 @@ class Scan:
 
     def export(
         self, path: PathLike, *, clip: npt.ArrayLike | None = None, stations: Iterable[int] | None = None,
-        exposures: Literal["as-scanned", "matched"] = "as-scanned", all_columns: bool = False,
+        exposures: Literal["as-scanned", "matched"] = "as-scanned", all_columns: bool = False, reproject: str | None = None,
     ) -> int:  # fmt: skip
         """Writes measured points as a LAS, LAZ, PLY or E57 file, by its ending; returns how many.  ``pointglass export`` too.
 
@@ -192,12 +192,13 @@ class Scan:
         clip: (2, 3) lowest and highest corner in file coordinates, such as ``scan.bounds``, or (B, 2, 3) boxes that add up.
         stations: rows of :attr:`stations` whose points are written; None: all.  exposures: matched writes the colours as they
         are drawn.  all_columns: PLY: also columns besides coordinates, colour, intensity, scan and class.
+        reproject: an EPSG code, "EPSG:25832", into whose coordinates the points are transformed; "auto": the UTM zone.
         Raises InputError naming the argument; then nothing is left behind.
         """
         from .export_points import export_points
 
         with python_names():
-            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns)
+            return export_points(self._open, path_of(path), clip, stations, exposures, all_columns, reproject)
 
     def close(self) -> None:
         """Frees the points on the GPU and the OpenGL context; arrays and frames stay yours.  Closing twice does nothing.

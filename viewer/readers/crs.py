@@ -204,6 +204,11 @@ def title(code: str) -> str | None:
         return None
 
 
+def system(definition: str):
+    """pyproj's object of a definition.  Raises ValueError where PROJ cannot read it, ImportError where pyproj is missing."""
+    return _crs(definition)
+
+
 def _units(definition: str) -> tuple[str, float | None]:
     """Unit and metres per unit of a definition in a file; unknown where pyproj does not know it, which the log says."""
     try:

@@ -5,6 +5,7 @@ The files of the scan are read again and whole records are written; the grid dec
     one file, its own format, no selection      -> its bytes                          whole_file
     LAS to LAS, E57 to E57                      -> records as stored                  las_copy, e57_copy
     other pairs                                 -> columns (a survey, then a pass)    las_writer, e57_writer, ply_writer
+    any pair, into another reference system     -> columns, transformed               reproject
     a grid whose files are gone                 -> columns of the grid (selection)
 
 ``record_stream`` reads the records that a ``Selection`` keeps, ``losses`` gathers what the target cannot hold, ``command`` is

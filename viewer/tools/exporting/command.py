@@ -18,6 +18,7 @@ from ..altered_pictures import edits_of
 from ..files import replaced_text
 from ..open_project import opened
 from .losses import Losses
+from .reproject import target_of
 from .selection import Selection, clips_of
 from .targets import bytes_needed, check_ending, write
 
@@ -42,6 +43,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep only points inside xmin,ymin,zmin,xmax,ymax,zmax (file coordinates); several boxes add up",
     )
     parser.add_argument(
+        "--reproject",
+        metavar="EPSG",
+        help="transform the coordinates into this reference system, such as EPSG:32632; auto: the UTM zone of the scan",
+    )
+    parser.add_argument(
         "--all-columns",
         action="store_true",
         help="PLY: also write columns besides coordinates, colour, intensity, scan and class, and 16-bit colours",
@@ -50,16 +56,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def export(
     selection: Selection, out: Path, *, columns: str | None = None, matched: bool = False, all_columns: bool = False,
-    note: Callable[[str], None] | None = None,
+    reproject: str | None = None, note: Callable[[str], None] | None = None,
 ) -> int:  # fmt: skip
     """Writes the records of a selection; returns how many.
 
     columns: what the columns of text files are, as for viewer.grid.open_scene.  matched: colours with compensated exposures, as
-    the scene shows them, instead of the files'.  all_columns: PLY only, see ply_writer.  note: called with one line about what
+    the scene shows them, instead of the files'.  all_columns: PLY only, see ply_writer.  reproject: an EPSG code
+    or "auto", the UTM zone (see reproject); None: coordinates as they are.  note: called with one line about what
     the file cannot hold, where there is such.
     Raises InputError; then nothing is left behind.
     """
     check_ending(out)
+    target = None if reproject is None else target_of(reproject)
     if out.is_dir() or passes_through(out):
         raise InputError(f"--out {out}: is not a file that can be replaced; choose another name")
     if not out.parent.is_dir():
@@ -71,7 +79,7 @@ def export(
     losses, written = Losses(), [0]
 
     def fill(path: Path) -> None:
-        written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns)
+        written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns, reproject=target)
 
     sources = [path for path in map(Path, selection.scene.meta.get("sources") or []) if path.exists()]
     try:
@@ -96,6 +104,8 @@ def _check_not_source(selection: Selection, out: Path) -> None:
 def run(options: argparse.Namespace) -> int:
     """The command.  Returns the exit code."""
     check_ending(options.out)
+    if options.reproject is not None:
+        target_of(options.reproject)
     boxes = clips_of(options.clip)
     matched = options.exposures == "matched"
     # colours are read from the files; the grid that the window keeps in the cache serves as well as any
@@ -112,6 +122,7 @@ def run(options: argparse.Namespace) -> int:
         columns=options.columns,
         matched=matched,
         all_columns=options.all_columns,
+        reproject=options.reproject,
         note=note,
     )
     print(f"{counted(count, 'point')} in {options.out}{replaced}")

@@ -42,8 +42,9 @@ _SPELLINGS = {
 
 
 def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, losses: Losses, *, precision: float,
-              degrees: bool = False) -> None:  # fmt: skip
-    """LAS 1.4 or, by the suffix, LAZ.  precision: relative resolution of the source's coordinates."""
+              degrees: bool = False, standard_time: bool = False) -> None:  # fmt: skip
+    """LAS 1.4 or, by the suffix, LAZ.  precision: relative resolution of the source's coordinates.  standard_time: see
+    has_standard_time."""
     import laspy
 
     scales, offsets = coordinate_steps(found, precision, degrees, losses)
@@ -51,6 +52,7 @@ def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, l
     header = laspy.LasHeader(point_format=8 if "nir" in plan.standard else 7 if found.coloured else 6, version="1.4")
     header.scales, header.offsets = scales, offsets
     header.generating_software = "pointglass"
+    header.global_encoding.gps_time_type = laspy.header.GpsTimeType(int(standard_time))
     for name, data in reference.las_records:
         header.vlrs.append(laspy.VLR(PROJECTION, name, record_data=data))
         header.global_encoding.wkt |= name == 2112
@@ -67,6 +69,17 @@ def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, l
                 points.red, points.green, points.blue = found.colours16(piece).T
             plan.fill(points, piece)
             writer.write_points(points)
+
+
+def has_standard_time(paths: list[Path]) -> bool:
+    """Whether the times of the LAS files among these are adjusted standard GPS time, and not seconds of a week."""
+    heads = []
+    for path in paths:
+        if path.is_file():
+            with path.open("rb") as file:
+                heads.append(file.read(8))
+    flags = [head[6] & 1 for head in heads if head.startswith(b"LASF")]
+    return bool(flags) and all(flags)
 
 
 def coordinate_steps(found: Survey, precision: float, degrees: bool, losses: Losses) -> tuple[np.ndarray, np.ndarray]:

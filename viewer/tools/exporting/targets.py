@@ -4,16 +4,17 @@ from pathlib import Path
 
 from ...errors import InputError
 from .columns import GridColumns, SourceColumns, survey
-from .crs_records import reference_of, without_sources
+from .crs_records import Reference, reference_of, without_sources
 from .e57_copy import can_copy as can_copy_e57
 from .e57_copy import copy_e57
 from .e57_writer import write_e57
 from .las_copy import can_copy as can_copy_las
 from .las_copy import copy_las
-from .las_writer import write_las
+from .las_writer import has_standard_time, write_las
 from .losses import Losses
 from .ply_writer import write_ply
 from .record_stream import SourceRecords, refuse_empty, why_gone
+from .reproject import Reprojected
 from .selection import Selection
 from .whole_file import can_copy as can_copy_file
 from .whole_file import copy_file
@@ -36,8 +37,13 @@ def bytes_needed(path: Path, selection: Selection) -> int:
     return selection.scene.count * _BYTES[path.suffix.lower()]
 
 
-def write(path: Path, selection: Selection, losses: Losses, *, columns: str | None, matched: bool, all_columns: bool) -> int:
-    """Writes the file; returns the number of points.  Raises InputError, also where the selection leaves no point."""
+def write(
+    path: Path, selection: Selection, losses: Losses, *, columns: str | None, matched: bool, all_columns: bool,
+    reproject: str | None = None,
+) -> int:  # fmt: skip
+    """Writes the file; returns the number of points.  reproject: as from reproject.target_of.
+
+    Raises InputError, also where the selection leaves no point."""
     scene, kind = selection.scene, path.suffix.lower()
     if (reason := why_gone(scene)) is not None:
         losses.add(
@@ -45,21 +51,25 @@ def write(path: Path, selection: Selection, losses: Losses, *, columns: str | No
             + (" and with matched exposures" if scene.matched else "")
         )
         grid = GridColumns(selection)
+        if reproject is not None:
+            grid = Reprojected(grid, scene, (), reproject, losses)
         return _write_columns(path, grid, selection, without_sources(scene.meta), losses, 2.0**-53, all_columns)
     records = SourceRecords(selection, columns, matched=matched)
-    if can_copy_file(records, kind):
+    if reproject is None and can_copy_file(records, kind):
         return copy_file(path, records)
-    reference = reference_of(scene.meta, records.sources, losses)
-    if kind in (".las", ".laz") and can_copy_las(records.sources):
+    reference = Reference() if reproject is not None else reference_of(scene.meta, records.sources, losses)
+    if reproject is not None:
+        stream = SourceColumns(records)
+        moved = Reprojected(stream, scene, records.sources, reproject, losses)
+        count = _told(_write_columns(path, moved, selection, moved.reference, losses, 2.0**-53, all_columns), stream, losses)
+    elif kind in (".las", ".laz") and can_copy_las(records.sources):
         count = copy_las(path, records, reference, losses)
     elif kind == ".e57" and can_copy_e57(records.sources):
         count = copy_e57(path, records, reference, losses)
     else:
         precision = max(source.precision for source in records.sources)
         stream = SourceColumns(records)
-        count = _write_columns(path, stream, selection, reference, losses, precision, all_columns)
-        if stream.lost or stream.far:
-            losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
+        count = _told(_write_columns(path, stream, selection, reference, losses, precision, all_columns), stream, losses)
     for source in records.sources:
         for text in source.record_losses:
             losses.add(text)
@@ -68,11 +78,22 @@ def write(path: Path, selection: Selection, losses: Losses, *, columns: str | No
     return count
 
 
+def _told(count: int, stream: SourceColumns, losses: Losses) -> int:
+    """The count, after naming the records that have no position."""
+    if stream.lost or stream.far:
+        losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
+    return count
+
+
 def _write_columns(
     path: Path, stream, selection: Selection, reference, losses: Losses, precision: float, all_columns: bool
 ) -> int:
     kind, meta = path.suffix.lower(), selection.scene.meta
+    sources = [Path(name) for name in meta.get("sources") or []]
     found = survey(stream)
+    if isinstance(stream, Reprojected):
+        stream.check(found, kind)
+        meta, reference = stream.meta, stream.reference
     if found.count == 0:
         raise refuse_empty(selection.scene)
     if kind == ".ply":
@@ -80,5 +101,6 @@ def _write_columns(
     elif kind == ".e57":
         write_e57(path, stream, found, reference, losses)
     else:
-        write_las(path, stream, found, reference, losses, precision=precision, degrees=meta.get("units") == "degree")
+        degrees, standard = meta.get("units") == "degree", has_standard_time(sources)
+        write_las(path, stream, found, reference, losses, precision=precision, degrees=degrees, standard_time=standard)
     return found.count
