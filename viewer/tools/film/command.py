@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FRAMES_A_SECOND = 24.0
 MOST_FRAMES = 1_000_000
-_LARGEST_TIMING = 1e9
+_LARGEST_TIMING = 1e300
 """Frames a second or seconds that a file may state; JSON allows whole numbers that no float holds."""
 PANORAMA_SIZE = (4096, 2048)
 MP4 = (".mp4", ".m4v", ".mov")
@@ -81,8 +81,6 @@ def read_path(path: Path, *, size: tuple[int, int] | None = None, fps: float | N
 
 def _timing(path: Path) -> tuple[float | None, float | None]:
     """Frames a second and seconds that a camera_path.json states; None where it does not."""
-    from ..camera_formats.parse import shown
-
     if path.suffix.lower() != ".json":
         return None, None
     data = json.loads(path.read_text(encoding="utf-8-sig"))  # read_cameras has read it
@@ -93,7 +91,7 @@ def _timing(path: Path) -> tuple[float | None, float | None]:
         value = data.get(key)
         good = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < _LARGEST_TIMING
         if value is not None and not good:
-            raise InputError(f"{path}: {key} {shown(value)}: expected a number above 0")
+            raise InputError(f"{path}: {key} {value!r:.60}: expected a number above 0")
         found.append(None if value is None else float(value))
     return found[0], found[1]
 
