@@ -1,11 +1,12 @@
 """E57 to E57: every field of every record with its type and limits, every pose, photograph and further node of the file.
 
 Without a selection the records that a file marks as invalid are copied too.  With one, a scan of which no record is left is
-omitted, and so are the photographs that belong to it; bounds are written anew, and groups of records, which count records, are
-omitted.  Scans of several files follow each other.
+omitted, and so are the photographs that belong to it; bounds are written anew; groups of records, which count records, are
+omitted.  ``losses`` names what is omitted.  Scans of several files follow each other.
 """
 
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,9 @@ from ...readers.e57 import E57Source
 from ...readers.e57_nodes import library, open_e57, text_of
 from ...readers.e57_records import BLOCK, RawField, arrays_for, buffers_of, fields_of, raw_blocks
 from .crs_records import Reference
-from .e57_file import NodeCopy, header, new_file, writer_of
+from .e57_bounds import RecordBounds
+from .e57_file import COLOURS, NodeCopy, as_stored, header, new_file, writer_of
+from .left_behind import name_texts, omitted
 from .losses import Losses
 from .record_stream import SourceRecords
 
@@ -41,7 +44,7 @@ def can_copy(sources: list) -> bool:
 def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Losses) -> int:
     """Writes the selected records; returns how many."""
     libe57 = library()
-    written, running = 0, 0
+    written, running, gone = 0, 0, _Omitted()
     with ExitStack() as stack:
         image = stack.enter_context(new_file(path))
         files = [stack.enter_context(open_e57(source.path)) for source in stream.sources]
@@ -61,25 +64,44 @@ def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
         with stream.meter("writing") as meter:
             for source, file, number in zip(stream.sources, files, range(len(files)), strict=True):
                 assert isinstance(source, E57Source)
-                task = _Scans(stream, source, file, number, copy, scans, meter)
+                task = _Scans(stream, source, file, number, copy, scans, meter, gone)
                 running, count = task.copy_all(running)
                 written += count
-                _copy_images(file, images, copy, task.left_out - task.kept)
+                gone.photographs += _copy_images(file, images, copy, task.left_out - task.kept)
         copy.finish()
-    if copy.texts:
-        losses.add(
-            f"the text fields {', '.join(dict.fromkeys(copy.texts))} of records are left out, since libe57's binding does not "
-            "read them"
-        )
+    name_texts(copy.texts, losses)
+    gone.tell(losses)
     return written
+
+
+@dataclass
+class _Omitted:
+    """What is left out besides the records that a selection excludes.  invalid: records that the file marks as invalid."""
+
+    scans: int = 0
+    photographs: int = 0
+    groups: int = 0
+    invalid: int = 0
+
+    def tell(self, losses: Losses) -> None:
+        if self.scans:
+            losses.add(omitted(self.scans, "scan", " without a selected record"))
+        if self.photographs:
+            losses.add(omitted(self.photographs, "photograph", " of scans without a selected record"))
+        if self.groups:
+            losses.add("the groups of records (pointGroupingSchemes) are left out, since they count all records")
+        if self.invalid:
+            losses.add(omitted(self.invalid, "record", " marked as invalid"))
 
 
 class _Scans:
     """The scans of one file.  kept, left_out: their guids."""
 
-    def __init__(self, stream: SourceRecords, source: E57Source, file: Any, number: int, copy: NodeCopy, scans: Any, meter):
+    def __init__(self, stream: SourceRecords, source: E57Source, file: Any, number: int, copy: NodeCopy, scans: Any, meter,
+                 gone: _Omitted):  # fmt: skip
         self._stream, self._source, self._file, self._number = stream, source, file, number
         self._copy, self._scans, self._meter = copy, scans, meter
+        self._gone = gone
         self.kept, self.left_out = set[str](), set[str]()
 
     def copy_all(self, running: int) -> tuple[int, int]:
@@ -99,43 +121,47 @@ class _Scans:
         total = int(points.childCount()) if points is not None else 0
         made = None
         if everything:
-            made = self._add(node, points)
+            made = self._add(node, points, index)
         if total == 0 or not fields:
             return running, 0
         arrays = arrays_for(fields, min(total, BLOCK))
         buffers = buffers_of(self._copy.image, fields, arrays, min(total, BLOCK))
-        written, bounds = 0, _Bounds()
+        written, bounds = 0, RecordBounds()
         with ExitStack() as stack:
             writer: Any = None if made is None else stack.enter_context(writer_of(made[1], buffers))
             for n in raw_blocks(self._file, points, fields, arrays):
                 running, count = self._select(index, fields, arrays, n, running, bounds)
                 if count and writer is None:
-                    made = self._add(node, points)
+                    made = self._add(node, points, index)
                     writer = stack.enter_context(writer_of(made[1], buffers))
                 if count:
                     writer.write(count)
                 written += count
                 self._meter.update(n)
-        if made is not None and not everything and node.isDefined("cartesianBounds") and bounds.known:
-            made[0].set("cartesianBounds", bounds.node(self._copy.image))
+        if made is not None and not everything:
+            bounds.write(node, made[0], self._copy, self._file)
+            self._gone.groups += node.isDefined("pointGroupingSchemes")
+        self._gone.scans += made is None
         guid = text_of(node, "guid")
         (self.left_out if made is None else self.kept).add(guid)
         return running, written
 
-    def _add(self, node: Any, points: Any) -> tuple[Any, Any]:
+    def _add(self, node: Any, points: Any, index: int) -> tuple[Any, Any]:
         """The scan in the new file, and its points, empty yet."""
-        everything = self._stream.everything
+        libe57, everything = library(), self._stream.everything
         scan = self._copy.copied(node, self._file, ("points", *(() if everything else _BY_RECORDS)))
         vector = None
         if points is not None:
-            vector = self._copy.vector(points)
+            # matched colours may exceed the range of the file's values, which some writers declare for the fields
+            coloured = self._stream.colours is not None and libe57.StructureNode(points.prototype()).isDefined("colorRed")
+            vector = self._copy.vector(points, self._source.colour_range(index) if coloured else None)
             scan.set("points", vector)
         self._scans.append(scan)
         self._copy.finish()
         return scan, vector
 
     def _select(
-        self, index: int, fields, arrays: dict[str, np.ndarray], n: int, running: int, bounds: "_Bounds"
+        self, index: int, fields, arrays: dict[str, np.ndarray], n: int, running: int, bounds: "RecordBounds"
     ) -> tuple[int, int]:
         """Moves the selected records of a block to its beginning.  Returns the running number after it and their number."""
         raw = {name: values[:n] for name, values in arrays.items()}
@@ -144,7 +170,8 @@ class _Scans:
         valid, chunk = self._source.placed(index, fields, raw)
         if self._stream.colours is not None and chunk.rgb is not None:
             shown = self._stream.colours[running : running + len(chunk.xyz)]
-            _recolour(fields, raw, slice(None) if valid is None else valid, shown, self._source.colour_range(index))
+            rows = slice(None) if valid is None else valid
+            _recolour(fields, raw, rows, shown, self._source.colour_range(index))
         if self._stream.everything:
             return running + len(chunk.xyz), n
         scans = self._stream.numbers.of(self._number, running, index, len(chunk.xyz))
@@ -154,6 +181,7 @@ class _Scans:
         else:
             kept = valid.copy()  # a direction without a return has no place that a selection could hold
             kept[valid] = True if mask is None else mask
+            self._gone.invalid += int(np.count_nonzero(~valid))
         count = int(np.count_nonzero(kept))
         for name, values in raw.items():
             arrays[name][:count] = values[kept]
@@ -164,39 +192,11 @@ class _Scans:
 def _recolour(fields: list[RawField], raw: dict[str, np.ndarray], valid, shown: np.ndarray, ends: tuple[float, float]) -> None:
     """Replaces the stored colours of valid records.  shown: (n, 3) uint8.  ends: stored values of black and full."""
     by_name = {field.name: field for field in fields}
-    for axis, name in enumerate(("colorRed", "colorGreen", "colorBlue")):
-        values = ends[0] + shown[:, axis] / 255.0 * (ends[1] - ends[0])
+    for axis, name in enumerate(COLOURS):
         field = by_name[name]
-        if field.scale is not None:
-            values = (values - field.offset) / field.scale
+        low, high = as_stored(ends, field.scale, field.offset)
+        values = low + shown[:, axis] / 255.0 * (high - low)
         raw[name][valid] = values if field.dtype.kind == "f" else np.rint(values).astype(field.dtype)
-
-
-class _Bounds:
-    """Lowest and highest Cartesian coordinates of written records, in the scan's own frame."""
-
-    def __init__(self) -> None:
-        self._low, self._high = np.full(3, np.inf), np.full(3, -np.inf)
-
-    @property
-    def known(self) -> bool:
-        return bool(np.isfinite([self._low, self._high]).all())
-
-    def add(self, fields, arrays: dict[str, np.ndarray], count: int) -> None:
-        by_name = {field.name: field for field in fields}
-        for axis, name in enumerate(("cartesianX", "cartesianY", "cartesianZ")):
-            if name in by_name and count:
-                values = by_name[name].scaled(arrays[name][:count])
-                self._low[axis] = np.fmin(self._low[axis], np.nanmin(values))
-                self._high[axis] = np.fmax(self._high[axis], np.nanmax(values))
-
-    def node(self, image: Any) -> Any:
-        libe57 = library()
-        made = libe57.StructureNode(image)
-        for axis, letter in enumerate("xyz"):
-            made.set(f"{letter}Minimum", libe57.FloatNode(image, float(self._low[axis]), libe57.E57_DOUBLE))
-            made.set(f"{letter}Maximum", libe57.FloatNode(image, float(self._high[axis]), libe57.E57_DOUBLE))
-        return made
 
 
 def _metadata(files: list, reference: Reference) -> str:
@@ -217,14 +217,17 @@ def _extensions(image: Any, files: list, losses: Losses) -> None:
                 losses.add(f"the extension {prefix} is {known[prefix]} in one file and {uri} in another; the first is stated")
 
 
-def _copy_images(file: Any, images: Any, copy: NodeCopy, left_out: set[str]) -> None:
-    """Appends the photographs, except those of scans that are left out."""
+def _copy_images(file: Any, images: Any, copy: NodeCopy, left_out: set[str]) -> int:
+    """Appends the photographs, except those of scans that are left out; returns how many these are."""
     root = file.root()
     if not root.isDefined("images2D"):
-        return
-    source = root["images2D"]
+        return 0
+    source, count = root["images2D"], 0
     for index in range(source.childCount()):
         node = source[index]
         if text_of(node, "associatedData3DGuid") not in left_out - {""}:
             images.append(copy.copied(node, file))
             copy.finish()
+        else:
+            count += 1
+    return count

@@ -23,6 +23,14 @@ _BLOB = 1 << 22
 """Bytes of a photograph copied at a time."""
 
 
+COLOURS = ("colorRed", "colorGreen", "colorBlue")
+
+
+def as_stored(ends: tuple[float, float], scale: float | None, offset: float) -> tuple[float, float]:
+    """Values as a field stores them; scale, offset: of scaled integers."""
+    return ends if scale is None else ((ends[0] - offset) / scale, (ends[1] - offset) / scale)
+
+
 @contextmanager
 def new_file(path: Path) -> Iterator[Any]:
     """A file for writing, closed at the end.  Errors of libe57 in writing become OSError.  On failure what was written is of no
@@ -104,13 +112,14 @@ class NodeCopy:
             return made
         return self._leaf(node)
 
-    def vector(self, node: Any) -> Any:
-        """An empty CompressedVector with the same fields."""
+    def vector(self, node: Any, colours: tuple[float, float] | None = None) -> Any:
+        """An empty CompressedVector with the same fields.  colours: values of black and full, which the ranges of the colour
+        fields are widened to hold."""
         libe57 = library()
-        prototype = self._prototype(libe57.StructureNode(node.prototype()), "")
+        prototype = self._prototype(libe57.StructureNode(node.prototype()), "", colours)
         return libe57.CompressedVectorNode(self.image, prototype, libe57.VectorNode(self.image, True))
 
-    def _prototype(self, structure: Any, prefix: str) -> Any:
+    def _prototype(self, structure: Any, prefix: str, colours: tuple[float, float] | None = None) -> Any:
         libe57 = library()
         made = libe57.StructureNode(self.image)
         for index in range(structure.childCount()):
@@ -119,20 +128,27 @@ class NodeCopy:
             if isinstance(child, libe57.StructureNode):
                 made.set(name, self._prototype(child, f"{prefix}{name}/"))
             elif isinstance(child, (libe57.IntegerNode, libe57.ScaledIntegerNode, libe57.FloatNode)):
-                made.set(name, self._leaf(child))
+                made.set(name, self._leaf(child, colours if not prefix and name in COLOURS else None))
             else:
                 self.texts.append(prefix + name)
         return made
 
-    def _leaf(self, node: Any) -> Any:
+    def _leaf(self, node: Any, held: tuple[float, float] | None = None) -> Any:
+        """held: values that its range is widened to hold."""
         libe57, image = library(), self.image
+        if isinstance(node, libe57.StringNode):
+            return libe57.StringNode(image, node.value())
+        low, high = node.minimum(), node.maximum()
+        scaled = isinstance(node, libe57.ScaledIntegerNode)
+        if held is not None:
+            ends = as_stored(held, node.scale() if scaled else None, node.offset() if scaled else 0.0)
+            kind = float if isinstance(node, libe57.FloatNode) else round
+            low, high = min(low, kind(min(ends))), max(high, kind(max(ends)))
         if isinstance(node, libe57.IntegerNode):
-            return libe57.IntegerNode(image, node.value(), node.minimum(), node.maximum())
-        if isinstance(node, libe57.ScaledIntegerNode):
-            return libe57.ScaledIntegerNode(image, node.rawValue(), node.minimum(), node.maximum(), node.scale(), node.offset())
-        if isinstance(node, libe57.FloatNode):
-            return libe57.FloatNode(image, node.value(), node.precision(), node.minimum(), node.maximum())
-        return libe57.StringNode(image, node.value())
+            return libe57.IntegerNode(image, node.value(), low, high)
+        if scaled:
+            return libe57.ScaledIntegerNode(image, node.rawValue(), low, high, node.scale(), node.offset())
+        return libe57.FloatNode(image, node.value(), node.precision(), low, high)
 
     def finish(self) -> None:
         """Copies the content of blobs and CompressedVectors."""

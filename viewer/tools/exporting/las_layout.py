@@ -43,6 +43,11 @@ class Record:
     def data(self) -> bytes:
         return self.raw[_VLR.size :]
 
+    @property
+    def description(self) -> str:
+        head = self.raw[: _EVLR.size if self.length else _VLR.size]
+        return _text(head[-32:])
+
 
 @dataclass(frozen=True)
 class LasLayout:

@@ -3,6 +3,7 @@
 A column that fits a standard dimension of LAS becomes that one; others become extra dimensions with their own type.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from .columns import FULL, Column, Piece, Stream, Survey
 from .crs_records import Reference
-from .las_layout import PROJECTION
+from .las_layout import PROJECTION, Record
 from .losses import Losses
 
 _REACH = 2**31 - 8
@@ -42,9 +43,9 @@ _SPELLINGS = {
 
 
 def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, losses: Losses, *, precision: float,
-              degrees: bool = False, standard_time: bool = False) -> None:  # fmt: skip
+              degrees: bool = False, standard_time: bool = False, records: Sequence[Record] = ()) -> None:  # fmt: skip
     """LAS 1.4 or, by the suffix, LAZ.  precision: relative resolution of the source's coordinates.  standard_time: see
-    has_standard_time."""
+    has_standard_time.  records: variable-length records besides those of the reference system and of the points."""
     import laspy
 
     scales, offsets = coordinate_steps(found, precision, degrees, losses)
@@ -56,6 +57,7 @@ def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, l
     for name, data in reference.las_records:
         header.vlrs.append(laspy.VLR(PROJECTION, name, record_data=data))
         header.global_encoding.wkt |= name == 2112
+    header.vlrs.extend(laspy.VLR(record.user, record.number, record.description, record.data) for record in records)
     for name, column in plan.extra.items():
         kind = f"{column.width}{column.dtype.str[1:]}" if column.width > 1 else column.dtype
         header.add_extra_dim(laspy.ExtraBytesParams(name, kind, description=plan.descriptions.get(name, "")))
@@ -124,10 +126,8 @@ class _Plan:
         self.descriptions: dict[str, str] = {}
         self._stretch: tuple[float, float] | None = None
         columns = dict(found.columns)
-        if dropped := [name for name in _WAVEFORM if name in columns]:
-            losses.add("waveforms are left out")
-            for name in dropped:
-                del columns[name]
+        for name in _WAVEFORM:  # without the waveforms they say nothing
+            columns.pop(name, None)
         self._ranks = columns.pop("scan_angle_rank", None) is not None
         own = _spelled(columns)
         if (name := own.get("gps_time")) is not None and columns[name].width == 1:

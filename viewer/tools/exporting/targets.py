@@ -1,5 +1,6 @@
 """Which writer makes a file: a copy of whole records where source and target have one format, else columns."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ...errors import InputError
@@ -10,7 +11,9 @@ from .e57_copy import copy_e57
 from .e57_writer import write_e57
 from .las_copy import can_copy as can_copy_las
 from .las_copy import copy_las
+from .las_layout import Record
 from .las_writer import has_standard_time, write_las
+from .left_behind import kept_records, name_left_behind
 from .losses import Losses
 from .ply_writer import write_ply
 from .record_stream import SourceRecords, refuse_empty, why_gone
@@ -58,18 +61,21 @@ def write(
     if reproject is None and can_copy_file(records, kind):
         return copy_file(path, records)
     reference = Reference() if reproject is not None else reference_of(scene.meta, records.sources, losses)
-    if reproject is not None:
-        stream = SourceColumns(records)
-        moved = Reprojected(stream, scene, records.sources, reproject, losses)
-        count = _told(_write_columns(path, moved, selection, moved.reference, losses, 2.0**-53, all_columns), stream, losses)
-    elif kind in (".las", ".laz") and can_copy_las(records.sources):
+    if reproject is None and kind in (".las", ".laz") and can_copy_las(records.sources):
         count = copy_las(path, records, reference, losses)
-    elif kind == ".e57" and can_copy_e57(records.sources):
+    elif reproject is None and kind == ".e57" and can_copy_e57(records.sources):
         count = copy_e57(path, records, reference, losses)
     else:
+        stream = moved = SourceColumns(records)
         precision = max(source.precision for source in records.sources)
-        stream = SourceColumns(records)
-        count = _told(_write_columns(path, stream, selection, reference, losses, precision, all_columns), stream, losses)
+        if reproject is not None:
+            moved, precision = Reprojected(stream, scene, records.sources, reproject, losses), 2.0**-53
+            reference = moved.reference
+        name_left_behind(records.sources, kind, losses)
+        kept = kept_records(records.sources, losses) if kind in (".las", ".laz") else ()
+        count = _write_columns(path, moved, selection, reference, losses, precision, all_columns, kept)
+        if stream.lost or stream.far:
+            losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
     for source in records.sources:
         for text in source.record_losses:
             losses.add(text)
@@ -78,15 +84,9 @@ def write(
     return count
 
 
-def _told(count: int, stream: SourceColumns, losses: Losses) -> int:
-    """The count, after naming the records that have no position."""
-    if stream.lost or stream.far:
-        losses.add(f"{stream.lost + stream.far:,} records without a usable position are left out")
-    return count
-
-
 def _write_columns(
-    path: Path, stream, selection: Selection, reference, losses: Losses, precision: float, all_columns: bool
+    path: Path, stream, selection: Selection, reference, losses: Losses, precision: float, all_columns: bool,
+    kept: Sequence[Record] = (),
 ) -> int:
     kind, meta = path.suffix.lower(), selection.scene.meta
     sources = [Path(name) for name in meta.get("sources") or []]
@@ -102,5 +102,7 @@ def _write_columns(
         write_e57(path, stream, found, reference, losses)
     else:
         degrees, standard = meta.get("units") == "degree", has_standard_time(sources)
-        write_las(path, stream, found, reference, losses, precision=precision, degrees=degrees, standard_time=standard)
+        write_las(
+            path, stream, found, reference, losses, precision=precision, degrees=degrees, standard_time=standard, records=kept
+        )
     return found.count
