@@ -5,10 +5,13 @@ from typing import Any
 import laspy
 import numpy as np
 import pytest
-from e57_files import Writer, contents, e57
+from e57_files import Writer, contents
 from laspy.vlrs.vlrlist import VLRList
 
 from pointglass.viewer import cli
+from pointglass.viewer.readers.e57_nodes import library
+
+e57 = library()
 
 
 def export(*arguments):
