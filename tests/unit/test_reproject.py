@@ -22,19 +22,21 @@ def export(*arguments, code=0):
     assert cli.main(["export", "--no-cache", *map(str, arguments)]) == code
 
 
-def write_las(path, xyz, crs=None):
+def write_las(path, xyz, crs=None, *, colours=65536):
     rng = np.random.default_rng(8)
     header = laspy.LasHeader(point_format=7, version="1.4")
     step = 1e-9 if np.ptp(xyz[:, :2], axis=0).max() < 1 else 1e-6 if np.abs(xyz).max() < 360 else 1e-3
     header.scales, header.offsets = [step, step, 1e-3], np.floor(xyz.min(axis=0))
     header.add_extra_dim(laspy.ExtraBytesParams("quality", "int16"))
+    header.vlrs.append(laspy.VLR("somebody", 7, "a note", b"kept"))
+    header.vlrs.append(laspy.VLR("liblas", 2112, "the former system", b"PROJCS[]\0"))
     header.global_encoding.gps_time_type = laspy.header.GpsTimeType.STANDARD
     if crs is not None:
         header.add_crs(pyproj.CRS.from_user_input(crs))
     las = laspy.LasData(header)
     las.xyz = xyz
     count = len(xyz)
-    las.red, las.green, las.blue = rng.integers(0, 65536, (3, count), dtype=np.uint16)
+    las.red, las.green, las.blue = rng.integers(0, colours, (3, count), dtype=np.uint16)
     las.intensity, las.gps_time = rng.integers(0, 65536, count), rng.random(count) * 1e8
     las.quality, las.classification, las.point_source_id = rng.integers(-9, 9, (3, count)) + np.array([[0], [20], [50]])
     las.return_number, las.number_of_returns = np.ones((2, count), np.uint8)
@@ -63,7 +65,7 @@ SCANS = [  # system in the file, system of its numbers, place, side, target, its
 
 @pytest.mark.parametrize(("stated", "system", "at", "side", "target", "code"), SCANS)
 def test_las_is_reprojected_with_all_its_columns(tmp_path, capsys, stated, system, at, side, target, code):
-    before = write_las(tmp_path / "a.las", place(1, at, side), stated)
+    before = write_las(tmp_path / "a.las", place(1, at, side), stated, colours=256 if stated == "EPSG:2056" else 65536)
     export(tmp_path / "a.las", "--reproject", target, "--out", tmp_path / "b.laz")
     told = capsys.readouterr().err
     after = laspy.read(tmp_path / "b.laz")
@@ -76,6 +78,8 @@ def test_las_is_reprojected_with_all_its_columns(tmp_path, capsys, stated, syste
         if name not in ("X", "Y", "Z"):
             assert np.array_equal(before[name], after[name]), name
     assert after.header.global_encoding.gps_time_type == before.header.global_encoding.gps_time_type
+    notes = [(record.description, record.record_data) for record in after.header.vlrs if record.user_id == "somebody"]
+    assert notes == [("a note", b"kept")] and not any(record.user_id == "liblas" for record in after.header.vlrs)
     assert ("read as EPSG:4326" in told) == (stated is None) and told.count("\n") <= 1
     assert (code in told) or target != "auto"
 
@@ -125,7 +129,7 @@ def test_scanner_positions_of_e57_are_transformed_and_lost_rotations_are_named(t
     xyz, position = place(3, (500_000, 5_700_000), 40), np.array([500_010.0, 5_700_010.0, 101.0])
     write_e57(tmp_path / "a.e57", xyz, 25832, position, Rotation.from_euler("xyz", (0.1, -0.2, 1.1)))
     export(tmp_path / "a.e57", "--reproject", "EPSG:25833", "--out", tmp_path / "b.e57")
-    assert "rotations and photographs are not written" in capsys.readouterr().err
+    assert "rotations of poses are not written" in capsys.readouterr().err
     parts = contents(tmp_path / "b.e57")
     found = np.array([parts[f"/data3D/0/pose/translation/{axis}"][1] for axis in "xyz"])
     assert np.abs(found - moved(position[None], 25832, 25833)[0]).max() < 1e-6

@@ -18,6 +18,8 @@ from .losses import Losses
 _COPC = (("copc", 1), ("copc", 1000))
 _OF_POINTS = {LASZIP, EXTRA_BYTES, WAVEFORM_PACKETS, *_COPC}
 """Records that describe how points are stored."""
+_SYSTEM = (PROJECTION, "liblas")
+"""Users of records of the reference system; libLAS wrote it twice."""
 _WAVEFORM_KINDS = range(100, 355)
 """Numbers of LASF_Spec records that describe waveforms."""
 _LARGEST = 65535
@@ -93,7 +95,7 @@ def kept_records(sources: list[Source], losses: Losses) -> list[Record]:
 def _further(layout: LasLayout) -> list[Record]:
     """Records besides the reference system and those that describe how points are stored."""
     found = (*layout.vlrs, *layout.evlrs)
-    return [record for record in found if record.key not in _OF_POINTS and record.user != PROJECTION
+    return [record for record in found if record.key not in _OF_POINTS and record.user not in _SYSTEM
             and not (record.user == "LASF_Spec" and record.number in _WAVEFORM_KINDS)]  # fmt: skip
 
 

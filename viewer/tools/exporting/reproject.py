@@ -8,6 +8,7 @@ they are kept.  Clips are applied before, in the scan's own coordinates.
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from ...errors import InputError
 from ...grid.count_checks import like_degrees, utm_of
 from ...readers import crs
+from ...readers.las import LasSource
 from ...readers.source import ScanInfo
 from .columns import Piece, Stream, Survey
 from .crs_records import Reference, reference_of, without_sources
@@ -81,6 +83,7 @@ class Reprojected:
         self.meta |= {"crs": name, "units": units, "metres_per_unit": metres}
         self.reference: Reference = without_sources(self.meta)
         self._failed = self._seen = 0
+        self._las_only = bool(sources) and all(isinstance(known, LasSource) for known in sources)
         self._rotated = any(known.format in _ROTATED for known in sources)
 
     def _places(self, source: Any, system: Any) -> Callable[[np.ndarray], np.ndarray]:
@@ -114,7 +117,7 @@ class Reprojected:
             self._losses.add(f"heights are kept ({source.name}); {system.name} does not state what they are")
         if not system.is_geographic and abs(metres / other.unit_conversion_factor - 1) > 1e-7:
             self._losses.add(f"heights stay in {name}, x and y are in {other.unit_name}; a code with heights (such as "
-                             "EPSG:32632+5773) changes their unit")  # fmt: skip
+                             f"{self.code}+5773) changes their unit")  # fmt: skip
         return 1.0
 
     def pieces(self, label: str) -> Iterator[Piece]:
@@ -136,12 +139,14 @@ class Reprojected:
                              "leave them out by --clip, or choose another system")  # fmt: skip
         if not self._degrees:
             found.decimals[:2] = np.minimum(found.decimals[:2], _MOST_DECIMALS)
+        if self._las_only and ending in (".las", ".laz"):  # colours stay as they are, also those of 8 bits
+            found.depth = {source: 16 if bits else 0 for source, bits in found.depth.items()}
         if any(name.lower() in _DIRECTIONS for name in found.columns):
             self._losses.add("directions such as normals keep the axes of the scan's system")
         if ending == ".e57" and self._degrees:
             self._losses.add("coordinates are degrees: scans are written without poses")
         elif ending == ".e57" and self._rotated:
-            self._losses.add("scans keep their positions; rotations and photographs are not written")
+            self._losses.add("scans keep their positions; rotations of poses are not written")
 
     def scan_info(self) -> list[ScanInfo]:
         """See Stream.  Positions are transformed; none in degrees."""
@@ -157,6 +162,7 @@ class Reprojected:
 def _stated(scene: "Scene", sources: "Sequence[Source]", losses: Losses) -> str | None:
     """WKT of the scan's system; None where there is none and its coordinates are degrees.  Raises InputError."""
     meta = scene.meta
+    file = Path(next(iter(meta.get("sources") or ["the scan"]))).name
     stated = list(dict.fromkeys(source.crs for source in sources if source.crs))
     if len(stated) > 1 and not meta.get("assigned"):
         raise InputError(f"--reproject: the files have different coordinate reference systems ({', '.join(stated[:4])}); "
@@ -166,10 +172,10 @@ def _stated(scene: "Scene", sources: "Sequence[Source]", losses: Losses) -> str 
         return reference.wkt
     name = meta.get("crs") or next(iter(stated), None)
     if name:
-        raise InputError(f"--reproject: the definition of {name}, which the scan states, cannot be read; assign its EPSG code "
+        raise InputError(f"--reproject: the definition of {name}, which {file} states, cannot be read; assign its EPSG code "
                          "to the scan in the window and export the project")  # fmt: skip
     if meta.get("units") != "degree" and not like_degrees(scene.bounds):
-        raise InputError("--reproject: the scan states no coordinate reference system and its coordinates are not degrees; "
+        raise InputError(f"--reproject: {file} states no coordinate reference system and its coordinates are not degrees; "
                          "assign its EPSG code to the scan in the window and export the project")  # fmt: skip
     return None
 
@@ -225,7 +231,7 @@ def _tell_area(system: Any, code: str, place: np.ndarray, losses: Losses) -> Non
     east = area.east + (360 if area.east < area.west else 0)
     inside = any(area.west <= turned <= east for turned in (longitude, longitude + 360))
     if not (inside and area.south <= latitude <= area.north):
-        losses.add(f"the scan ({longitude:.3f}, {latitude:.3f}) lies outside the area of {code}: {area.name}")
+        losses.add(f"the scan ({longitude:.3f}, {latitude:.3f}) lies outside the area of {code}, {system.name}")
 
 
 def _tell_accuracy(source: Any, system: Any, code: str, place: np.ndarray, losses: Losses) -> None:
