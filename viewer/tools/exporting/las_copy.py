@@ -29,6 +29,7 @@ from .las_layout import (
     vlr,
 )
 from .losses import Losses
+from .output_file import output_file
 from .record_stream import SourceRecords
 
 _REACH = 2**31 - 8
@@ -120,7 +121,7 @@ def copy_las(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
     header, vlrs, evlrs = _parts(layouts, reference, common, losses)
     compressed = path.suffix.lower() == ".laz"
     first, tally = layouts[0], Tally.empty()
-    with path.open("w+b") as out:
+    with output_file(path) as out:
         writer: Any = None
         lazrs: Any = import_module("lazrs")  # compiled, without type declarations
         described = _compression(lazrs, first) if compressed else None

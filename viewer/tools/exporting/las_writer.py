@@ -13,6 +13,7 @@ from .columns import FULL, Column, Piece, Stream, Survey
 from .crs_records import Reference
 from .las_layout import PROJECTION, Record
 from .losses import Losses
+from .output_file import output_file
 
 _REACH = 2**31 - 8
 """Largest whole number of a LAS coordinate, with room for rounding."""
@@ -62,7 +63,7 @@ def write_las(path: Path, stream: Stream, found: Survey, reference: Reference, l
         kind = f"{column.width}{column.dtype.str[1:]}" if column.width > 1 else column.dtype
         header.add_extra_dim(laspy.ExtraBytesParams(name, kind, description=plan.descriptions.get(name, "")))
     compressed = path.suffix.lower() == ".laz"
-    with path.open("wb") as file, laspy.open(file, mode="w", header=header, closefd=False, do_compress=compressed) as writer:
+    with output_file(path) as file, laspy.open(file, mode="w", header=header, closefd=False, do_compress=compressed) as writer:
         for piece in stream.pieces("writing"):
             points = laspy.ScaleAwarePointRecord.zeros(len(piece.xyz), header=header)
             for axis, name in enumerate("XYZ"):
