@@ -104,7 +104,7 @@ def stranger(folder: Path) -> str | None:
 def load_folder(folder: Path) -> Scene:
     """The grid in a folder made by ``convert``.  Raises InputError where the folder is another, or damaged."""
     if not is_grid(folder):
-        raise InputError(f"{folder}: is a folder, but not one made by convert; give a {KNOWN}")
+        raise InputError(f"{folder}: is a folder, but not one made by convert; give an {KNOWN}")
     try:
         return _read(folder, None)
     except DamagedGrid as error:

@@ -58,7 +58,7 @@ def scans_in(paths: list[Path]) -> list[Path]:
     for path in as_paths(paths):
         inside = sorted(entry_of(file) for file in path.iterdir() if is_scan(file)) if path.is_dir() else [path]
         if not inside:
-            raise InputError(f"{path}: holds no scan; name its .txt, .csv and .asc files one by one, or give a {KNOWN}")
+            raise InputError(f"{path}: holds no scan; name its .txt, .csv and .asc files one by one, or give an {KNOWN}")
         found += inside
     return each_once(found)
 

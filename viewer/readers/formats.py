@@ -149,7 +149,7 @@ def check_file(path: Path) -> None:
         if path.is_dir():
             if is_grid(path):
                 raise InputError(f"{path}: a folder made by convert is opened alone; give the scans it was made from")
-            raise InputError(f"{path}: is a folder, not a scan; give a {KNOWN}, or a folder made by convert")
+            raise InputError(f"{path}: is a folder, not a scan; give an {KNOWN}, or a folder made by convert")
         if not path.is_file():
             raise InputError(f"{path}: not a regular file; copy it to disk first")
         if path.stat().st_size == 0:
@@ -184,7 +184,7 @@ def open_source(path: Path, columns: str | None = None) -> "Source":
     if row is None:
         row = next((row for row in FORMATS if suffix in row.suffixes and not row.magic), None)
         if row is None or b"\0" in head or _packed(head):
-            raise InputError(f"{path}: {_guess(head, suffix)}; expected a {KNOWN}")
+            raise InputError(f"{path}: {_guess(head, suffix)}; expected an {KNOWN}")
     reader = getattr(import_module(f".{row.reader[0]}", __package__), row.reader[1])
     source = reader(path, columns) if row.takes_columns else reader(path)
     if row.magic and suffix not in row.suffixes:

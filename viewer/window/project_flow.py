@@ -131,7 +131,8 @@ class ProjectFlow:
         try:
             session.work.save_project(path, session.camera, *self._shown)
         except PointglassError as error:
-            session.notices.say("The project was not saved", str(error))
+            session.notices.ask("The project was not saved", str(error), (
+                Answer("Save as…", lambda: self.save_as(then)), Answer("Cancel")))  # fmt: skip
         else:
             session.notices.toast(f"Saved {path}")
             then()
