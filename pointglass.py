@@ -45,10 +45,12 @@ the first neural one.
 
 import sys
 
-if sys.argv[:1] == ["-m"] or sys.argv[0].replace("\\", "/").rpartition("/")[2] in ("pointglass", "pointglass.exe"):
+if "".join(
+    sys.orig_argv[sys.orig_argv.index("-m") + 1 :][:1] if sys.argv[:1] == ["-m"] else sys.argv[:1]
+).replace("\\", "/").rpartition("/")[2] in ("pointglass", "pointglass.exe", "pointglass.viewer"):
     # This is the command line, not a program that imports pointglass: Ctrl-C and SIGTERM end it with one line and exit code 130
     # from here on, before anything else is imported.  viewer/__main__.py then takes charge of them (model/common/signals.py).
-    import _signal
+    import _signal  # pyright: ignore[reportMissingImports]  # the module signal takes longer to load
     import os
 
     def _stopped(_number: int, _frame: object) -> None:
