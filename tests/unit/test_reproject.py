@@ -156,16 +156,39 @@ def test_latitude_before_longitude_is_recognised_where_only_that_is_possible(tmp
     assert np.abs(laspy.read(tmp_path / "b.las").xyz - moved(xyz[:, [1, 0, 2]], 4326, 32756)).max() < MILLIMETRE
 
 
-def test_heights_in_feet_become_metres_for_a_target_with_heights_and_stay_otherwise(tmp_path, capsys):
+def test_heights_in_feet_become_metres_for_every_target_in_metres_or_degrees(tmp_path, capsys):
     before = write_las(tmp_path / "a.las", place(6, (3_100_000, 1_700_000), 500), 2231)
-    export(tmp_path / "a.las", "--reproject", "EPSG:32613", "--out", tmp_path / "b.las")
-    assert "heights stay in US survey foot" in capsys.readouterr().err
-    assert np.abs(laspy.read(tmp_path / "b.las").xyz - moved(before.xyz, 2231, 32613)).max() < MILLIMETRE
+    for target, unit in ((32613, MILLIMETRE), (4326, MILLIMETRE / 111_000)):
+        export(tmp_path / "a.las", "--reproject", f"EPSG:{target}", "--out", tmp_path / "b.laz")
+        assert "heights are converted from US survey foot, the unit of x and y, to metre" in capsys.readouterr().err
+        after = laspy.read(tmp_path / "b.laz")
+        assert np.abs(after.xyz - moved(before.xyz, 2231, target))[:, :2].max() < unit
+        assert np.abs(after.z - before.z * (1200 / 3937)).max() < MILLIMETRE / 10
     export(tmp_path / "a.las", "--reproject", "EPSG:32613+5703", "--out", tmp_path / "c.las")
     assert "taken for those of" in capsys.readouterr().err
     after = laspy.read(tmp_path / "c.las")
     assert np.abs(after.z - before.z * (1200 / 3937)).max() < MILLIMETRE
     assert after.header.parse_crs().sub_crs_list[1].to_epsg() == 5703
+
+
+def test_heights_get_the_unit_of_a_target_in_feet(tmp_path, capsys):
+    before = write_las(tmp_path / "a.las", place(6, (560_000, 4_900_000), 300), 26910)
+    export(tmp_path / "a.las", "--reproject", "EPSG:2992", "--out", tmp_path / "b.las")
+    assert "heights are converted from metre, the unit of x and y, to foot" in capsys.readouterr().err
+    assert np.abs(laspy.read(tmp_path / "b.las").z - before.z / 0.3048).max() < MILLIMETRE
+    write_las(tmp_path / "c.las", before.xyz, "EPSG:26910+6360")  # heights in US survey feet
+    export(tmp_path / "c.las", "--reproject", "EPSG:2992", "--out", tmp_path / "d.las")
+    assert "heights are converted from US survey foot to foot" in capsys.readouterr().err
+    assert np.abs(laspy.read(tmp_path / "d.las").z - before.z / 0.3048 * (1200 / 3937)).max() < MILLIMETRE
+
+
+def test_heights_of_geocentric_coordinates_are_in_the_unit_of_the_target(tmp_path):
+    xyz = place(13, (-123.07, 44.05), 0.002)
+    ecef = np.stack(pyproj.Transformer.from_crs(4979, 4978, always_xy=True).transform(*xyz.T), axis=1)
+    write_las(tmp_path / "a.las", ecef, 4978)
+    for target, length in ((32610, 1.0), (2992, 0.3048), (4326, 1.0)):
+        export(tmp_path / "a.las", "--reproject", f"EPSG:{target}", "--out", tmp_path / "b.las")
+        assert np.abs(laspy.read(tmp_path / "b.las").z * length - xyz[:, 2]).max() < 3 * MILLIMETRE
 
 
 def test_both_systems_with_heights_are_transformed_in_three_dimensions(tmp_path):

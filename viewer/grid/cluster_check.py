@@ -13,6 +13,8 @@ from ..readers.source import Chunk, Source
 _EVERY = 64  # one of so many points is examined; chosen by hand
 _BULK = (2.0, 98.0)  # percentiles of a chunk's points between which it lies, so that outlier points do not count
 _FAR = 20.0  # times the larger extent of two files; chosen by hand: buildings of a campus and tiles of a town are neighbours
+OF_PLACES = "the files are of "
+"""The beginning of every warning of ClusterCheck."""
 
 
 class ClusterCheck:
@@ -50,7 +52,7 @@ class ClusterCheck:
         one, other = (self._names[group[0]] for group in groups[:2])
         gap = _gap(boxes[groups[0][0]], boxes[groups[1][0]])
         far = f"{gap:,.0f}" if gap >= 10 else f"{gap:.2g}"
-        return [f"the files are of {len(groups)} places, {one} lies {far} units from {other}; open each place by itself"]
+        return [f"{OF_PLACES}{len(groups)} places, {one} lies {far} units from {other}; open each place by itself"]
 
 
 def _gap(a: tuple[np.ndarray, np.ndarray], b: tuple[np.ndarray, np.ndarray]) -> float:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import InputError
+from .cluster_check import OF_PLACES
 from .point_records import identity_of
 from .scene import Scene
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from ..readers.source import Source
 
 _log = logging.getLogger(__name__)
+_DIFFER, _UNTOLD = "the files differ in their ", "not all of the files tell their "
 _IN_MEMORY = 32_000_000  # points (384 MB packed); larger scans are built in a file; chosen by hand
 
 
@@ -108,12 +110,17 @@ def _differences(sources: "Sequence[Source]") -> list[str]:
     """A warning where files that are shown in one frame differ in units or reference system, else none."""
     units = {source.metres_per_unit for source in sources}
     if len(units - {None}) > 1:
-        return ["the files differ in their units of length; they are shown as if they agreed"]
+        return [f"{_DIFFER}units of length; they are shown as if they agreed"]
     if len(units) > 1:
-        return ["not all of the files tell their unit of length; they are shown as if it were the same"]
+        return [f"{_UNTOLD}unit of length; they are shown as if it were the same"]
     if len({source.crs for source in sources}) > 1:
-        return ["the files differ in their coordinate reference system; they are shown as if they agreed"]
+        return [f"{_DIFFER}coordinate reference system; they are shown as if they agreed"]
     return []
+
+
+def about_several(warnings: "Sequence[str]") -> list[str]:
+    """Of a scene's warnings those that say that its files do not belong together: units, reference systems, places."""
+    return [text for text in warnings if text.startswith((_DIFFER, _UNTOLD, OF_PLACES))]
 
 
 def facts_of(files: Sequence[Path], sources: "Sequence[Source]") -> dict:

@@ -1,7 +1,8 @@
 """E57 through libe57: every scan of the file with its pose, read through buffers.
 
-Units are metres by the standard.  Coordinates are in the file's common frame: each scan's points are rotated and translated by
-its pose; the points of a scan without a pose are taken to be in the common frame already.
+Units are metres by the standard; where ``coordinateMetadata`` is a reference system in another unit, that one, with a warning.
+Coordinates are in the file's common frame: each scan's points are rotated and translated by its pose; the points of a scan
+without a pose are taken to be in the common frame already.
 """
 
 import logging
@@ -77,7 +78,7 @@ class E57Source(Source):
         self._indexing = Lock()
         with open_e57(self.path) as file:
             root = file.root()
-            self.crs = _crs(root)
+            self._take_system(text_of(root, "coordinateMetadata"))  # with its unit
             data = child(root, "data3D", "Vector") or ()
             self._xml = xml_of(path)
             check_prototypes(path, self._xml)
@@ -90,6 +91,13 @@ class E57Source(Source):
             raise InputError(f"{path}: holds no points ({counted(len(self.scans), 'empty scan')}); export it again")
         self._ranges: dict[int, tuple[float, float]] = {}
         self._no_returns: dict[int, bool] = {}  # by scan without a state: whether points at the scanner are none
+
+    def _take_system(self, text: str) -> None:
+        self.crs, unit, metres = crs.from_text(text)
+        if unit == "degree" or (metres is not None and abs(metres - 1) > 1e-7):
+            self.units, self.metres_per_unit = unit, metres
+            said = "coordinates are taken to be in it, although E57 counts in metres"
+            self.warnings.append(f"{self.path.name}: coordinateMetadata is in {unit}: {said}")
 
     def _add(self, number: int, node) -> None:
         libe57 = library()
@@ -309,8 +317,3 @@ class E57Source(Source):
     def _truncated(self, number: int, done: int) -> InputError:
         return InputError(f"{self.path}: truncated: {done:,} of {self._scans[number].count:,} points of "
                           f"{self.scans[number].name!r} could be read; copy or export it again")
-
-
-def _crs(root) -> str | None:
-    text = text_of(root, "coordinateMetadata")
-    return crs.from_wkt(text)[0] or (text.strip()[:80] or None)

@@ -53,6 +53,8 @@ class LasSource(Source):
         if not (np.isfinite(header.scales).all() and np.isfinite(header.offsets).all() and np.all(header.scales != 0)):
             raise InputError(f"{path}: coordinate scale {header.scales} is not usable; the header is damaged")
         (self.crs, self.units, self.metres_per_unit), heights = _reference(records)
+        self.heights = heights
+        """Unit of heights, where it is stated."""
         self.warnings += crs.height_warning(path.name, self.units, self.metres_per_unit, heights)
         if more > 0:
             self.warnings.append(surplus_warning(path, self.count))

@@ -6,6 +6,7 @@ The files of the scan are read again and whole records are written; the grid dec
     LAS to LAS, E57 to E57                      -> records as stored                  las_copy, e57_copy
     other pairs                                 -> columns (a survey, then a pass)    las_writer, e57_writer, ply_writer
     any pair, into another reference system     -> columns, transformed               reproject
+    E57 of feet whose system cannot be stored    -> columns, in metres                  e57_units
     a grid whose files are gone                 -> columns of the grid (selection)
 
 ``record_stream`` reads the records that a ``Selection`` keeps, ``losses`` gathers what the target cannot hold, ``command`` is

@@ -89,8 +89,10 @@ class Survey:
     """What the selected records hold.
 
     counts: by scan number.  low, high: (3,) bounds.  decimals: (3,) digits behind the point that the coordinates use, FULL
-    where they use all of their type.  depth: by source, bits of its colours, 0 where it has none.  exact8: the upper 8 bits say
-    all of the 16-bit colours.  runs: the records of each scan follow each other.
+    where they use all of their type.  full: by source that uses all digits, (3,) its largest absolute coordinate on the axes
+    where it does, else 0.  depth: by source, bits of its colours, 0 where it has none.  exact8: the upper 8 bits say
+    all of the 16-bit colours.  shifted: they say it because the lower 8 are 0.  runs: the records of each scan follow each
+    other.
     """
 
     count: int = 0
@@ -98,12 +100,16 @@ class Survey:
     low: np.ndarray = field(default_factory=lambda: np.full(3, np.inf))
     high: np.ndarray = field(default_factory=lambda: np.full(3, -np.inf))
     decimals: np.ndarray = field(default_factory=lambda: np.zeros(3, int))
+    full: dict[int, np.ndarray] = field(default_factory=dict)
     depth: dict[int, int] = field(default_factory=dict)
     exact8: bool = True
+    shifted: bool = False
     runs: bool = True
     columns: dict[str, Column] = field(default_factory=dict)
     sources: int = 0
     _last: int = -1
+    _decimals: dict[int, np.ndarray] = field(default_factory=dict)
+    _largest: dict[int, np.ndarray] = field(default_factory=dict)
 
     def add(self, piece: Piece) -> None:
         if len(piece.xyz) == 0:
@@ -118,7 +124,7 @@ class Survey:
             self.counts[int(number)] += int(count)
         self.low, self.high = np.minimum(self.low, piece.xyz.min(axis=0)), np.maximum(self.high, piece.xyz.max(axis=0))
         for axis in range(3):
-            self.decimals[axis] = decimals_of(piece.xyz[:, axis], int(self.decimals[axis]))
+            self._add_decimals(piece.source, axis, piece.xyz[:, axis])
         self.sources = max(self.sources, piece.source + 1)
         if piece.rgb is None:
             self.depth.setdefault(piece.source, 0)
@@ -127,14 +133,24 @@ class Survey:
         for name, values in piece.columns.items():
             self.columns.setdefault(name, Column(values.dtype)).add(piece.source, values)
 
+    def _add_decimals(self, source: int, axis: int, values: np.ndarray) -> None:
+        own = self._decimals.setdefault(source, np.zeros(3, int))
+        own[axis] = decimals_of(values, int(own[axis]))
+        self.decimals[axis] = max(self.decimals[axis], own[axis])
+        largest = self._largest.setdefault(source, np.zeros(3))
+        largest[axis] = max(largest[axis], float(np.abs(values).max()))
+
     def _add_colours(self, source: int, rgb: np.ndarray) -> None:
         wide = rgb.dtype == np.uint16 and int(rgb.max()) > 255
         self.depth[source] = max(self.depth.get(source, 0), 16 if wide else 8)
         if wide and self.exact8:
-            self.exact8 = bool((rgb % _WIDE == 0).all() or (rgb & 0xFF == 0).all())
+            filled = bool((rgb % _WIDE == 0).all())
+            self.exact8 = filled or bool((rgb & 0xFF == 0).all())
+            self.shifted |= not filled
 
     def close(self) -> "Survey":
         """Ends the pass."""
+        self.full = {source: np.where(own >= FULL, self._largest[source], 0) for source, own in self._decimals.items()}
         seen = set(self.depth)
         for column in self.columns.values():
             column.gaps = column.gaps_in_values or column.sources != seen

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ....model.common.atomic_write import passes_through, write_atomic
 from ...errors import InputError
+from ...grid_folder import is_grid
 from ...text import bytes_text, counted
 from ..altered_pictures import edits_of
 from ..files import replaced_text
@@ -66,6 +67,8 @@ def export(
     the file cannot hold, where there is such.
     Raises InputError; then nothing is left behind.
     """
+    from ...grid.open_scene import about_several
+
     check_ending(out)
     target = None if reproject is None else target_of(reproject)
     if out.is_dir() or passes_through(out):
@@ -77,6 +80,8 @@ def export(
     if free < needed:
         raise InputError(f"--out {out}: needs about {bytes_text(needed)} and {out.parent} has {bytes_text(free)}; make room")
     losses, written = Losses(), [0]
+    for text in about_several(selection.scene.meta.get("warnings") or []):
+        losses.add(text)
 
     def fill(path: Path) -> None:
         written[0] = write(path, selection, losses, columns=columns, matched=matched, all_columns=all_columns, reproject=target)
@@ -92,7 +97,9 @@ def export(
 
 
 def _check_not_source(selection: Selection, out: Path) -> None:
-    """Raises InputError where the file to write is a scan that is read, by whatever name."""
+    """Raises InputError where the file to write is a scan that is read, by whatever name, or belongs to a grid."""
+    if (grid := next((folder for folder in out.resolve().parents if is_grid(folder)), None)) is not None:
+        raise InputError(f"--out {out}: is inside {grid}, a folder made by convert; choose another name")
     for source in selection.scene.meta.get("sources") or []:
         path = Path(source)
         same = out.exists() and path.exists() and os.path.samefile(path, out)

@@ -37,6 +37,8 @@ def write_ply(path: Path, stream: Stream, found: Survey, reference: Reference, l
     further = _further(found, own) if all_columns else {}
     if not all_columns:
         _name_losses(found, own, losses)
+    if found.exact8 and found.shifted:
+        losses.add("16-bit colours are cut to 8 bits, their lower 8 are all 0")
     if not found.coloured:
         losses.add("there are no colours in the file: red, green and blue are 0")
     colour = "<u2" if wide else "u1"

@@ -2,7 +2,7 @@
 
 The system of the scan is what its files state or a person assigned; EPSG:4326 where there is none and the numbers are degrees.
 Axes are in the order of files: easting or longitude first.  Heights are transformed where both systems have them; otherwise
-they are kept.  Clips are applied before, in the scan's own coordinates.
+they only get the unit of length of the new system.  Clips are applied before, in the scan's own coordinates.
 """
 
 import warnings
@@ -74,7 +74,7 @@ class Reprojected:
         system = crs.system(self.code)
         if target == AUTO:
             losses.add(f"reprojected to {self.code}, {system.name}")
-        self._transform = self._places(source, system)
+        self._transform = self._places(source, system, () if scene.meta.get("assigned") else sources)
         _tell_area(system, self.code, place, losses)
         _tell_accuracy(source, system, self.code, place, losses)
         self._degrees = system.is_geographic
@@ -86,39 +86,45 @@ class Reprojected:
         self._las_only = bool(sources) and all(isinstance(known, LasSource) for known in sources)
         self._rotated = any(known.format in _ROTATED for known in sources)
 
-    def _places(self, source: Any, system: Any) -> Callable[[np.ndarray], np.ndarray]:
+    def _places(self, source: Any, system: Any, sources: "Sequence[Source]") -> Callable[[np.ndarray], np.ndarray]:
         """What transforms (n, 3) coordinates; those that have no place become infinite."""
         heights = len(source.axis_info) > 2 and (len(system.axis_info) > 2 or source.is_geocentric)
-        factor = 1.0 if heights else self._height_factor(source, system)
+        factor = 1.0 if heights else self._height_factor(source, system, sources)
         if source.is_geocentric and len(system.axis_info) < 3:
+            factor = 1 / _length(system)[1]  # of ellipsoidal heights, which are metres in a system that gets them
             system = system.to_3d()
         elif not heights:
             source, system = _horizontal(source), _horizontal(system)
         transformer = _transformer(source, system)
+        self._heights_changed = heights or factor != 1
 
         def transform(xyz: np.ndarray) -> np.ndarray:
             x, y = (xyz[:, 1], xyz[:, 0]) if self._swapped else (xyz[:, 0], xyz[:, 1])
             if heights:
-                return np.stack(transformer.transform(x, y, xyz[:, 2]), axis=1)
-            return np.stack([*transformer.transform(x, y), xyz[:, 2] if factor == 1 else xyz[:, 2] * factor], axis=1)
+                x, y, z = transformer.transform(x, y, xyz[:, 2])
+            else:
+                (x, y), z = transformer.transform(x, y), xyz[:, 2]
+            return np.stack([x, y, z if factor == 1 else z * factor], axis=1)
 
         return transform
 
-    def _height_factor(self, source: Any, system: Any) -> float:
-        """What heights are multiplied with where one of the systems has none: 1 unless the new one states another unit."""
+    def _height_factor(self, source: Any, system: Any, sources: "Sequence[Source]") -> float:
+        """What heights are multiplied with where one of the systems has none, so that they are in the new one's unit."""
         own, new = source.axis_info[2:], system.axis_info[2:]
-        unit = own[0] if own else None if source.is_geographic else source.axis_info[0]
-        metres, name = (unit.unit_conversion_factor, unit.unit_name) if unit else (1.0, "metre")
+        known = next((file.heights for file in sources if isinstance(file, LasSource) and file.heights), None)
+        name, metres = (own[0].unit_name, own[0].unit_conversion_factor) if own else known or _length(source)
         if new:
             self._losses.add(f"the scan states no system of heights: they are taken for those of {system.name}")
             return metres / new[0].unit_conversion_factor
-        other = system.axis_info[0]
+        unit, length = _length(system)
+        same = abs(metres / length - 1) < 1e-7
         if own:
-            self._losses.add(f"heights are kept ({source.name}); {system.name} does not state what they are")
-        if not system.is_geographic and abs(metres / other.unit_conversion_factor - 1) > 1e-7:
-            self._losses.add(f"heights stay in {name}, x and y are in {other.unit_name}; a code with heights (such as "
-                             f"{self.code}+5773) changes their unit")  # fmt: skip
-        return 1.0
+            self._losses.add(f"heights are those of {source.name}; {system.name} does not state what they are")
+        if not same:
+            taken = ", in which they are taken to be," if source.is_geographic else ", the unit of x and y,"
+            taken = "" if own or known else taken
+            self._losses.add(f"heights are converted from {name}{taken} to {unit}")
+        return 1.0 if same else metres / length
 
     def pieces(self, label: str) -> Iterator[Piece]:
         """See Stream.  Points that cannot be transformed are left out and counted, for :meth:`check`."""
@@ -139,6 +145,8 @@ class Reprojected:
                              "leave them out by --clip, or choose another system")  # fmt: skip
         if not self._degrees:
             found.decimals[:2] = np.minimum(found.decimals[:2], _MOST_DECIMALS)
+        if self._heights_changed:
+            found.decimals[2] = min(found.decimals[2], _MOST_DECIMALS)
         if self._las_only and ending in (".las", ".laz"):  # colours stay as they are, also those of 8 bits
             found.depth = {source: 16 if bits else 0 for source, bits in found.depth.items()}
         if any(name.lower() in _DIRECTIONS for name in found.columns):
@@ -216,6 +224,12 @@ def _transformer(source: Any, system: Any) -> Any:
         return Transformer.from_crs(source, system, always_xy=True)
     except ProjError as error:
         raise InputError(f"--reproject: no transformation leads from {source.name} to {system.name} ({error})") from None
+
+
+def _length(system: Any) -> tuple[str, float]:
+    """Unit of length of x and y, and metres per unit; metre where these are degrees."""
+    axis = system.axis_info[0]
+    return ("metre", 1.0) if system.is_geographic else (axis.unit_name, axis.unit_conversion_factor)
 
 
 def _horizontal(system: Any) -> Any:

@@ -8,6 +8,7 @@ from .columns import GridColumns, SourceColumns, survey
 from .crs_records import Reference, reference_of, without_sources
 from .e57_copy import can_copy as can_copy_e57
 from .e57_copy import copy_e57
+from .e57_units import Metres, tell_unit, to_metres
 from .e57_writer import write_e57
 from .las_copy import can_copy as can_copy_las
 from .las_copy import copy_las
@@ -63,7 +64,8 @@ def write(
     reference = Reference() if reproject is not None else reference_of(scene.meta, records.sources, losses)
     if reproject is None and kind in (".las", ".laz") and can_copy_las(records.sources):
         count = copy_las(path, records, reference, losses)
-    elif reproject is None and kind == ".e57" and can_copy_e57(records.sources):
+    elif reproject is None and kind == ".e57" and can_copy_e57(records.sources) and to_metres(scene.meta, reference) is None:
+        tell_unit(scene.meta, reference, losses)
         count = copy_e57(path, records, reference, losses)
     else:
         stream = moved = SourceColumns(records)
@@ -99,7 +101,9 @@ def _write_columns(
     if kind == ".ply":
         write_ply(path, stream, found, reference, losses, crs=meta.get("crs"), units=meta.get("units"), all_columns=all_columns)
     elif kind == ".e57":
-        write_e57(path, stream, found, reference, losses)
+        tell_unit(meta, reference, losses)
+        factor = to_metres(meta, reference)
+        write_e57(path, stream if factor is None else Metres(stream, factor), found, reference, losses)
     else:
         degrees, standard = meta.get("units") == "degree", has_standard_time(sources)
         write_las(
