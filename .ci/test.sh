@@ -7,7 +7,7 @@
 set -uo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-JOBS=(unit-2 unit-1 window gl-1 gl-2 rest lint)  # the longest first, so that the last ones end together
+JOBS=(unit-2 unit-1 window gl-1 rest gl-2 hostile lint)  # the longest first, so that the last ones end together
 
 run_job() {
     local python=.venv/bin/python
@@ -19,7 +19,9 @@ run_job() {
         # Small pictures, and other jobs have the other processors: more threads of the software driver cost a tenth.
         gl-1) LP_NUM_THREADS=1 "$python" -m pytest -q tests/gl/test_[a-o]*.py ;;
         gl-2) LP_NUM_THREADS=1 "$python" -m pytest -q tests/gl/test_[!a-o]*.py ;;
-        rest) LP_NUM_THREADS=1 "$python" -m pytest -q tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl ;;
+        hostile) "$python" -m pytest -q tests/hostile ;;
+        rest) LP_NUM_THREADS=1 "$python" -m pytest -q tests --ignore=tests/unit --ignore=tests/window --ignore=tests/gl \
+            --ignore=tests/hostile ;;
         *) echo "no job is named $1; there are ${JOBS[*]}"; return 2 ;;
     esac
 }
