@@ -166,8 +166,9 @@ class E57Source(Source):
         """Which records of a block are points, (n,) bool or None for all, and these points.  raw: fields of scan ``number`` as
         stored."""
         scan = self._scans[number]
-        columns = {field.name: np.asarray(field.scaled(raw[field.name]), np.float64) for field in fields
-                   if field.name in scan.wanted}  # fmt: skip
+        with np.errstate(invalid="ignore"):  # a signalling NaN is a NaN like others
+            columns = {field.name: np.asarray(field.scaled(raw[field.name]), np.float64) for field in fields
+                       if field.name in scan.wanted}  # fmt: skip
         chunk = self._chunk(number, scan, columns, scan.intensity or (0.0, 1.0))
         return self.valid_records(number, columns), chunk
 

@@ -44,7 +44,8 @@ class Box:
         _check(self.name, self.half, "half size", 3, positive=True)
         _check(self.name, self.axes, "axes", 9)
         axes = np.array(self.axes, np.float64)
-        if np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL:
+        # sizes first: the product of large numbers overflows
+        if np.abs(axes).max() > 1 + _ORTHONORMAL or np.abs(axes @ axes.T - np.eye(3)).max() > _ORTHONORMAL:
             raise InputError(f"clip {self.name!r}: axes must be three unit vectors at right angles to each other")
 
     @property
@@ -70,7 +71,7 @@ class Slab:
         _check(self.name, self.centre, "centre", 3)
         _check(self.name, self.normal, "normal", 3)
         _check(self.name, (self.thickness,), "thickness", 1, positive=True)
-        if abs(np.linalg.norm(self.normal) - 1.0) > _ORTHONORMAL:
+        if max(map(abs, self.normal)) > 1 + _ORTHONORMAL or abs(np.linalg.norm(self.normal) - 1.0) > _ORTHONORMAL:
             raise InputError(f"clip {self.name!r}: normal {self.normal!r} is no unit vector; divide it by its length")
 
 
