@@ -95,7 +95,8 @@ def test_the_page_in_an_index_has_no_relative_picture_or_link(installed):
         [name] = [name for name in archive.namelist() if name.endswith("/METADATA")]
         metadata = BytesParser().parsebytes(archive.read(name))
     url = hooks.repository_url()
-    assert str(metadata.get_payload()).strip() == hooks.readme_of_index(text, url).strip()
+    page = metadata.get_payload(decode=True)  # the bytes: a metadata file states no charset, it is UTF-8
+    assert isinstance(page, bytes) and page.decode().strip() == hooks.readme_of_index(text, url).strip()
     assert metadata.get_all("Project-URL", []) == ([f"Source, {url}", f"Issues, {url}/issues"] if url else [])
 
 
