@@ -227,13 +227,13 @@ class E57Source(Source):
         valid = self.valid_records(number, columns)
         if valid is not None:
             columns = {name: values[valid] for name, values in columns.items()}
-        if scan.coordinates is _CARTESIAN:
-            local = np.stack([columns[name] for name in _CARTESIAN], axis=1)
-        else:
-            r, azimuth, elevation = (columns[name] for name in _SPHERICAL)
-            flat = r * np.cos(elevation)
-            local = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], axis=1)
         with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped and counted by the grid
+            if scan.coordinates is _CARTESIAN:
+                local = np.stack([columns[name] for name in _CARTESIAN], axis=1)
+            else:
+                r, azimuth, elevation = (columns[name] for name in _SPHERICAL)
+                flat = r * np.cos(elevation)
+                local = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), r * np.sin(elevation)], axis=1)
             xyz = local if np.array_equal(scan.rotation, np.eye(3)) else local @ scan.rotation.T
             xyz = xyz + scan.translation
         rgb = intensity = None

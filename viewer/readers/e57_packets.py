@@ -16,6 +16,7 @@ from typing import BinaryIO
 import numpy as np
 
 from ..errors import InputError
+from .scaled_values import scaled
 
 PAGE, PAGE_DATA = 1024, 1020
 """Bytes of a page and of the data in it, by the standard; the rest is a checksum."""
@@ -105,7 +106,7 @@ class PacketReader:
         words = np.ndarray((len(data) + 1,), "<u8", padded, strides=(1,))  # overlapping: the 8 bytes from every byte on
         bits = np.arange(count, dtype=np.int64) * field.bits + (start * field.bits - first * 8)
         raw = words[bits >> 3] >> (bits & 7).astype(np.uint64) & np.uint64((1 << field.bits) - 1)
-        return (raw.astype(np.int64) + field.minimum) * field.scale + field.offset
+        return scaled(raw.astype(np.int64) + field.minimum, field.scale, field.offset)
 
     def _stream(self, stream: int, first: int, stop: int) -> bytes:
         """Bytes first to stop of a bytestream."""

@@ -66,7 +66,7 @@ def trusted(limits: tuple[float, float] | None, values: np.ndarray) -> tuple[flo
         return limits
     low, high = limits
     outside = float(((values < low) | (values > high)).mean())
-    used = float(np.ptp(values))
+    used = float(values.max()) - float(values.min())  # of floats, which may be inf without a warning
     return None if outside > _OUTSIDE or 0 < used < (high - low) / _UNUSED else limits
 
 

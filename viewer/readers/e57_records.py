@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .e57_nodes import is_number, library
+from .scaled_values import scaled
 
 BLOCK = 1 << 18
 """Records read at a time; chosen by hand: 30 fields take 63 MB."""
@@ -35,7 +36,7 @@ class RawField:
 
     def scaled(self, raw: np.ndarray) -> np.ndarray:
         """The values that ``raw`` stands for, in the smallest type that holds them."""
-        return raw.astype(self.kind) if self.scale is None else raw * self.scale + self.offset
+        return raw.astype(self.kind) if self.scale is None else scaled(raw, self.scale, self.offset)
 
 
 def fields_of(structure, prefix: str = "") -> tuple[list[RawField], list[str]]:

@@ -17,6 +17,7 @@ from ..errors import InputError
 from .column_source import Columns
 from .octree import TYPES, OctreeSource, as_object, columns_of, named, pieces, read_json, vector, whole
 from .own_folder import may_unpack, own_path, refuse_link_out
+from .scaled_values import scaled
 
 _SUFFIXES = {"laszip": "laz", "binary": "bin", "zstandard": "zst"}
 _NODE = re.compile(r"\d{1,3}-\d{1,19}-\d{1,19}-\d{1,19}")
@@ -194,15 +195,12 @@ class EptSource(OctreeSource):
         if not {"r", "g", "b"} <= set(names):
             names = {column: name for column, name in names.items() if column not in "rgb"}
         columns = {}
-        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
-            for column, name in names.items():
-                scale, offset = self._schema[name] if column in "xyz" else (1.0, 0.0)
-                plain = column not in "xyz"
-                columns[column] = records[name] if plain else records[name].astype(np.float64) * scale + offset
-            used = {*names.values(), "Red", "Green", "Blue"}
-            for name in self._schema:
-                if name not in used and self._dtype[name].kind in "iuf":
-                    scale, offset = self._schema[name]
-                    plain = (scale, offset) == (1.0, 0.0)
-                    columns[named(name)] = records[name] if plain else records[name] * scale + offset
+        for column, name in names.items():
+            plain = column not in "xyz"
+            columns[column] = records[name] if plain else scaled(records[name], *self._schema[name])
+        used = {*names.values(), "Red", "Green", "Blue"}
+        for name in self._schema:
+            if name not in used and self._dtype[name].kind in "iuf":
+                plain = self._schema[name] == (1.0, 0.0)
+                columns[named(name)] = records[name] if plain else scaled(records[name], *self._schema[name])
         return {column: values for column, values in columns.items() if values.dtype.kind in "iuf"}

@@ -20,9 +20,10 @@ from . import crs
 from .copc_nodes import CopcNodes, read_nodes
 from .las_decoding import decoding
 from .las_records import records_of
-from .laz_chunks import check_chunks, chunk_table
+from .laz_chunks import check_chunk, check_chunks, chunk_table
 from .record_blocks import RecordBlocks, even_blocks
 from .sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
+from .scaled_values import scaled
 from .source import CHUNK, Chunk, Records, ScanInfo, Source, surplus_warning
 
 _AT_ONCE = 1 << 26  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
@@ -181,6 +182,7 @@ class LasSource(Source):
         with self.path.open("rb") as file:
             file.seek(place)
             data = file.read(length)
+        check_chunk(self.path, self._laszip_record, data, header.point_format.size)
         with decoding(partial(self._truncated, start)):
             lazrs.decompress_points_with_chunk_table(data, self._laszip_record, records.view(np.uint8), [(count, length)])
         return laspy.ScaleAwarePointRecord(records, header.point_format, header.scales, header.offsets)
@@ -241,8 +243,7 @@ def _chunk(points, names: set[str]) -> Chunk:
     """The points of laspy, with colours and intensities as stored."""
     xyz = np.empty((len(points), 3))
     for axis, name in enumerate("XYZ"):
-        with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite are dropped by the grid
-            xyz[:, axis] = np.asarray(points[name]) * points.scales[axis] + points.offsets[axis]
+        xyz[:, axis] = scaled(np.asarray(points[name]), points.scales[axis], points.offsets[axis])
     colours = [np.asarray(points[c]) for c in ("red", "green", "blue") if c in names]
     rgb = np.stack(colours, axis=1) if len(colours) == 3 else None
     intensity = np.array(points["intensity"], np.uint16) if "intensity" in names else None

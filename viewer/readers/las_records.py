@@ -14,6 +14,7 @@ PLACED = ("X", "Y", "Z", "red", "green", "blue")
 
 def records_of(points, chunk: Chunk) -> Records:
     """The records of a chunk.  points: of laspy (ScaleAwarePointRecord).  Scaled extra dimensions are given as float64."""
-    columns = {name: np.array(points[name]) for name in points.point_format.dimension_names
-               if name and name not in PLACED}
+    with np.errstate(over="ignore", invalid="ignore"):  # laspy scales extra dimensions, by what a damaged file states
+        columns = {name: np.array(points[name]) for name in points.point_format.dimension_names
+                   if name and name not in PLACED}  # fmt: skip
     return Records(chunk.xyz, chunk.rgb, chunk.scan, columns, points.array)

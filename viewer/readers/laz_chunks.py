@@ -5,6 +5,7 @@ Neither gives a usable error message.  Checked are the record that describes the
 points and, for the layered formats (6 to 10), the sizes at the head of each chunk.
 """
 
+import io
 import struct
 from importlib import import_module
 from pathlib import Path
@@ -96,14 +97,25 @@ def chunk_table(path: Path, record: bytes, offset: int) -> tuple[np.ndarray, np.
     return np.where(held > 0, points, 0), held
 
 
+def check_chunk(path: Path, record: bytes, data: bytes, length: int) -> None:
+    """Checks one chunk, wherever its place was stated: the hierarchy of a COPC may contradict the table of chunks.
+
+    record, length: as for check_chunks.  data: the chunk's bytes.  Raises InputError where its layers do not fit into them.
+    """
+    _, items = _described(path, record, length)
+    if any(kind >= _FIRST_LAYERED for kind, _, _ in items):
+        layers = sum(_LAYERS.get(kind, n) for kind, n, _ in items)
+        _check_layers(path, io.BytesIO(data), [(0, len(data))], 0, length, layers)
+
+
 def _check_layers(path: Path, file: BinaryIO, table: list[tuple[int, int]], start: int, length: int, layers: int) -> None:
     """Checks the layers of each chunk, which consists of its first point, a count, the sizes of the layers, and the layers."""
     head = length + 4 + 4 * layers
     for number, (_, held) in enumerate(table, 1):
         if held:
             file.seek(start + length + 4)
-            sizes = np.frombuffer(file.read(4 * layers), "<u4")
-            if head + int(sizes.sum(dtype=np.uint64)) > held:
+            sizes = np.frombuffer(file.read(4 * layers) if held >= head else b"", "<u4")
+            if held < head or head + int(sizes.sum(dtype=np.uint64)) > held:
                 raise _damaged(path, f"chunk {number:,} of {len(table):,} would have more than its {held:,} bytes")
         start += held
 

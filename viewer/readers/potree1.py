@@ -17,6 +17,7 @@ from ..errors import InputError
 from .column_source import Columns
 from .octree import TYPES, OctreeSource, columns_of, named, read_json, vector, whole
 from .own_folder import own_path, refuse_link_out
+from .scaled_values import scaled
 from .source import CHUNK
 
 _NODE_FILE = re.compile(r"(r[0-7]*)\.(bin|las|laz|hrc)", re.IGNORECASE)
@@ -169,9 +170,8 @@ class Potree1Source(OctreeSource):
                 if len(data) % dtype.itemsize:
                     raise self._damaged(f"its last point has {len(data) % dtype.itemsize} bytes", path)
                 records = np.frombuffer(data, dtype)
-                with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
-                    xyz = records["POSITION_CARTESIAN"].astype(np.float64)
-                    xyz = (xyz * self._scale if self._scale is not None and self._integers else xyz) + corner
+                scale = self._scale if self._scale is not None and self._integers else 1.0
+                xyz = scaled(records["POSITION_CARTESIAN"], scale, corner)
                 columns = {axis: xyz[:, i] for i, axis in enumerate("xyz")}
                 if colour := next((field for field in _COLOURS if field in (dtype.names or ())), None):
                     columns |= {channel: records[colour][:, i] for i, channel in enumerate("rgb")}

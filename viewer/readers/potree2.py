@@ -17,6 +17,7 @@ from .column_source import Columns
 from .octree import PIECE, TYPES, OctreeSource, read_json, vector, whole
 from .octree import named as record_name
 from .own_folder import MOST_RATIO, own_path
+from .scaled_values import scaled
 from .source import CHUNK
 
 _NODE = np.dtype([("type", "u1"), ("children", "u1"), ("points", "<u4"), ("place", "<i8"), ("bytes", "<i8")])
@@ -192,8 +193,7 @@ class Potree2Source(OctreeSource):
         return self._columns(named)
 
     def _columns(self, named: dict[str, np.ndarray]) -> Columns:
-        with np.errstate(invalid="ignore", over="ignore"):  # values that are not finite are dropped by the grid
-            columns = {axis: named["position"][:, i] * self._scale[i] + self._offset[i] for i, axis in enumerate("xyz")}
+        columns = {axis: scaled(named["position"][:, i], self._scale[i], self._offset[i]) for i, axis in enumerate("xyz")}
         if "rgb" in named:
             columns |= {channel: named["rgb"][:, i] for i, channel in enumerate("rgb")}
         columns |= {_COLUMNS[name]: named[name] for name in named if name in _COLUMNS and named[name].ndim == 1}

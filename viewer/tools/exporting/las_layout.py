@@ -12,6 +12,8 @@ from typing import BinaryIO
 
 import numpy as np
 
+from ...readers.scaled_values import scaled
+
 LASZIP = ("laszip encoded", 22204)
 EXTRA_BYTES = ("LASF_Spec", 4)
 PROJECTION = "LASF_Projection"
@@ -205,7 +207,7 @@ def patched(header: bytes, tally: Tally, *, offset: int, vlrs: int, compressed: 
     struct.pack_into("<6I", made, 107, legacy, *(returns[:5] if legacy else [0] * 5))
     scales, offsets = (np.array(struct.unpack_from("<3d", made, at)) for at in (131, 155))
     if tally.count:
-        bounds = np.stack([tally.high, tally.low], axis=1) * scales[:, None] + offsets[:, None]
+        bounds = scaled(np.stack([tally.high, tally.low], axis=1), scales[:, None], offsets[:, None])
         stated = np.array(struct.unpack_from("<6d", made, 179)).reshape(3, 2)
         with np.errstate(invalid="ignore"):
             same = np.abs(bounds - stated) < np.abs(scales[:, None])
