@@ -21,7 +21,7 @@ from pathlib import Path
 
 from .exercise import Wrong, exercise
 from .mutants import Mutant
-from .seeds import Seed
+from .seed import Seed
 
 MOST_MEMORY = 1 << 30
 """Bytes that reading a file may take, besides ten times its size."""

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from .fork_server import ForkServer, Outcome
 from .mutants import Mutant
-from .seeds import Seed, seeds
+from .seed import Seed
+from .seeds import seeds
 
 LARGEST_KEPT = 20_000
 """Bytes; of a larger fixture the edits are kept, not the files."""

@@ -4,7 +4,8 @@ import random
 from dataclasses import dataclass
 
 from .forms import edited
-from .seeds import Seed, seeds
+from .seed import Seed
+from .seeds import seeds
 
 _FEWEST = (1, 1, 1, 2, 2, 3, 5)
 """Numbers of edits, each as likely as the others."""

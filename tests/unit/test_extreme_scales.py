@@ -3,6 +3,7 @@ that a file is read; the grid drops points that are no positions."""
 
 import struct
 import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,9 +28,9 @@ def las(folder, suffix="las"):
     import laspy
 
     header = laspy.LasHeader(point_format=7, version="1.4")
-    header.add_extra_dim(laspy.ExtraBytesParams("ring", np.int32, scales=np.array([1e308]), offsets=np.array([-1e308])))
+    header.add_extra_dim(laspy.ExtraBytesParams("ring", "i4", scales=np.array([1e308]), offsets=np.array([-1e308])))
     header.scales, header.offsets = np.full(3, 1e305), np.full(3, 1e308)
-    points = laspy.ScaleAwarePointRecord.zeros(COUNT, header=header)
+    points: Any = laspy.ScaleAwarePointRecord.zeros(COUNT, header=header)
     for name in ("X", "Y", "Z", "ring"):
         points.array[name] = np.arange(COUNT) * 7_000_001
     with np.errstate(all="ignore"), laspy.open(folder / f"a.{suffix}", mode="w", header=header) as writer:
