@@ -7,6 +7,7 @@ from examples import examples
 from las_files import facts, random_las, records
 
 from pointglass.viewer import cli
+from pointglass.viewer.tools.exporting import las_copy
 
 
 def export(*arguments):
@@ -36,7 +37,7 @@ def test_every_value_of_every_record_is_copied(tmp_path, monkeypatch, seed, path
 
 
 @pytest.mark.parametrize("channels", [1, 4])
-def test_waveforms_are_compressed_without_loss_or_refused(tmp_path, capsys, channels):
+def test_waveforms_are_compressed_without_loss_or_refused(tmp_path, capsys, monkeypatch, channels):
     source, rng = tmp_path / "a.las", np.random.default_rng(channels)
     random_las(source, 3, point_format=9, count=2000)
     las = laspy.read(source)
@@ -47,5 +48,12 @@ def test_waveforms_are_compressed_without_loss_or_refused(tmp_path, capsys, chan
         assert code == 0 and raw(tmp_path / "b.laz").tobytes() == raw(source).tobytes()
     else:
         assert code == 2 and "ends in .las" in capsys.readouterr().err and not (tmp_path / "b.laz").exists()
+        monkeypatch.setattr(las_copy, "_selected", None)  # refused before the records are read
+        assert cli.main(["export", "--no-cache", str(source), "--out", str(tmp_path / "b.laz")]) == 2
+        las.write(str(tmp_path / "packed.laz"))
+        clip = ("--clip", "-9e9,-9e9,-9e9,9e9,9e9,9e9", "--out", str(tmp_path / "d.las"))
+        assert cli.main(["export", "--no-cache", str(tmp_path / "packed.laz"), *clip]) == 2
+        assert "laszip -i" in capsys.readouterr().err and not (tmp_path / "d.las").exists()
+        monkeypatch.undo()
     export(source, "--clip", "-9e9,-9e9,-9e9,9e9,9e9,9e9", "--out", tmp_path / "c.las")
     assert raw(tmp_path / "c.las").tobytes() == raw(source).tobytes()

@@ -12,7 +12,7 @@ from format_files import some, write_ept, write_potree1, write_potree2
 from pointglass.viewer import cli
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.grid.scene import unpack
-from pointglass.viewer.readers.e57_nodes import library
+from pointglass.viewer.readers.e57_nodes import library, open_e57
 
 e57 = library()
 MORE = [("gps-time", "double", "<f8"), ("return number", "uint8", "u1"), ("quality", "int16", "<i2")]
@@ -109,7 +109,8 @@ def test_ept_keeps_its_dimensions(tmp_path, data):
         assert np.array_equal(np.asarray(las.point_source_id)[rows], points.intensity // 2)
 
 
-def test_matched_colours_beyond_the_range_that_an_e57_declares_widen_it(tmp_path):
+@pytest.mark.parametrize("limits", [False, True])
+def test_matched_colours_beyond_the_range_that_an_e57_declares_widen_it(tmp_path, limits):
     """Some writers declare the range of the values, which matched exposures leave."""
     rng, writer = np.random.default_rng(4), Writer(tmp_path / "a.e57")
     scans = e57.VectorNode(writer.image, True)
@@ -121,7 +122,9 @@ def test_matched_colours_beyond_the_range_that_an_e57_declares_widen_it(tmp_path
     level = (60 + 60 * np.sin(xyz[0]) * np.cos(xyz[1])).clip(0, 120)
     for number, gain in enumerate((0.5, 1.0)):
         node = writer.node({"guid": f"{{{number}}}", "name": f"s{number}", "pose": {
-            "rotation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, "translation": {"x": 1.0, "y": 2.0 + number, "z": 1.5}}})
+            "rotation": {"w": 1.0, "x": 0.0, "y": 0.0, "z": 0.0}, "translation": {"x": 1.0, "y": 2.0 + number, "z": 1.5}}} | (
+                {"colorLimits": {f"color{name}{end}": most for name in ("Red", "Green", "Blue")
+                                 for end, most in (("Minimum", 0), ("Maximum", round(120 * gain)))}} if limits else {}))
         local = xyz - np.array([[1.0], [2.0 + number], [1.5]])
         fields = {f"cartesian{axis}": (e57.FloatNode(writer.image, 0.0), np.ascontiguousarray(values))
                   for axis, values in zip("XYZ", local, strict=True)}  # fmt: skip
@@ -141,3 +144,8 @@ def test_matched_colours_beyond_the_range_that_an_e57_declares_widen_it(tmp_path
     _, again, _, numbers = unpack(open_scene([tmp_path / "b.e57"], cache=False, match=False))
     for number in (0, 1):
         assert np.array_equal(np.sort(shown[station == number], axis=0), np.sort(again[numbers == number], axis=0))
+    with open_e57(tmp_path / "b.e57") as file:
+        stated = [file.root()["data3D"][number] for number in (0, 1)]
+        assert [node.isDefined("colorLimits") for node in stated] == [limits, limits]
+        for number, node in enumerate(stated) if limits else ():
+            assert node["colorLimits"]["colorRedMaximum"].value() >= shown[station == number][:, 0].max()

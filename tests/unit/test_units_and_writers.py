@@ -5,7 +5,9 @@ import struct
 import numpy as np
 import pytest
 from cloud_files import E57Scan, surface, write_e57, write_las
+from format_files import some, write_pcd
 
+from pointglass.viewer import cli
 from pointglass.viewer.errors import InputError
 from pointglass.viewer.grid.open_scene import open_scene
 from pointglass.viewer.readers.crs import height_unit, height_unit_of_geokeys
@@ -215,3 +217,47 @@ def test_ascii_ply_with_other_spellings_of_nan(tmp_path, word):
     path.write_text(path.read_text().replace(word, "wall"))
     with pytest.raises(InputError, match="vertex 11 is not 6 numbers"):
         open_scene(path, cache=False)
+
+
+def odd_ply(path, kind, order, count=200):
+    """Colours of 4 bytes; 7 points have a channel beyond 16 bits."""
+    xyz, rgb = surface(count)
+    values = rgb.astype(np.int64) * 257
+    values[3:8, 1], values[20, 0], values[21, 2] = 70_000, 65_536, -5 if kind == "int" else 4_000_000_000
+    rows = [*(("x", "double", xyz[:, 0]), ("y", "double", xyz[:, 1]), ("z", "double", xyz[:, 2])),
+            *((name, kind, values[:, at]) for at, name in enumerate(("red", "green", "blue")))]  # fmt: skip
+    head = [f"format {order} 1.0", f"element vertex {count}", *(f"property {of} {name}" for name, of, _ in rows), "end_header"]
+    types = {"double": "<f8", "int": "<i4", "uint": "<u4"}
+    table = np.rec.fromarrays([column.astype(types[of]) for _, of, column in rows])
+    body = table.tobytes() if order != "ascii" else "".join(" ".join(map(repr, row)) + "\n" for row in table.tolist()).encode()
+    path.write_bytes("\n".join(["ply", *head, ""]).encode() + body)
+    return path
+
+
+@pytest.mark.parametrize("order", ["ascii", "binary_little_endian"])
+@pytest.mark.parametrize("kind", ["int", "uint"])
+def test_colours_beyond_16_bits_are_counted_in_a_warning_and_at_export(tmp_path, capsys, order, kind):
+    path = odd_ply(tmp_path / "a.ply", kind, order)
+    said = "a.ply: 7 points have a colour channel below 0 or above 65,535, such as 65536; it is clipped"
+    assert [text for text in open_scene(path, cache=False).meta["warnings"] if "colour" in text] == [said]
+    assert cli.main(["export", "--no-cache", str(path), "--out", str(tmp_path / "b.las")]) == 0
+    assert said in "".join(capsys.readouterr())
+
+
+def test_colours_of_text_beyond_16_bits_are_counted_in_a_warning(tmp_path):
+    xyz, rgb = surface(200)
+    values = rgb * 257.0
+    values[5:9, 1] = 70_000
+    np.savetxt(tmp_path / "a.csv", np.c_[xyz, values], fmt="%.6f", delimiter=",", header="x,y,z,r,g,b", comments="")
+    warned = open_scene(tmp_path / "a.csv", cache=False).meta["warnings"]
+    assert any("4 points have a colour channel" in text for text in warned)
+
+
+@pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
+def test_fields_of_a_pcd_with_several_values_are_named_as_left_out(tmp_path, capsys, data):
+    path = write_pcd(tmp_path / "a.pcd", some(100), data, pad=True)
+    said = "a.pcd: 1 field of several values a point, histogram (3 values), is left out"
+    assert said in open_scene(path, cache=False).meta["warnings"]
+    assert cli.main(["export", "--no-cache", str(path), "--out", str(tmp_path / "b.las")]) == 0
+    assert said in "".join(capsys.readouterr())
+    assert open_source(write_pcd(tmp_path / "c.pcd", some(100), data)).warnings == []

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import InputError
 from .class_codes import OddClasses, class_codes
+from .odd_colours import colours_counted
 from .source import AS_STORED, Chunk, Records, ScanInfo, Source, stretch
 
 Columns = dict[str, np.ndarray]
@@ -54,7 +55,7 @@ class ColumnSource(Source):
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz and, where the file has them, rgb (uint8, or uint16 beyond 255), intensity, class and station."""
         odd = OddClasses()
-        for scan, columns in self._rows(ALL):
+        for scan, columns in colours_counted(self._rows(ALL), "rgb", self.path, self.warnings):
             odd.add(columns.get("c"))
             yield self._chunk(scan, columns, self._file_ranges)
         if text := odd.warning(self.path):
@@ -62,7 +63,7 @@ class ColumnSource(Source):
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  Intensities, classes and ids as the file has them."""
-        for scan, columns in self._record_rows():
+        for scan, columns in colours_counted(self._record_rows(), "rgb", self.path, self.record_losses):
             yield self._record(scan, columns)
 
     def _record(self, scan: int, columns: Columns) -> Records:

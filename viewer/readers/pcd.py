@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..text import counted
 from .column_source import ALL, Columns, ColumnSource
 from .lzf import MOST, DamagedLzf, LzfReader
 from .pcd_header import Header, read_header
@@ -26,6 +27,7 @@ _INTENSITIES = ("intensity", "intensities", "i", "reflectance", "reflectivity", 
 _CLASSES = ("classification", "class", "label")
 _BLOCK = 64 << 20
 """Bytes of a binary file that are read at once; a point may have thousands of values."""
+_MOST_NAMED = 5  # fields that a warning names
 _MOST_SAMPLED = 256 << 20
 """Bytes of columns that a sample decompresses at once; chosen by hand: half a second, less than the memory of a preview."""
 
@@ -56,6 +58,13 @@ class PcdSource(ColumnSource):
                 self._fields[column] = found
         if header.data != "ascii" and all(names[axis].type == "f4" for axis in "xyz"):
             self.precision = 2.0**-24
+        several = [field for field in header.fields if field.count > 1 and field.name != "_"]
+        if several:
+            named = ", ".join(f"{field.name} ({field.count} values)" for field in several[:_MOST_NAMED])
+            more = f" and {len(several) - _MOST_NAMED} more" if len(several) > _MOST_NAMED else ""
+            text = f"{path.name}: {counted(len(several), 'field')} of several values a point, {named}{more}, "
+            self._warn(text + f"{'is' if len(several) == 1 else 'are'} left out")
+            self.record_losses.append(self.warnings[-1])
         if header.viewpoint not in (None, (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)):
             self._warn(f"{path.name}: its VIEWPOINT is not applied, coordinates are shown as they are stored")
         size = path.stat().st_size - header.offset

@@ -17,6 +17,7 @@ from ..errors import InputError
 from . import crs
 from .class_codes import OddClasses, class_codes
 from .column_source import RANGE_RUNS, Columns, Ranges
+from .odd_colours import FULL, clipped, colours_counted
 from .ply_header import Element, read_header
 from .ply_text import lines_of, parsed, without_lists
 from .record_blocks import RecordBlocks, even_blocks
@@ -69,7 +70,7 @@ class PlySource(Source):
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint8, or uint16 where the fields are wider), intensity and class."""
         odd = OddClasses()
-        for columns in self._columns():
+        for columns in self._counted(self.warnings):
             odd.add(columns.get(self._class or ""))
             yield self._chunk(columns, self._file_ranges)
         if (text := odd.warning(self.path)) and text not in self.warnings:
@@ -77,8 +78,13 @@ class PlySource(Source):
 
     def record_chunks(self) -> Iterator[Records]:
         """See Source.  columns: every property besides coordinates and colour; numbers of text as float64."""
-        for found in self._columns():
+        for found in self._counted(self.record_losses):
             yield self._record(found)
+
+    def _counted(self, told: list[str]) -> Iterator[Columns]:
+        most = 255 if all(self._types[name] == "u1" for name in self._rgb or ()) else FULL
+        rows = colours_counted(((0, found) for found in self._columns()), self._rgb or (), self.path, told, most)
+        return (found for _, found in rows)
 
     def _record(self, found: Columns) -> Records:
         placed = {*"xyz", *(self._rgb or ())}
@@ -149,7 +155,7 @@ class PlySource(Source):
     def _channel(self, columns: Columns, name: str, ranges: Callable[[], Ranges]) -> np.ndarray:
         kind, values = self._types[name], columns[name]
         if kind[0] != "f":
-            return _whole(values, np.uint8 if kind == "u1" else np.uint16)
+            return clipped(values, np.uint8 if kind == "u1" else np.uint16)
         largest = max(ranges()[n][1] for n in self._rgb or ())
         full = 1.0 if largest <= 1 else 255.0 if largest <= 255 else 65535.0
         return (stretch(values, 0, full) / 257.0 + 0.5).astype(np.uint8)
@@ -157,7 +163,7 @@ class PlySource(Source):
     def _level(self, values: np.ndarray, ranges: Callable[[], Ranges]) -> np.ndarray:
         kind = self._types[self._intensity or ""]
         if kind in ("u1", "u2"):
-            return _whole(values, np.uint16)
+            return clipped(values, np.uint16)
         return stretch(values, *ranges()[self._intensity or ""])
 
     @property
@@ -312,8 +318,3 @@ class PlySource(Source):
         return InputError(
             f"{self.path}: truncated: {done:,} of {self.count:,} points could be read{place}; copy or export it again"
         )
-
-
-def _whole(values: np.ndarray, kind: type) -> np.ndarray:
-    """Values as unsigned integers, clipped; values of text are floats of any size."""
-    return values if values.dtype == kind else np.clip(np.nan_to_num(values), 0, np.iinfo(kind).max).astype(kind)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...readers.e57 import E57Source
-from ...readers.e57_nodes import library, open_e57, text_of
+from ...readers.e57_nodes import child, library, open_e57, text_of
 from ...readers.e57_records import BLOCK, RawField, arrays_for, buffers_of, fields_of, raw_blocks
 from .crs_records import Reference
 from .e57_bounds import RecordBounds
@@ -57,9 +57,9 @@ def copy_e57(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
         root.set("data3D", scans)
         root.set("images2D", images)
         for index in range(first.childCount()):
-            child = first[index]
-            if child.elementName() not in _WRITTEN:
-                root.set(child.elementName(), copy.copied(child, files[0]))
+            node = first[index]
+            if node.elementName() not in _WRITTEN:
+                root.set(node.elementName(), copy.copied(node, files[0]))
         copy.finish()
         with stream.meter("writing") as meter:
             for source, file, number in zip(stream.sources, files, range(len(files)), strict=True):
@@ -149,12 +149,17 @@ class _Scans:
     def _add(self, node: Any, points: Any, index: int) -> tuple[Any, Any]:
         """The scan in the new file, and its points, empty yet."""
         libe57, everything = library(), self._stream.everything
-        scan = self._copy.copied(node, self._file, ("points", *(() if everything else _BY_RECORDS)))
+        ends = None  # matched colours may exceed the range of the file's values, which some writers state
+        if points is not None and self._stream.colours is not None:
+            coloured = libe57.StructureNode(points.prototype()).isDefined("colorRed")
+            ends = self._source.colour_range(index) if coloured else None
+        limits = "colorLimits" if ends is not None and child(node, "colorLimits", "Structure") is not None else ""
+        scan = self._copy.copied(node, self._file, ("points", limits, *(() if everything else _BY_RECORDS)))
+        if limits and ends is not None:
+            scan.set(limits, self._copy.limits(node[limits], self._file, ends))
         vector = None
         if points is not None:
-            # matched colours may exceed the range of the file's values, which some writers declare for the fields
-            coloured = self._stream.colours is not None and libe57.StructureNode(points.prototype()).isDefined("colorRed")
-            vector = self._copy.vector(points, self._source.colour_range(index) if coloured else None)
+            vector = self._copy.vector(points, ends)
             scan.set("points", vector)
         self._scans.append(scan)
         self._copy.finish()

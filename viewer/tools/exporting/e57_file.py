@@ -14,7 +14,7 @@ from uuid import uuid4
 
 import numpy as np
 
-from ...readers.e57_nodes import first_line, library
+from ...readers.e57_nodes import first_line, library, value_of
 from ...readers.e57_records import BLOCK, OWN, arrays_for, buffers_of, fields_of, raw_blocks
 
 EXTENSION = (OWN, "urn:pointglass:columns:1")
@@ -111,6 +111,24 @@ class NodeCopy:
             self._later.append((node, made, source))
             return made
         return self._leaf(node)
+
+    def limits(self, node: Any, source: Any, ends: tuple[float, float]) -> Any:
+        """A copy of a scan's colorLimits, widened where they do not hold ``ends``, values of black and full."""
+        libe57 = library()
+        made = libe57.StructureNode(self.image)
+        for index in range(node.childCount()):
+            child = node[index]
+            name, stated = child.elementName(), value_of(child)
+            wanted = None
+            if stated is not None:
+                wanted = min(stated, ends[0]) if name.endswith("Minimum") else max(stated, ends[1])
+            if wanted is None or wanted == stated:
+                made.set(name, self.copied(child, source))
+            elif isinstance(child, libe57.IntegerNode):
+                made.set(name, libe57.IntegerNode(self.image, round(wanted)))
+            else:
+                made.set(name, libe57.FloatNode(self.image, wanted, libe57.E57_DOUBLE))
+        return made
 
     def vector(self, node: Any, colours: tuple[float, float] | None = None) -> Any:
         """An empty CompressedVector with the same fields.  colours: values of black and full, which the ranges of the colour

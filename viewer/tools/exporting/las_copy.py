@@ -4,6 +4,7 @@ Several files become one where their point records have the same layout: coordin
 which keeps each value exactly.  Other files go the way of columns (las_writer).
 """
 
+import io
 import struct
 from collections.abc import Iterator
 from importlib import import_module
@@ -38,6 +39,9 @@ _WHOLE = 1e-6
 _WKT_BIT = 1 << 4
 _CHECKED = (9, 10)
 """Point formats whose waveform fields lazrs 0.8 confuses where scanner channels alternate; they are decoded again."""
+_FIRST = 50_000
+"""Records that are compressed and decoded again before any other is read: a chunk of LAZ."""
+_CHANNEL = 4  # bit of the classification flags at which the scanner channel begins
 _COPC = (("copc", 1), ("copc", 1000))
 
 
@@ -116,10 +120,11 @@ class _Facts:
 def copy_las(path: Path, stream: SourceRecords, reference: Reference, losses: Losses) -> int:
     """Writes the selected records; returns how many.  path: LAZ where its name says so."""
     layouts = [read_layout(source.path) for source in stream.sources]
+    compressed = path.suffix.lower() == ".laz"
+    _check_waveforms(stream, layouts, compressed)
     facts = _Facts(stream, layouts, losses)
     common = _common(layouts) if len(layouts) > 1 else None
     header, vlrs, evlrs = _parts(layouts, reference, common, losses)
-    compressed = path.suffix.lower() == ".laz"
     first, tally = layouts[0], Tally.empty()
     with output_file(path) as out:
         writer: Any = None
@@ -153,6 +158,30 @@ def copy_las(path: Path, stream: SourceRecords, reference: Reference, losses: Lo
             )
         )
     return tally.count
+
+
+def _check_waveforms(stream: SourceRecords, layouts: list[LasLayout], compressed: bool) -> None:
+    """Raises InputError where lazrs decodes the first records of point formats 9 and 10, which are in several scanner channels,
+    wrongly: those of the file, or those that it would write.  Before the rest is read."""
+    for source, layout in zip(stream.sources, layouts, strict=True):
+        packed = source.format != "LAS"
+        if layout.point_format not in _CHECKED or not (packed or compressed):
+            continue
+        assert isinstance(source, LasSource)
+        _, records = next(source.native_chunks())
+        records = records[:_FIRST]
+        if packed and len(np.unique(records["classification_flags"] >> _CHANNEL & 3)) > 1:
+            raise InputError(
+                f"{layout.path}: waveform fields of point format {layout.point_format} with several scanner channels are not "
+                "decoded right here; unpack it with LAStools (laszip -i NAME.laz -o NAME.las) and export that"
+            )
+        if compressed:
+            lazrs: Any = import_module("lazrs")
+            described, made = _compression(lazrs, layout), io.BytesIO()
+            compressor = lazrs.LasZipCompressor(made, described)
+            compressor.compress_many(np.frombuffer(records.tobytes(), np.uint8))
+            compressor.done()
+            _check(made, 0, described, iter([records]), layout)
 
 
 def _check(out: BinaryIO, offset: int, described: Any, expected: Iterator[np.ndarray], layout: LasLayout) -> None:
