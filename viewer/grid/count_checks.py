@@ -11,10 +11,7 @@ from ..preprocess.valid_positions import FARTHEST
 from ..readers.source import Source
 from ..text import counted
 from .count_points import CellCounts
-
-_DEGREES_FAR, _DEGREES_STEEP = 50.0, 100.0
-"""Distance from zero and extent of heights, in extents of x or y, from which x and y are taken for degrees.  Chosen by hand: a
-flat site of 100 m in degrees has 10,000 and 500, an upright pole of 0.1 m and 9 m in metres 90 for the heights."""
+from .degrees import like_degrees, utm_of
 
 
 def check_any_valid(sources: Sequence[Source], counts: CellCounts) -> None:
@@ -47,11 +44,8 @@ def drop_warnings(counts: CellCounts) -> list[str]:
 
 
 def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
-    """A warning where x and y are degrees of longitude and latitude: stated by a file, or by the look of the numbers.
-
-    Degrees have a place far from zero compared with an extent that is small compared with that of the heights, which are in
-    metres or feet: a degree is 111 km.
-    """
+    """A warning where x and y are degrees of longitude and latitude: stated by a file, or by the look of the numbers
+    (viewer.grid.degrees)."""
     place = counts.bounds.mean(axis=0)
     place = place[[1, 0]] if abs(place[1]) > 90 else place[:2]  # latitude may come first
     path = next((source.path for source in sources if source.units == "degree"), sources[0].path)
@@ -60,24 +54,11 @@ def degree_warnings(sources: Sequence[Source], counts: CellCounts) -> list[str]:
     stated = [source.path.name for source in sources if source.units == "degree"]
     if stated:
         return [f"{stated[0]}: coordinates in degrees: {remedy}"]
-    if any(source.metres_per_unit or source.crs for source in sources) or not like_degrees(counts.bounds):
+    if any(source.metres_per_unit or source.crs for source in sources) or not like_degrees(counts.bounds, sources[0]):
         return []
     around = ", ".join(f"{value:.4f}" for value in place)
     return [f"{sources[0].path.name}: x and y look like degrees of longitude and latitude (around {around}; heights do not): "
             f"{remedy}"]  # fmt: skip
-
-
-def like_degrees(bounds: np.ndarray) -> bool:
-    """Whether numbers with these bounds, (2, 3), look like degrees and heights in another unit (see degree_warnings)."""
-    (x, y, _), (dx, dy, dz) = np.abs(bounds).max(axis=0), np.ptp(bounds, axis=0)
-    side = max(dx, dy)
-    swapped = x <= 90 < y <= 360  # latitude first
-    return bool((swapped or (x <= 360 and y <= 90)) and max(x, y) > _DEGREES_FAR * side and dz > _DEGREES_STEEP * side > 0)
-
-
-def utm_of(place: np.ndarray) -> str:
-    """The EPSG code of the UTM zone (WGS 84) of (longitude, latitude) in degrees."""
-    return f"EPSG:{(32600 if place[1] >= 0 else 32700) + int((place[0] + 180) // 6) % 60 + 1}"
 
 
 def precision_warnings(sources: Sequence[Source], counts: CellCounts, spacing: float | None) -> list[str]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...errors import InputError
-from ...grid.count_checks import like_degrees, utm_of
+from ...grid.degrees import like_degrees, utm_of
 from ...readers import crs
 from ...readers.las import LasSource
 from ...readers.source import ScanInfo
@@ -182,7 +182,7 @@ def _stated(scene: "Scene", sources: "Sequence[Source]", losses: Losses) -> str 
     if name:
         raise InputError(f"--reproject: the definition of {name}, which {file} states, cannot be read; assign its EPSG code "
                          "to the scan in the window and export the project")  # fmt: skip
-    if meta.get("units") != "degree" and not like_degrees(scene.bounds):
+    if meta.get("units") != "degree" and not like_degrees(scene.bounds, next(iter(sources), None)):
         raise InputError(f"--reproject: {file} states no coordinate reference system and its coordinates are not degrees; "
                          "assign its EPSG code to the scan in the window and export the project")  # fmt: skip
     return None
