@@ -5,6 +5,7 @@ one line.
 Nothing is changed where there is no such limit.  Imports nothing heavy: the parent must fit beside its child.
 """
 
+import mmap
 import os
 import signal
 import sys
@@ -13,6 +14,21 @@ _NOISE = (rb"memory allocation|bad_alloc|MemoryError|[Cc]annot allocate|out of m
           rb"load shared object|Traceback|terminate called")  # fmt: skip
 """What is said, on standard error, by code that ends for lack of memory."""
 LINE = "pointglass: not enough memory for this; close other programs, allow this one more, or take a smaller scan\n"
+
+
+def lacks_room(size: int) -> bool:
+    """Whether the address space is limited and less than ``size`` bytes of it are left."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return False
+    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+        return False
+    try:
+        mmap.mmap(-1, size).close()
+    except (OSError, MemoryError):
+        return True
+    return False
 
 
 def run_in_child_where_limited() -> None:

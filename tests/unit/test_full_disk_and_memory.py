@@ -44,6 +44,16 @@ def test_little_memory_is_one_line_and_not_a_damaged_file(tmp_path, megabytes):
         assert "damaged" not in done.stderr and not list(tmp_path.iterdir())
 
 
+def test_a_picture_without_memory_for_a_graphics_driver_is_a_lack_of_memory_not_of_a_driver(tmp_path):
+    from pointglass.viewer.camera import from_fov, look_at
+    from pointglass.viewer.tools.camera_files import write_camera_path
+
+    write_camera_path(tmp_path / "path.json", [from_fov(64, 48, 60, look_at((2.0, -3.0, 2.0), (2.0, 2.0, 0.0)), "a")])
+    done = _run("render", DEMO, "--no-cache", "--cameras", tmp_path / "path.json", "--out", tmp_path / "out", "--view", "raw",
+                limit=480 << 20)  # fmt: skip
+    assert done.returncode == 2 and "not enough memory" in _line(done) and not list(tmp_path.glob("out/*.png"))
+
+
 def test_native_code_that_aborts_for_lack_of_memory_is_one_line(tmp_path):
     code = """
 import os, sys

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ..errors import DeviceError
+from ..limited_memory import lacks_room
 from .device_class import device_class
 from .driver_messages import messages_logged
 from .egl import device_order
@@ -18,6 +19,8 @@ REQUIRED = 430
 """OpenGL version times 100: the first with compute shaders and storage buffers."""
 _SOFTWARE_BUFFER = 1 << 30
 """Bytes of a buffer that llvmpipe's shaders reach, measured: see Device.buffer_limit."""
+_DRIVER = 256 << 20
+"""Bytes of address space that a driver needs at least; chosen by hand: llvmpipe with LLVM."""
 _SOFTWARE = ("llvmpipe", "softpipe", "swr")  # in the renderer's name, lower case
 
 
@@ -72,7 +75,8 @@ def check_not_forked() -> None:
 
 
 def create_context(*, headless: bool = True) -> "moderngl.Context":
-    """An OpenGL 4.3 context: standalone through EGL, or that of the current window.  Raises DeviceError (exit code 3).
+    """An OpenGL 4.3 context: standalone through EGL, or that of the current window.  Raises DeviceError (exit code 3), and
+    MemoryError where the address space is limited and has no room for a driver.
 
     With several GPUs the headless one is made on torch's CUDA device, so that its buffers can be mapped.
     """
@@ -84,6 +88,8 @@ def create_context(*, headless: bool = True) -> "moderngl.Context":
         with messages_logged():
             context = _standalone() if headless else moderngl.create_context(require=REQUIRED)
     except Exception as error:  # moderngl and glcontext raise plain Exception for every cause
+        if lacks_room(_DRIVER):  # a driver that cannot be loaded says nothing of memory
+            raise MemoryError("no memory to load a graphics driver") from None
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise DeviceError(
             f"OpenGL 4.3 is needed and could not be had ({reason}); install a driver, or Mesa's software one "
