@@ -6,18 +6,16 @@ usually with the padding behind the XML.  The copy has no name and is gone with 
 
 import shutil
 import struct
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
-from ..errors import InputError
 from .e57_packets import PAGE, PAGE_DATA
+from .nameless_copy import can_copy, nameless_copy, path_of
 
 _HEADER = struct.Struct("<8sII4Q")  # signature, version, physical length, place and length of the XML, bytes of a page
 _LENGTH_AT = 16
 _CHECKSUM = 4
-_OPENED = Path("/proc/self/fd")
 _COPIED = 1 << 24  # bytes at a time; chosen by hand
 
 
@@ -32,10 +30,10 @@ def length_warning(path: Path) -> str | None:
 def readable(path: Path) -> str:
     """The path that libe57 reads: of the file, or of a repaired copy without a name.  Raises InputError where there is no room
     for the copy."""
-    if not _OPENED.is_dir() or (target := _target(path)) is None:
+    if not can_copy() or (target := _target(path)) is None:
         return str(path)
     stat = path.stat()
-    return str(_OPENED / str(_copy(path, stat.st_mtime_ns, stat.st_size, target).fileno()))
+    return str(path_of(_copy(path, stat.st_mtime_ns, stat.st_size, target)))
 
 
 def _lengths(path: Path) -> tuple[int, int]:
@@ -67,10 +65,9 @@ def _target(path: Path) -> int | None:
 @lru_cache(maxsize=4)
 def _copy(path: Path, _time: int, size: int, target: int) -> BinaryIO:
     """The repaired copy, opened; it has no name."""
-    try:
-        copy = tempfile.TemporaryFile(prefix="pointglass-")  # noqa: SIM115  (open as long as it is in this function's cache)
-        with path.open("rb") as file:
-            shutil.copyfileobj(file, copy, _COPIED)
+
+    def fill(file: BinaryIO, copy: BinaryIO) -> None:
+        shutil.copyfileobj(file, copy, _COPIED)
         copy.truncate(min(size, target))
         copy.truncate(target)
         if size < target:
@@ -78,12 +75,8 @@ def _copy(path: Path, _time: int, size: int, target: int) -> BinaryIO:
         copy.seek(_LENGTH_AT)
         copy.write(struct.pack("<Q", target))
         _seal(copy, 0)
-        copy.flush()
-    except OSError as error:
-        folder = tempfile.gettempdir()
-        raise InputError(f"{path}: its length is not what its header states, and there is no room in {folder} for a repaired "
-                         f"copy ({error.strerror}); copy it again or set TMPDIR") from None  # fmt: skip
-    return copy
+
+    return nameless_copy(path, fill, "its length is not what its header states", "a repaired copy", "copy it again or ")
 
 
 def _seal(file: BinaryIO, place: int) -> None:

@@ -5,15 +5,13 @@ The byte order mark at the beginning of the file decides.  The copy is a tempora
 
 import codecs
 import os
-import tempfile
 from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
-from ..errors import InputError
 from ..text import bytes_text
+from .nameless_copy import can_copy, nameless_copy, path_of
 
-_OPENED = Path("/proc/self/fd")
 _LITTLE, _BIG = codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE
 _COPIED = 1 << 22  # bytes at a time; chosen by hand
 _MARK = "\ufeff"
@@ -28,7 +26,7 @@ def encoding_of(head: bytes) -> str | None:
 
 def as_utf8(head: bytes) -> bytes:
     """The beginning of a file, in UTF-8 where it is UTF-16 and its copy can be opened."""
-    encoding = encoding_of(head) if _OPENED.is_dir() else None
+    encoding = encoding_of(head) if can_copy() else None
     return head if encoding is None else head.decode(encoding, "replace").removeprefix(_MARK).encode()
 
 
@@ -36,14 +34,14 @@ def open_text(path: Path) -> BinaryIO:
     """Opens a text file for reading bytes: of the file, or of its copy in UTF-8.  Raises OSError, and InputError where there is
     no room for the copy."""
     file = path.open("rb")
-    encoding = encoding_of(file.read(4)) if _OPENED.is_dir() else None
+    encoding = encoding_of(file.read(4)) if can_copy() else None
     file.seek(0)
     if encoding is None:
         return file
     with file:
         stat = os.fstat(file.fileno())
         copy = _copy(path, encoding, stat.st_mtime_ns, stat.st_size)
-    return (_OPENED / str(copy.fileno())).open("rb")
+    return path_of(copy).open("rb")
 
 
 def size_of(file: BinaryIO) -> int:
@@ -54,17 +52,12 @@ def size_of(file: BinaryIO) -> int:
 @lru_cache(maxsize=4)
 def _copy(path: Path, encoding: str, _time: int, size: int) -> BinaryIO:
     """The copy in UTF-8, opened; it has no name.  Bytes that are not UTF-16 become U+FFFD, which no number holds."""
-    decoder = codecs.getincrementaldecoder(encoding)("replace")
-    try:
-        copy = tempfile.TemporaryFile(prefix="pointglass-")  # noqa: SIM115  (open as long as it is in this function's cache)
-        with path.open("rb") as file:
-            file.seek(len(_LITTLE))
-            while block := file.read(_COPIED):
-                copy.write(decoder.decode(block).encode("utf-8", "replace"))
+
+    def fill(file: BinaryIO, copy: BinaryIO) -> None:
+        decoder = codecs.getincrementaldecoder(encoding)("replace")
+        file.seek(len(_LITTLE))
+        while block := file.read(_COPIED):
+            copy.write(decoder.decode(block).encode("utf-8", "replace"))
         copy.write(decoder.decode(b"", final=True).encode())
-        copy.flush()
-    except OSError as error:
-        folder = tempfile.gettempdir()
-        raise InputError(f"{path}: is UTF-16 text, and there is no room in {folder} for a copy in UTF-8 of about "
-                         f"{bytes_text(size // 2)} ({error.strerror}); set TMPDIR") from None  # fmt: skip
-    return copy
+
+    return nameless_copy(path, fill, "is UTF-16 text", f"a copy in UTF-8 of about {bytes_text(size // 2)}", "")

@@ -1,0 +1,37 @@
+"""Copies of files for libraries and readers that need them otherwise than they are: a temporary file without a name, which is
+gone with the process, and is opened by its descriptor."""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import BinaryIO
+
+from ..errors import InputError
+
+_OPENED = Path("/proc/self/fd")
+
+
+def can_copy() -> bool:
+    """Whether the system lets a file without a name be opened again."""
+    return _OPENED.is_dir()
+
+
+def path_of(copy: BinaryIO) -> Path:
+    """The path under which a copy is opened."""
+    return _OPENED / str(copy.fileno())
+
+
+def nameless_copy(path: Path, fill: Callable[[BinaryIO, BinaryIO], object], why: str, what: str, remedy: str) -> BinaryIO:
+    """The copy of ``path``, opened, after ``fill(file, copy)`` has written it.
+
+    Raises InputError where there is no room for it.  why: the copy is needed.  what: is copied.  remedy: beside another TMPDIR.
+    """
+    try:
+        copy = tempfile.TemporaryFile(prefix="pointglass-")  # noqa: SIM115  (open as long as its caller holds it)
+        with path.open("rb") as file:
+            fill(file, copy)
+        copy.flush()
+    except OSError as error:
+        raise InputError(f"{path}: {why}, and there is no room in {tempfile.gettempdir()} for {what} ({error.strerror}); "
+                         f"{remedy}set TMPDIR") from None  # fmt: skip
+    return copy
