@@ -32,7 +32,7 @@ def _run(*arguments: object, limit: int | None = None, **given) -> subprocess.Co
 def _line(done: subprocess.CompletedProcess) -> str:
     """The one line of an error, after lines of progress that a slow machine shows."""
     *progress, line = done.stderr.splitlines()
-    assert all(re.search(r": [\d,.]+ ?\S*( of |, |/)", other) for other in progress), done.stderr
+    assert all(re.search(r": [\d,.]+ ?\S*( of |, |/)|, \d+ s so far$", other) for other in progress), done.stderr
     return line
 
 
