@@ -31,7 +31,8 @@ class Points:
 
     Values are the files' own, read back from them: coordinates exact to the file's resolution, attributes in the file's type
     and scale.  Where a file is gone or has changed, they are those of the grid, and :attr:`note` says so.  Few points are read
-    one by one; many are read by one pass over the files, in at most twice the memory of the result.
+    one by one; many are read by one pass over the files: of ``xyz`` in twice the memory of the result, of a single column
+    such as ``intensity`` in more, because whole records are decoded.
     """
 
     def __init__(self, scene: Scene, chosen: range | np.ndarray):
