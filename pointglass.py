@@ -57,7 +57,7 @@ if "".join(
         os.write(2, b"pointglass: stopped\n")
         os._exit(130)
 
-    for _stop in (_signal.SIGINT, _signal.SIGTERM):
+    for _stop in (_signal.SIGINT, _signal.SIGTERM, *([_signal.SIGBREAK] if hasattr(_signal, "SIGBREAK") else [])):
         if _signal.getsignal(_stop) in (_signal.SIG_DFL, _signal.default_int_handler):
             _signal.signal(_stop, _stopped)
 

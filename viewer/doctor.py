@@ -16,10 +16,10 @@ from importlib import metadata
 from pathlib import Path
 
 from ..model.common.processors import usable_processors
+from ..model.common.system import available_memory, total_memory
 from . import __version__
 from .doctor_probes import GB, PROBES, item
 from .paths import cache_dir, import_root
-from .stream.residency import available_memory
 from .text import counted
 
 LIBRARIES = (
@@ -96,12 +96,7 @@ def _finish(name: str, process: subprocess.Popen) -> list[dict]:
 
 
 def _memory() -> dict:
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-        sizes = {line.split(":")[0]: int(line.split()[1]) * 1024 for line in lines if len(line.split()) > 1}
-        total, free = sizes["MemTotal"], available_memory()
-    except (OSError, KeyError, ValueError):
-        free = total = None
+    total, free = total_memory(), available_memory()
     if free is None or total is None:
         return item("memory", "skipped", "this system does not say how much memory there is")
     value = f"{total / GB:.1f} GB, {free / GB:.1f} GB of it available"

@@ -10,6 +10,8 @@ import os
 import signal
 import sys
 
+from ..model.common.system import address_space_is_limited
+
 _NOISE = (rb"memory allocation|bad_alloc|MemoryError|[Cc]annot allocate|out of memory|OpenBLAS|failed to map|Insufficient|"
           rb"load shared object|Traceback|terminate called")  # fmt: skip
 """What is said, on standard error, by code that ends for lack of memory."""
@@ -18,11 +20,7 @@ LINE = "pointglass: not enough memory for this; close other programs, allow this
 
 def lacks_room(size: int) -> bool:
     """Whether the address space is limited and less than ``size`` bytes of it are left."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return False
-    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+    if not address_space_is_limited():
         return False
     try:
         mmap.mmap(-1, size).close()
@@ -34,11 +32,7 @@ def lacks_room(size: int) -> bool:
 def run_in_child_where_limited() -> None:
     """Returns at once where the address space is not limited; else in the child.  The parent ends with the child's exit code,
     or with 2 where the child was ended by lack of memory."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return
-    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
+    if not address_space_is_limited():
         return
     # OpenBLAS asks for the buffers of its threads again and again where there is no memory for them
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ..model.common.atomic_write import write_atomic
+from ..model.common.system import replace
 from .errors import InputError
 
 T = TypeVar("T")
@@ -52,7 +53,7 @@ def _set_aside(path: Path, error: Exception) -> None:
     aside = path.with_name(path.name + UNREADABLE)
     why = (str(error).splitlines() or [type(error).__name__])[0][:120]
     try:
-        path.replace(aside)
+        replace(path, aside)
         _log.warning("%s is not readable (%s); it is kept as %s", path, why, aside.name)
     except OSError as failed:
         _log.warning("%s is not readable (%s) and cannot be renamed: %s", path, why, failed.strerror)

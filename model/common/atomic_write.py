@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from .signals import cleaned
+from .system import replace
 from .temporary import restrict, temporary_file
 
 _DESCRIPTOR = re.compile(r"^/dev/(stdout|stderr|fd/\d+)$|^/proc/[^/]+/fd/\d+$")
@@ -47,4 +48,4 @@ def write_atomic(path: Path, write: Callable[[Path], object], *, sources: Iterab
         if target_path.exists():
             partial.chmod(target_path.stat().st_mode & 0o777)
         restrict(partial, sources)
-        partial.replace(target_path)
+        replace(partial, target_path)

@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, TypeVar
 
-from .signals import STOPS, handled, stopped
+from .signals import handled, stopped
+from .system import STOPS
 
 T = TypeVar("T")
 

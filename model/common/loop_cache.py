@@ -14,6 +14,8 @@ from functools import cache
 from pathlib import Path
 from time import perf_counter
 
+from .system import only_own, user_number
+
 _log = logging.getLogger(__name__)
 _QUIET_SECONDS = 2.0
 """Seconds of compiling after which the line is shown: single loops of a tool that was not used before compile faster."""
@@ -46,13 +48,9 @@ def user_folder() -> Path | None:
         from platformdirs import user_cache_path
 
         home = user_cache_path("pointglass", appauthor=False)
-    name = f"loops-{_user()}"
+    name = f"loops-{user_number()}"
     temporary = Path(tempfile.gettempdir()) / f"pointglass-{name}"
     return next((folder for folder in (home / name, temporary) if _made(folder)), None)
-
-
-def _user() -> int:
-    return os.getuid() if hasattr(os, "getuid") else 0
 
 
 def _made(folder: Path) -> bool:
@@ -63,8 +61,7 @@ def _made(folder: Path) -> bool:
         found = folder.lstat()
     except OSError:
         return False
-    own = not hasattr(os, "getuid") or found.st_uid == _user()
-    return own and stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o022 and writable(folder)
+    return only_own(found) and stat.S_ISDIR(found.st_mode) and writable(folder)
 
 
 def kept_in(package: Path) -> Path | None:

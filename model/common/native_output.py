@@ -11,6 +11,8 @@ import sys
 import threading
 from collections.abc import Iterator
 
+from .system import file_in_memory
+
 _PANIC = re.compile(rb"\n?thread '[^\n]*panicked at.*", re.DOTALL)
 """A report of Rust's, to the end: the source line, the reason, and often the stack."""
 _lock = threading.Lock()
@@ -37,8 +39,6 @@ def without_panics() -> Iterator[None]:
 
 def _begin() -> bool:
     global _blocks, _kept, _file
-    if not hasattr(os, "memfd_create"):  # elsewhere than on Linux the report is seen
-        return False
     with _lock:
         if _blocks == 0:
             try:
@@ -47,7 +47,11 @@ def _begin() -> bool:
                 kept = os.dup(2)
             except (OSError, ValueError):  # standard error is closed
                 return False
-            _file = os.memfd_create("standard error")
+            file = file_in_memory("standard error")
+            if file is None:  # elsewhere than on Linux the report is seen
+                os.close(kept)
+                return False
+            _file = file
             os.dup2(_file, 2)
             _kept = kept
         _blocks += 1

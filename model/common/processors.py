@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from .system import after_fork_in_child
+
 Arrays = tuple[np.ndarray, ...]
 
 _SLICE = 4096
@@ -32,8 +34,7 @@ def _usable_threads() -> int:
     return _threads[0] if _threads else usable_processors()
 
 
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pools.clear)  # a child has none of its parent's threads
+after_fork_in_child(_pools.clear)  # a child has none of its parent's threads
 
 
 def _pool(threads: int) -> ThreadPoolExecutor:

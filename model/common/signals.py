@@ -17,14 +17,11 @@ import os
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
 
 from .native_output import error_descriptor
+from .system import ALL_STOPS, after_fork_in_child, child_processes, end_processes
 
-STOPS = (signal.SIGINT, signal.SIGTERM)
-"""Signals that stop a command and that a scheduler or a person sends."""
-_ALL = (*STOPS, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
 _CHILDREN_S = 5.0
 """Seconds that child processes have for their own clean-up; chosen by hand."""
 
@@ -39,7 +36,7 @@ _numbers = itertools.count()
 def stop_at_once() -> None:
     """From now on these signals end the process, cleaned up, with exit code 130.  Signals that are ignored stay so (a shell's
     background jobs)."""
-    for stop in _ALL:
+    for stop in ALL_STOPS:
         present = signal.getsignal(stop)
         if present in (signal.SIG_DFL, signal.default_int_handler) or getattr(present, "__name__", "") == _EARLY:
             signal.signal(stop, stopped)
@@ -47,7 +44,7 @@ def stop_at_once() -> None:
 
 def stopped(_number: int, _frame) -> None:
     """The handler of :func:`stop_at_once`."""
-    for stop in _ALL:
+    for stop in ALL_STOPS:
         signal.signal(stop, signal.SIG_IGN)
     if os.getpid() == _owner[0]:  # a forked child has its parent's handler and nothing to clean up
         if _end_children():
@@ -113,7 +110,7 @@ def uninterrupted() -> Iterator[None]:
     For several renames that belong together, and for native calls on the main thread through which no exception may pass: an
     interrupt raised while numba converts results to Python objects causes a SystemError, and several of them a crash.
     """
-    usual = {stop: handler for stop in _ALL if callable(handler := signal.getsignal(stop))}
+    usual = {stop: handler for stop in ALL_STOPS if callable(handler := signal.getsignal(stop))}
     if threading.current_thread() is not threading.main_thread() or not usual:
         yield
         return
@@ -127,37 +124,16 @@ def uninterrupted() -> Iterator[None]:
 
 
 def _end_children() -> bool:
-    """Ends the processes that this one started: SIGTERM, and SIGKILL for those that are still there after _CHILDREN_S.  Returns
-    whether there were any."""
-    children = started = _children()
-    for pid in children:
-        with contextlib.suppress(OSError):
-            os.kill(pid, signal.SIGTERM)
-    deadline = time.monotonic() + _CHILDREN_S
-    while children and time.monotonic() < deadline:
-        children = [pid for pid in children if not _ended(pid)]
-        time.sleep(0.01 if children else 0.0)
-    for pid in children:
-        with contextlib.suppress(OSError):
-            os.kill(pid, signal.SIGKILL)
-    return bool(started)
-
-
-def _ended(pid: int) -> bool:
-    try:
-        return os.waitpid(pid, os.WNOHANG)[0] == pid
-    except OSError:  # someone else has waited for it
-        return True
+    """Ends the processes that this one started, within _CHILDREN_S.  Returns whether there were any."""
+    children = _children()
+    end_processes(children, _CHILDREN_S)
+    return bool(children)
 
 
 def _children() -> list[int]:
     """Process numbers of the children, as far as the system names them; without multiprocessing's own helpers, which end
     with this process."""
-    found: set[int] = set()
-    with contextlib.suppress(OSError, ValueError):
-        for task in os.listdir("/proc/self/task"):
-            with open(f"/proc/self/task/{task}/children") as file:
-                found |= set(map(int, file.read().split()))
+    found = child_processes()
     active = getattr(sys.modules.get("multiprocessing"), "active_children", None)  # None too while it is being imported
     if active is not None:
         found |= {process.pid for process in active() if process.pid is not None}
@@ -176,5 +152,4 @@ def _forked() -> None:
     _undo.clear()
 
 
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forked)
+after_fork_in_child(_forked)

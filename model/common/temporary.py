@@ -21,11 +21,7 @@ from pathlib import Path
 
 from .signals import AFTER_CHILDREN, cleaned
 from .state_folder import state_dir
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
+from .system import locked
 
 OURS = re.compile(r"^\..*\.([0-9a-f]{8}|[0-9a-f]{16})\.\d+(\.old\.\d+)?\.(partial(\.[^.]{1,20})?|tmp)$|^\..+\.\d+\.partial$")
 """Names of temporary files and folders, those of earlier versions included."""
@@ -112,7 +108,7 @@ def _remove_abandoned(path: Path) -> bool:
     if not (path.is_dir() or path.is_file()):
         return not path.exists()
     try:
-        lock = _lock(path)
+        lock = locked(path)
     except OSError:
         return not path.exists()
     try:
@@ -133,7 +129,7 @@ def _temporary(target: Path, make: Callable[[Path], object], sources: Iterable[P
             make(path)
             restrict(path, sources)
             try:
-                lock = _lock(path)
+                lock = locked(path)
             except (FileNotFoundError, BlockingIOError):  # another process swept it before it was locked
                 continue
             try:
@@ -188,23 +184,6 @@ def _recorded(path: Path) -> Iterator[None]:
         return
     with cleaned(lambda: record.unlink(missing_ok=True)):
         yield
-
-
-def _lock(path: Path) -> int | None:
-    """Locks a file or folder until the returned descriptor is passed to _release; None where there are no locks.  Raises
-    OSError where another process holds it, or it is gone."""
-    if fcntl is None:
-        return None
-    file = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(file)
-        raise
-    except OSError:
-        os.close(file)
-        return None
-    return file
 
 
 def _release(lock: int | None) -> None:

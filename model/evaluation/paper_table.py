@@ -20,6 +20,7 @@ import torch
 from PIL import Image
 from torch import Tensor, nn
 
+from ..common.system import processor_name
 from ..data.dataset import DataError, MemoryPicture, Scan, TruePicture, TruePlace
 from ..data.photo_place import PhotoPlace
 from ..data.projected import Projected, project_scan, raster_of, scan_spacing
@@ -261,10 +262,7 @@ def _median_seconds(work: Callable[[], Tensor], device: str, repeats: int) -> fl
 def _device_name(device: str) -> str:
     if device.startswith("cuda"):
         return torch.cuda.get_device_name(device)
-    facts = Path("/proc/cpuinfo")
-    lines = facts.read_text().splitlines() if facts.is_file() else []
-    name = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "CPU")
-    return f"{name}, {torch.get_num_threads()} threads"
+    return f"{processor_name()}, {torch.get_num_threads()} threads"
 
 
 def format_paper_table(result: dict) -> str:

@@ -41,7 +41,7 @@ def package(tmp_path):
     for file in (folder / "__init__.py", folder / "common" / "__init__.py", folder / "__pycache__"):
         file.touch()
     (folder / "loops.py").write_text(LOOP)
-    for name in ("jit", "loop_cache", "signals"):
+    for name in ("jit", "loop_cache", "signals", "system"):
         shutil.copy(COMMON / f"{name}.py", folder / "common")
     return folder
 

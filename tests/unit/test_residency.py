@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pointglass.model.common.system import available_memory
 from pointglass.viewer.errors import InputError
 from pointglass.viewer.grid.scene import CHUNK
 from pointglass.viewer.stream.residency import (
     OVERVIEW,
     Residency,
-    available_memory,
     byte_count,
     opening_chunks,
     overview_chunks,

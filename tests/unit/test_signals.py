@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.model.common.signals import STOPS, cleaned, undone, uninterrupted
+from pointglass.model.common.signals import cleaned, undone, uninterrupted
+from pointglass.model.common.system import STOPS
 from pointglass.viewer.paths import assets_dir
 
 ROOT = Path(__file__).resolve().parents[2]

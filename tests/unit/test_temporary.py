@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from pointglass.model.common import temporary
+from pointglass.model.common import system, temporary
 from pointglass.model.common.atomic_write import write_atomic
 from pointglass.model.common.state_folder import state_dir
 from pointglass.viewer.grid.scratch_folder import move, scratch
@@ -62,7 +62,7 @@ def test_files_of_earlier_versions_are_removed(tmp_path):
 
 
 def test_without_locks_only_old_ones_are_removed(tmp_path, monkeypatch):
-    monkeypatch.setattr(temporary, "fcntl", None)
+    monkeypatch.setattr(system, "fcntl", None)
     old, new = tmp_path / ".abc.0123abcd.1.tmp", tmp_path / ".abc.0123456789abcdef.2.partial"
     for folder in (old, new):
         folder.mkdir()
@@ -80,14 +80,14 @@ def test_a_folder_is_replaced_atomically_or_kept(tmp_path, monkeypatch):
     _new(tmp_path)
     with pytest.raises(OSError, match="no room"), scratch(tmp_path / "new") as work:
         (work / "points.npy").write_text("newer")
-        rename = Path.rename
+        rename = Path.replace
 
         def fails(path, target):
             if path == work:
                 raise OSError(28, "no room")
             return rename(path, target)
 
-        monkeypatch.setattr(Path, "rename", fails)
+        monkeypatch.setattr(Path, "replace", fails)
         move(work, tmp_path / "new")
     assert [path.name for path in tmp_path.iterdir()] == ["new"]
     assert (tmp_path / "new" / "points.npy").read_text() == "whole"
@@ -101,11 +101,11 @@ def test_errors_of_locking_are_reported_and_leave_nothing_behind(tmp_path, monke
     def fails(_):
         raise error
 
-    monkeypatch.setattr(temporary, "_lock", fails)
+    monkeypatch.setattr(temporary, "locked", fails)
     with pytest.raises(OSError, match=error.strerror):
         _new(tmp_path)
     assert list(tmp_path.iterdir()) == []
-    monkeypatch.setattr(temporary, "_lock", lambda folder: folder.rmdir())
+    monkeypatch.setattr(temporary, "locked", lambda folder: folder.rmdir())
     with pytest.raises(OSError, match="removed by another process"):
         _new(tmp_path)
 

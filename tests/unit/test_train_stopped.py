@@ -14,7 +14,7 @@ import torch
 from rooms import make_room
 
 from pointglass.model.common.interrupts import finish_before_interrupt
-from pointglass.model.common.signals import STOPS
+from pointglass.model.common.system import STOPS
 from pointglass.model.data.dataset import DataError
 from pointglass.model.data.pairs import build
 from pointglass.model.data.stations import load_scene

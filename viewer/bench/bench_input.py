@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...model.common.processors import usable_processors
+from ...model.common.system import processor_name
 
 if TYPE_CHECKING:
     from ..grid.scene import Scene
@@ -51,12 +52,6 @@ def machine() -> dict:
     included), system, GPU and its driver, and package versions."""
     from importlib.metadata import PackageNotFoundError, version
 
-    processor = platform.processor() or platform.machine()
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-        processor = next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        pass
     versions: dict[str, str | None] = {"python": platform.python_version()}
     for name in ("pointglass", "torch", "moderngl", "numpy", "numba"):
         try:
@@ -65,7 +60,7 @@ def machine() -> dict:
             versions[name] = None
     cores = usable_processors()
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return {"processor": processor, "cores": cores, "load": load, "system": platform.platform(), "gpu": _gpu(),
+    return {"processor": processor_name(), "cores": cores, "load": load, "system": platform.platform(), "gpu": _gpu(),
             "versions": versions}
 
 

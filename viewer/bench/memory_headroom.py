@@ -1,12 +1,11 @@
 """Estimates whether a scan fits into the memory and on the disk of this machine, before it is made."""
 
 import shutil
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from ...model.common.system import available_memory
 from ..settings import Memory
-from ..stream.residency import available_memory
 
 POOL = Memory(gpu=2 << 30)
 """Limit of the points' memory, so that a billion points can be viewed with gigabytes to spare.  Chosen by hand."""
@@ -54,19 +53,3 @@ def problem(points: int, there: Room) -> str | None:
             limit = "half of the available" if share < 1 else "the available"
             return f"does not fit: needs {wanted / 1e9:.1f} GB of {what}, more than {limit} {given / 1e9:.1f} GB"
     return None
-
-
-def resident() -> int:
-    """Resident memory of this process in bytes, mapped files included."""
-    try:
-        for line in Path("/proc/self/status").read_text().splitlines():
-            if line.startswith("VmRSS:"):
-                return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    try:
-        import resource
-    except ImportError:
-        return 0
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else peak * 1024

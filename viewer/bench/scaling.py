@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...model.common.system import resident_memory
 from ..camera import Camera, from_fov, look_at
 from ..errors import InputError
 from ..paths import cache_dir
@@ -24,7 +25,7 @@ from ..progress import progress
 from ..settings import Settings
 from ..text import counted
 from .frame_times import summary
-from .memory_headroom import POINT_BYTES, POOL, available, problem, resident
+from .memory_headroom import POINT_BYTES, POOL, available, problem
 from .plots import INK, MARKS, figure, save
 from .procedural_scan import POINTS_PER_ROOM, STATIONS, ProceduralScan, procedural_scene
 
@@ -140,7 +141,7 @@ class TimedScan:
             self.made_s = time.perf_counter() - start
         self.cameras, self.settings = inside(scan, size), settings
         gc.collect()
-        self.before = resident()  # includes the scan that this one is compared with
+        self.before = resident_memory()  # includes the scan that this one is compared with
         start = time.perf_counter()
         self.scene: Scene = open_scene(folder)
         self.renderer = Renderer(context, self.scene, memory=POOL)
@@ -186,7 +187,7 @@ class TimedScan:
             "make_s": self.made_s, "open_to_first_picture_s": self.opened_s, "to_full_picture_s": self.waited_s,
             "milliseconds": times, "growth": growth if beside is not None else None, "points_drawn": float(np.mean(drawn)),
             "pool_bytes": self.renderer.pages.nbytes, "packed_bytes": self.scene.count * POINT_BYTES,
-            "resident_bytes": resident(), "resident_before_bytes": self.before, "cells": len(self.scene.cell_coords),
+            "resident_bytes": resident_memory(), "resident_before_bytes": self.before, "cells": len(self.scene.cell_coords),
             "layers": self.scene.layers, "spacing": self.scene.spacing, "raster": stats["raster"],
         }
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from ...model.common.signals import uninterrupted
+from ...model.common.system import allocate, replace
 from ...model.common.temporary import temporary_folder
 
 _SPARE = 64 << 20  # bytes left free on the disk; chosen by hand
@@ -30,10 +31,7 @@ def reserve(file: int, size: int, folder: Path) -> None:
     must fail here, not as a bus error of the memory map."""
     if shutil.disk_usage(folder).free < size + _SPARE:
         raise OSError(errno.ENOSPC, f"no space left for {size / 1e6:,.0f} MB of points")
-    if hasattr(os, "posix_fallocate"):
-        os.posix_fallocate(file, 0, size)
-    else:
-        os.ftruncate(file, size)
+    allocate(file, size)
 
 
 def move(work: Path, folder: Path) -> None:
@@ -41,11 +39,11 @@ def move(work: Path, folder: Path) -> None:
     aside = work.with_name(f"{work.name.removesuffix('.partial')}.old.{os.getpid()}.partial")
     with uninterrupted():
         if folder.exists():
-            folder.rename(aside)
+            replace(folder, aside)
         try:
-            work.rename(folder)
+            replace(work, folder)
         except OSError:
             if aside.exists():
-                aside.rename(folder)
+                replace(aside, folder)
             raise
     shutil.rmtree(aside, ignore_errors=True)

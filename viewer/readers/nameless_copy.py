@@ -1,24 +1,25 @@
 """Copies of files for libraries and readers that need them otherwise than they are: a temporary file without a name, which is
-gone with the process, and is opened by its descriptor."""
+gone with the process, and is opened by its descriptor.  Where the system cannot do that (macOS, Windows) there is no copy."""
 
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
+from ...model.common.system import path_of_descriptor
 from ..errors import InputError
-
-_OPENED = Path("/proc/self/fd")
 
 
 def can_copy() -> bool:
     """Whether the system lets a file without a name be opened again."""
-    return _OPENED.is_dir()
+    return path_of_descriptor(0) is not None
 
 
 def path_of(copy: BinaryIO) -> Path:
     """The path under which a copy is opened."""
-    return _OPENED / str(copy.fileno())
+    path = path_of_descriptor(copy.fileno())
+    assert path is not None  # can_copy
+    return path
 
 
 def nameless_copy(path: Path, fill: Callable[[BinaryIO, BinaryIO], object], why: str, what: str, remedy: str) -> BinaryIO:

@@ -1,10 +1,10 @@
 """OpenGL contexts: a headless one through EGL, or the window's; and the properties of the device behind a context."""
 
 import ctypes.util
-import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ...model.common.system import after_fork_in_child
 from ..errors import DeviceError
 from ..limited_memory import lacks_room
 from .device_class import device_class
@@ -60,8 +60,7 @@ class _Process:
 
 
 _process = _Process()
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_process.copied)
+after_fork_in_child(_process.copied)
 
 
 def check_not_forked() -> None:

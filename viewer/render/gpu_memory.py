@@ -5,7 +5,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ..stream.residency import available_memory
+from ...model.common.system import available_memory
 from .context import describe_device
 from .gl_functions import integers
 

@@ -6,7 +6,6 @@ No OpenGL here: the caller reads the packed input back before, and uploads the r
 while it computes.
 """
 
-import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from time import perf_counter
 
 import numpy as np
 
+from ...model.common.system import lower_thread_priority
 from ...model.interruption import Interrupted, interruptible
 
 _NICENESS = 10
@@ -87,8 +87,7 @@ class NetworkThread:
             self._state.notify_all()
 
     def _loop(self) -> None:
-        if hasattr(os, "setpriority") and os.uname().sysname == "Linux":
-            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+        lower_thread_priority(_NICENESS)
         while True:
             with self._state:
                 self._state.wait_for(lambda: self._waiting is not None or self._closed)

@@ -6,13 +6,13 @@ while it is open gives an error message and not a bus error.
 """
 
 import mmap
-import os
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...model.common.system import read_at
 from ..errors import InputError
 from ..grid.cache import distrust
 from ..grid.checksum import checksum
@@ -96,12 +96,7 @@ class ChunkSource:
         assert self._file is not None
         got = 0
         while got < len(raw):
-            if hasattr(os, "preadv"):
-                n = os.preadv(self._file.fileno(), [raw[got:]], place + got)
-            else:  # Windows has no pread: all threads share one position in the file
-                with self._seeking:
-                    self._file.seek(place + got)
-                    n = self._file.readinto(raw[got:]) or 0
+            n = read_at(self._file, raw[got:], place + got, self._seeking)
             if n == 0:
                 break
             got += n

@@ -6,7 +6,6 @@ numbers come first.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -153,22 +152,6 @@ def opening_chunks(scene: "Scene", chunk_points: int = CHUNK, points: int = OVER
 def _layer_ends(scene: "Scene") -> np.ndarray:
     """(L,): number of points in the layers 0 to k."""
     return np.asarray(scene.offsets)[:: len(scene.cell_coords)][1:]
-
-
-def available_memory() -> int | None:
-    """Bytes of main memory that this process can allocate without swapping; None where the system does not tell."""
-    try:
-        lines = Path("/proc/meminfo").read_text("ascii").splitlines()
-        free = next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:"))
-    except (OSError, ValueError, IndexError, StopIteration):
-        return None
-    try:  # a container may have less memory than its machine
-        group = Path("/sys/fs/cgroup")
-        most = int((group / "memory.max").read_text("ascii"))
-        files = (group / "memory.stat").read_text("ascii").split("\ninactive_file ")[1].split()[0]
-        return max(0, min(free, most - int((group / "memory.current").read_text("ascii")) + int(files)))
-    except (OSError, ValueError, IndexError):
-        return free
 
 
 def byte_count(text: str, option: str) -> int:

@@ -19,15 +19,11 @@ from pathlib import Path
 
 from ...model.common.atomic_write import write_atomic
 from ...model.common.state_folder import state_dir
+from ...model.common.system import lock_file, remove_lock_file
 from ..errors import InputError
 from ..state_files import read_state
 from ..tools.document import Document
 from ..tools.project import document_from_json, to_json, with_paths, write_durably
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None
 
 FOLDER = "autosave"
 VERSION = 1
@@ -75,17 +71,11 @@ def read_unsaved(path: Path) -> UnsavedWork | None:
 
 def lock(path: Path) -> int | None:
     """Locks a file until the returned descriptor is closed, or the process ends.  None where another process holds it.
-    Without locks of files, that is on Windows, nobody is taken to hold it.  Raises OSError."""
-    file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o600)
-    if fcntl is not None:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(file)
-            return None
-        except OSError:  # a file system without locks
-            pass
-    return file
+    Raises OSError."""
+    try:
+        return lock_file(path)
+    except BlockingIOError:
+        return None
 
 
 def autosave_folder() -> Path:
@@ -194,9 +184,8 @@ class Autosave:
         if file is not None:
             file.unlink(missing_ok=True)
             if self._lock is not None:
-                file.with_suffix(".lock").unlink(missing_ok=True)
-                os.close(self._lock)
-                self._lock = None
+                held, self._lock = self._lock, None
+                remove_lock_file(file.with_suffix(".lock"), held)
 
 
 def discard(file: Path) -> None:

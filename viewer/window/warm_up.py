@@ -5,9 +5,10 @@ A person who looks for a file does not notice them.  torch is left out: the neur
 """
 
 import logging
-import os
 import threading
 from time import perf_counter
+
+from ...model.common.system import lower_thread_priority
 
 _NICENESS = 5
 """Added to the thread's niceness where the system has one per thread (Linux): the start page goes first."""
@@ -31,8 +32,7 @@ class WarmUp:
 
 def _load() -> None:
     """Imports the readers and builds a small scene in memory."""
-    if hasattr(os, "setpriority") and os.uname().sysname == "Linux":
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)
+    lower_thread_priority(_NICENESS)
     start = perf_counter()
     try:
         import laspy  # noqa: F401

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ....model.common.system import available_memory
 from ...grid.open_scene import scene_from_arrays
 from ...progress import progress
-from ...stream.residency import available_memory
 from . import frame_claims, point_claims, station_claims
 from .exact_claims import depth_faults
 from .network_claims import network_rows
