@@ -3,7 +3,7 @@ PYTHON := .venv/bin/python
 SHELL := /bin/bash
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test faults hostile lint assets pictures wheel clean setup
+.PHONY: help demo test faults hostile lint assets pictures docs wheel tag clean setup
 
 help:  ## this list
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 16
@@ -36,6 +36,13 @@ pictures: setup  ## render the README's picture and animation again (a minute)
 
 wheel: setup  ## build the wheel into dist/
 	@$(PYTHON) -m build --wheel --no-isolation
+
+docs: setup  ## build the documentation site into out/site (installs mkdocs)
+	@$(PYTHON) -m pip install -q -c .ci/constraints.txt -e '.[docs]'
+	@$(PYTHON) -m mkdocs build --strict -q -f .ci/mkdocs.yml && echo "out/site/index.html"
+
+tag: setup  ## tag this commit as the version of the wheel, if the changelog begins with it
+	@tag=$$($(PYTHON) .ci/release.py) && $(PYTHON) .ci/release.py $$tag && git tag -a $$tag -m $$tag && echo $$tag
 
 clean:  ## remove everything generated: environment, outputs, tool caches
 	rm -rf .venv out dist build .pytest_cache .ruff_cache .hypothesis *.egg-info
