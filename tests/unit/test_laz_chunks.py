@@ -99,20 +99,13 @@ def test_different_counts_are_refused_or_give_a_warning(tmp_path):
     assert any("49,000 points, but more follow" in text for text in open_source(path).warnings)
 
 
-def test_a_chunk_too_large_for_memory_is_read_in_pieces(tmp_path, monkeypatch):
+def test_a_chunk_that_states_more_points_than_memory_holds_is_read(tmp_path):
     """lazrs would allocate the largest chunk that the record allows, here 77 GB, and end the process if it cannot."""
     path = write_laz(tmp_path / "a.laz")
     data = bytearray(path.read_bytes())
     struct.pack_into("<I", data, places(data)["record"] + 12, 2**31)
     path.write_bytes(data)
-    backends, really = [], laspy.open
-    monkeypatch.setattr(laspy, "open", lambda path, laz_backend: backends.append(laz_backend) or really(path))
-    source = open_source(path)
-    chunks = source.chunks()
-    with pytest.raises(StopIteration):
-        monkeypatch.setattr(source, "count", 0)
-        next(chunks)
-    assert backends == [None, laspy.LazBackend.Lazrs]
+    assert sum(len(chunk.xyz) for chunk in open_source(path).chunks()) == COUNT
 
 
 def test_a_header_that_counts_no_points_is_refused(tmp_path):
@@ -122,18 +115,4 @@ def test_a_header_that_counts_no_points_is_refused(tmp_path):
     struct.pack_into("<I", data, 107, 0)
     path.write_bytes(data)
     with pytest.raises(InputError, match=r"a\.laz: holds no points"):
-        open_scene(path, cache=False)
-
-
-def test_a_panic_of_lazrs_is_reported_in_one_line(tmp_path, monkeypatch):
-    """Some damage within a chunk is found by checks of the decoder, which raise a BaseException."""
-    class PanicException(BaseException):
-        pass
-
-    def panics(*_):
-        raise PanicException("index out of bounds: the len is 4 but the index is 9")
-
-    path = write_laz(tmp_path / "a.laz")
-    monkeypatch.setattr(laspy.LasReader, "read_points", panics)
-    with pytest.raises(InputError, match=r"a\.laz: truncated or damaged: 0 of 2,000 points .*index out of bounds.*; copy"):
         open_scene(path, cache=False)

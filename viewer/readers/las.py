@@ -8,7 +8,6 @@ in the format; whether a file holds 8-bit values is decided over the whole file 
 import struct
 from collections.abc import Iterator
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from threading import Lock
 from typing import Any
@@ -20,13 +19,12 @@ from . import crs
 from .copc_nodes import CopcNodes, read_nodes
 from .las_decoding import decoding
 from .las_records import records_of
-from .laz_chunks import check_chunk, check_chunks, chunk_table
+from .laz_chunks import checked_points
+from .laz_points import LazPoints
 from .record_blocks import RecordBlocks, even_blocks
 from .sampling import FEWEST_ALIGNED, bit_reversed, run_starts, sampled_nodes
 from .scaled_values import scaled
 from .source import CHUNK, Chunk, Records, ScanInfo, Source, surplus_warning
-
-_AT_ONCE = 1 << 26  # bytes of a chunk up to which lazrs may use several processors, for which it holds whole chunks; by hand
 
 _BLOCK = 128 << 20
 """Bytes of records that are read at once; a record has 20 to 65,535."""
@@ -40,11 +38,11 @@ class LasSource(Source):
     def __init__(self, path: Path):
         super().__init__(path, "LAS", scans=[ScanInfo(path.stem)])
         self._counted = _check_header(path)
-        self._large_chunks, self._chunk_points, self._laszip_record = False, 1, b""
+        self._laz: LazPoints | None = None
         self._blocks: RecordBlocks | None = None
         self._blocks_lock = Lock()
         with self._open() as reader:
-            header = reader.header
+            header = self._header = reader.header
             self.count = int(header.point_count)
             compressed = header.are_points_compressed
             records = list(header.vlrs) + list(header.evlrs or [])
@@ -60,13 +58,11 @@ class LasSource(Source):
         if more > 0:
             self.warnings.append(surplus_warning(path, self.count))
 
-    def _open(self, backend=None):
+    def _open(self):
         import laspy
 
-        if self._large_chunks:
-            backend = laspy.LazBackend.Lazrs
         with decoding(lambda why: InputError(f"{self.path}: not readable as LAS/LAZ: {why}; copy or export it again")):
-            reader = laspy.open(self.path, laz_backend=backend)
+            reader = laspy.open(self.path)
         if reader.header.point_count == 0:  # only the field of earlier versions is filled in
             reader.header.point_count = self._counted
         return reader
@@ -79,16 +75,11 @@ class LasSource(Source):
         return (min((place for place in after if place >= end), default=end) - end) // header.point_format.size
 
     def _check_chunks(self, header) -> int:
-        """The number of points in further chunks after those that the header counts."""
-        if header.point_count == 0:
-            return 0
+        """The number of further chunks after the points that the header counts."""
         described = [record.record_data_bytes() for record in header.vlrs if record.record_id == 22204]
-        length = header.point_format.size
-        self._laszip_record = described[0] if described else b""
-        most, points = check_chunks(self.path, self._laszip_record, offset=header.offset_to_point_data,
-                                    length=length, count=header.point_count)  # fmt: skip
-        self._large_chunks, self._chunk_points = most * length > _AT_ONCE, most
-        return (points - header.point_count) // most
+        self._laz, more = checked_points(self.path, described[0] if described else b"", offset=header.offset_to_point_data,
+                                         length=header.point_format.size, count=header.point_count)  # fmt: skip
+        return more
 
     def chunks(self) -> Iterator[Chunk]:
         """Yields xyz, rgb (uint16), intensity and class as stored."""
@@ -108,26 +99,52 @@ class LasSource(Source):
     def _read(self) -> Iterator[tuple[Any, Chunk]]:
         """Yields the points as laspy holds them, and as a chunk."""
         done, outside = 0, False
-        with self._open() as reader:
-            # one step of rounding on either side: some writers round the bounds, some the points
-            with np.errstate(invalid="ignore", over="ignore"):  # of a damaged header; no comparison with NaN holds
-                low, high = reader.header.mins - reader.header.scales, reader.header.maxs + reader.header.scales
-            names = set(reader.header.point_format.dimension_names)
-            iterator = reader.chunk_iterator(max(1, min(CHUNK, _BLOCK // reader.header.point_format.size)))
-            while done < (self.count or 0):
-                with decoding(partial(self._truncated, done)):
-                    points = next(iterator, None)
-                if points is None or len(points) == 0:
-                    raise self._truncated(done)
-                done += len(points)
-                chunk = _chunk(points, names)
-                outside |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
-                yield points, chunk
-
+        # one step of rounding on either side: some writers round the bounds, some the points
+        with np.errstate(invalid="ignore", over="ignore"):  # of a damaged header; no comparison with NaN holds
+            low, high = self._header.mins - self._header.scales, self._header.maxs + self._header.scales
+        names = set(self._header.point_format.dimension_names)
+        blocks = self._blocks_of(max(1, min(CHUNK, _BLOCK // self._header.point_format.size)))
+        while done < (self.count or 0):
+            with decoding(partial(self._truncated, done)):
+                points = next(blocks, None)
+            if points is None or len(points) == 0:
+                raise self._truncated(done)
+            done += len(points)
+            chunk = _chunk(points, names)
+            outside |= bool((chunk.xyz.min(axis=0) < low).any() or (chunk.xyz.max(axis=0) > high).any())
+            yield points, chunk
         if outside:
             text = f"{self.path.name}: has points outside the bounds in its header, it may be damaged"
             if text not in self.warnings:  # once, however often the points are read
                 self.warnings.append(text)
+
+    def _blocks_of(self, most: int) -> Iterator[Any]:
+        """Yields all points as laspy holds them, up to ``most`` at a time."""
+        if self._laz is not None:
+            yield from map(self._as_points, self._laz.blocks(most))
+            return
+        with self._open() as reader:
+            yield from reader.chunk_iterator(most)
+
+    def _as_points(self, records: bytearray) -> Any:
+        import laspy
+
+        header = self._header
+        array = np.frombuffer(records, header.point_format.dtype())
+        return laspy.ScaleAwarePointRecord(array, header.point_format, header.scales, header.offsets)
+
+    def _between(self, start: int, stop: int) -> Any:
+        """Points start to stop as laspy holds them."""
+        with decoding(partial(self._truncated, start)):
+            if self._laz is not None:
+                points = self._as_points(self._laz.read(start, stop))
+            else:
+                with self._open() as reader:
+                    reader.seek(start)
+                    points = reader.read_points(stop - start)
+        if len(points) < stop - start:
+            raise self._truncated(start + len(points))
+        return points
 
     def records(self, numbers: np.ndarray) -> Records:
         """See Source: by chunks of a compressed file, else by seeking.  Decoded chunks are kept."""
@@ -140,52 +157,22 @@ class LasSource(Source):
     def has_quick_records(self) -> bool:
         return self._chunk_points <= _MOST_DECODED
 
+    @property
+    def _chunk_points(self) -> int:
+        """Points of the largest chunk of a compressed file; else 1."""
+        return 1 if self._laz is None else int(self._laz.points.max())
+
     def _made_blocks(self) -> RecordBlocks:
-        import laspy
+        count, names = self.count or 0, set(self._header.point_format.dimension_names)
+        starts = even_blocks(count)
+        if self._laz is not None and self._chunk_points <= _MOST_DECODED:
+            starts = np.append(0, self._laz.points.cumsum())
 
-        with self._open(laspy.LazBackend.Lazrs) as reader:
-            header = reader.header
-        count = self.count or 0
-        if not (header.are_points_compressed and self._chunk_points <= _MOST_DECODED):
-            starts = even_blocks(count)
-            return RecordBlocks(starts, lambda block: self._block(int(starts[block]), int(starts[block + 1])))
-        points, length = chunk_table(self.path, self._laszip_record, header.offset_to_point_data)
-        edges = np.minimum(np.append(0, points.cumsum()), count)
-        places = header.offset_to_point_data + 8 + np.append(0, length.cumsum())
-        return RecordBlocks(edges, lambda block: self._decoded(header, int(np.diff(edges)[block]), int(places[block]),
-                                                               int(length[block]), int(edges[block])))  # fmt: skip
-
-    def _block(self, start: int, stop: int) -> Records:
-        """The records of points start to stop."""
-        import laspy
-
-        with self._open(laspy.LazBackend.Lazrs) as reader, decoding(partial(self._truncated, start)):
-            names = set(reader.header.point_format.dimension_names)
-            reader.seek(start)
-            points = reader.read_points(stop - start)
-            if len(points) < stop - start:
-                raise self._truncated(start + len(points))
+        def read(block: int) -> Records:
+            points = self._between(int(starts[block]), int(starts[block + 1]))
             return records_of(points, _chunk(points, names))
 
-    def _decoded(self, header: Any, count: int, place: int, length: int, start: int) -> Records:
-        """The records of a chunk of ``count`` points at byte ``place``.  start: number of its first point."""
-        points = self._unpacked(header, count, place, length, start)
-        return records_of(points, _chunk(points, set(header.point_format.dimension_names)))
-
-    def _unpacked(self, header: Any, count: int, place: int, length: int, start: int = 0) -> Any:
-        import laspy
-
-        lazrs: Any = import_module("lazrs")  # compiled, without type declarations
-        if count * header.point_format.size > 2 * _BLOCK:
-            raise self._truncated(start, f"a chunk of {count:,} points is larger than any program writes")
-        records = np.empty(count, header.point_format.dtype())
-        with self.path.open("rb") as file:
-            file.seek(place)
-            data = file.read(length)
-        check_chunk(self.path, self._laszip_record, data, header.point_format.size)
-        with decoding(partial(self._truncated, start)):
-            lazrs.decompress_points_with_chunk_table(data, self._laszip_record, records.view(np.uint8), [(count, length)])
-        return laspy.ScaleAwarePointRecord(records, header.point_format, header.scales, header.offsets)
+        return RecordBlocks(starts, read)
 
     def sample(self, points: int, run: int) -> Iterator[Chunk]:
         """See Source.  Compressed points can be read from the beginning of a chunk only, so every run begins there.  Where
@@ -195,25 +182,20 @@ class LasSource(Source):
         return self._sampled(points, run)
 
     def _upper_levels(self, nodes: CopcNodes, points: int) -> Iterator[Chunk]:
-        import laspy
-
-        with self._open(laspy.LazBackend.Lazrs) as reader:
-            header = reader.header
-        names = set(header.point_format.dimension_names)
+        assert self._laz is not None
+        names = set(self._header.point_format.dimension_names)
         for node, step in sampled_nodes(nodes.level, nodes.points, points):
-            found = self._unpacked(header, *(int(column[node]) for column in (nodes.points, nodes.place, nodes.bytes)))
+            count, place, held = (int(column[node]) for column in (nodes.points, nodes.place, nodes.bytes))
+            if count * self._laz.length > 2 * _BLOCK:
+                raise self._truncated(0, f"a chunk of {count:,} points is larger than any program writes")
+            with decoding(partial(self._truncated, 0)):
+                found = self._as_points(self._laz.chunk(place, held, count))
             yield _chunk(found[::step], names)
 
     def _sampled(self, points: int, run: int) -> Iterator[Chunk]:
-        import laspy
-
-        with self._open(laspy.LazBackend.Lazrs) as reader:
-            names = set(reader.header.point_format.dimension_names)
-            for start, count, step in self._runs(points, run):
-                with decoding(partial(self._truncated, start)):
-                    reader.seek(start)
-                    found = reader.read_points(count)
-                yield _chunk(found[::step], names)
+        names = set(self._header.point_format.dimension_names)
+        for start, count, step in self._runs(points, run):
+            yield _chunk(self._between(start, start + count)[::step], names)
 
     def _runs(self, points: int, run: int) -> Iterator[tuple[int, int, int]]:
         """Yields first point, number of points and step of the runs of a sample."""
